@@ -17,7 +17,6 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import check_finite, unit
 from irrsplat.core.words import GREATEST
-from irrsplat.gather.autotune import ray_kind
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
@@ -68,8 +67,6 @@ class LightMeter(Tenant):
         self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
         with self._moving_in(ctx) as made:
-            if self.settings.gather == "auto":  # rasters may be faster, but tell slivers of light by whole texels
-                self.settings = replace(self.settings, gather=ray_kind(self.ctx, self.settings))
             self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
             self.world, self.cache = self.lit.world, self.lit.cache
             self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, self.lit.timers))
