@@ -237,6 +237,17 @@ def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float, ki
     assert np.abs(E - 1.0).max() < 0.08, f"{E.min():.3f} to {E.max():.3f}"
 
 
+def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context) -> None:
+    """To the walls of a room whose lamp hangs under the ceiling. Beyond the end of a wall there is no surface."""
+    walls = box((-1, 0, -1), (1, 2, 1), material(0.5), outward=False)
+    inward = np.repeat([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0), (0, 0, -1.0), (0, 1.0, 0)], 64, axis=0)
+    places = np.random.default_rng(3).uniform((-1, 0, -1), (1, 2, 1), inward.shape)
+    places = np.where(inward != 0.0, (0, 1, 0) - inward, places)
+    with Lit(ctx, scene(walls, lights=(lamp((0.0, 1.9, 0.0), 7.0),))) as lit:
+        few, many = (lit.gather(sites(places, inward), side).E.mean() for side in (16, 64))
+    assert few == pytest.approx(many, rel=0.01)
+
+
 def room() -> Scene:
     """A room with things in it, so that normals, colours and shadows differ from triangle to triangle."""
     return scene(
