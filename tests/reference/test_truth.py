@@ -33,10 +33,13 @@ MADE = sorted(path.stem for path in FOLDER.glob("*.npz"))
 
 
 def check(name: str, side: int, bounces: int | All, records: int, **limits: float) -> None:
-    """Render side² pixels, and compare them with the truth: no measure beyond its limit, and no more than so many records."""
+    """Render side² pixels, and compare them with the truth: no measure beyond its limit, and no more than so many records.
+
+    On the facets of `curved` shadow rays start on the curve that the facets stand for, those of the truth on the facets.
+    """
     frame = rendered(name, (side, side), bounces=bounces)
     found = compare(frame, load_reference(name), bounces)
-    limits |= {"direct_rms": 0.001, "misplaced": 0.0005}
+    limits |= {"direct_rms": 0.003 if name == "curved" else 0.001, "misplaced": 0.0005}
     wrong = [f"{what} {found[what]:+.2%}, allowed {limit:.2%}" for what, limit in limits.items() if not abs(found[what]) <= limit]
     if frame.stats["records"] > records:
         wrong.append(f"{frame.stats['records']} records, allowed {records}")
@@ -44,7 +47,7 @@ def check(name: str, side: int, bounces: int | All, records: int, **limits: floa
 
 
 @pytest.mark.parametrize(
-    ("name", "bounces", "rmse", "bias", "records"), [("cornell", "all", 0.022, 0.0031, 570), ("door", 1, 0.046, 0.0016, 810)]
+    ("name", "bounces", "rmse", "bias", "records"), [("cornell", "all", 0.022, 0.0031, 570), ("door", 1, 0.026, 0.0024, 810)]
 )
 def test_small_pictures_are_near_the_truth(name: str, bounces: int | All, rmse: float, bias: float, records: int) -> None:
     check(name, 80, bounces, records, rmse=rmse, bias=bias)
@@ -54,12 +57,12 @@ def test_small_pictures_are_near_the_truth(name: str, bounces: int | All, rmse: 
 @pytest.mark.parametrize(
     ("name", "bounces", "rmse", "bias", "records"),
     [
-        ("cornell", 1, 0.0119, 0.0012, 970),
-        ("door", 1, 0.033, 0.0012, 2310),
+        ("cornell", 1, 0.0105, 0.0012, 970),
+        ("door", 1, 0.028, 0.0012, 2310),
         ("curved", 1, 0.012, 0.0012, 1420),
-        ("atrium", 1, 0.0267, 0.0012, 3600),
+        ("atrium", 1, 0.024, 0.002, 3800),
         ("cornell", "all", 0.0122, 0.0012, 820),
-        ("curved", "all", 0.0215, 0.0012, 1140),
+        ("curved", "all", 0.018, 0.0016, 1140),
     ],
 )
 def test_the_default_preset_is_near_the_truth(name: str, bounces: int | All, rmse: float, bias: float, records: int) -> None:
