@@ -7,7 +7,7 @@ import pytest
 
 import irrsplat
 from irrsplat.image.frame import Frame
-from tests.support.fine import LUMINANCE, ROUND, SIZE, Bends, load
+from tests.support.fine import LUMINANCE, ROUND, SIZE, load
 
 pytestmark = pytest.mark.long
 
@@ -29,7 +29,7 @@ def test_our_circles_are_a_tenth_of_the_papers() -> None:
     Where the truth itself bends by over half a per cent of the mean, shading is too steep to see a rim, and is left out.
     """
     world = irrsplat.load("cornell")
-    fine = load(Bends, "cornell", world)
+    fine = load("cornell", world)
     truth, mean = bend(fine.E), float(fine.E[0].mean())
     even = np.abs(truth).max(1) < 0.005 * mean
     assert even.mean() > 0.6

@@ -21,13 +21,18 @@ from tests.support.worlds import box, floor, lamp, material, polygon_vector, qua
 ONE_MM_TO_3_M = st.floats(-3.0, 0.477).map(lambda power: 10.0**power)
 SIDES = st.tuples(*[st.floats(2.0, 6.0)] * 3)
 SEEDS = st.integers(0, 2**32 - 1)
-HIGHEST = 0.9  # reflectance
+HIGHEST = 0.99  # reflectance
 COUNTS = pytest.mark.parametrize("count", [5, pytest.param(50, marks=pytest.mark.long)])
 
 
 def hold(count: int, body: Callable[..., None], **values: Any) -> None:
     """Run the body of a test for so many random values, the same ones each time."""
     settings(max_examples=count, deadline=None, derandomize=True, database=None, phases=[Phase.generate])(given(**values)(body))()
+
+
+def within(rho: float) -> float:
+    """Return the relative error that is allowed: an error of the transport counts 1/(1 - ρ) times."""
+    return 0.02 if rho <= 0.98 else 0.05
 
 
 def split(mesh: Mesh, random: np.random.Generator) -> Mesh:
@@ -108,7 +113,7 @@ def test_light_in_a_closed_room_is_kept(count: int) -> None:
         eye = Camera(tuple(there.point(0.0 * half)), tuple(there.point(half)), tuple(there.turn[:, 1]))
         world = scene(room, ground, lights=(lamp(there.point(at), there.scale**2),), camera=eye)
         found = read(world, there.point(points), normals @ there.turn.T).indirect[:, 0]
-        assert found @ area == pytest.approx(4.0 * np.pi * rho / (1.0 - rho), rel=0.02, abs=1e-6)
+        assert found @ area == pytest.approx(4.0 * np.pi * rho / (1.0 - rho), rel=within(rho), abs=1e-6)
 
     hold(count, body, sides=SIDES, rho=st.floats(0.0, HIGHEST), gap=ONE_MM_TO_3_M, seed=SEEDS)
 
@@ -123,10 +128,10 @@ def test_every_wall_of_a_furnace_is_lit_alike(count: int) -> None:
         points = random.uniform(-0.9, 0.9, (20, 3)) * half
         eye = Camera(tuple(there.point(0.0 * half)), tuple(there.point(half)), tuple(there.turn[:, 1]))
         world = scene(there.mesh(split(box(-half, half, material(rho, 1.0), outward=False), random)), camera=eye)
-        assert read(world, there.point(points), random.normal(size=(20, 3))).total == pytest.approx(truth, rel=0.02)
+        assert read(world, there.point(points), random.normal(size=(20, 3))).total == pytest.approx(truth, rel=within(rho))
         frame = irrsplat.render(world, (16, 12), preset="preview")
         assert frame.stats["converged"] and frame.image.sum() > 0.0
-        assert frame.irradiance.mean() == pytest.approx(truth, rel=0.02)
+        assert frame.irradiance.mean() == pytest.approx(truth, rel=within(rho))
 
     hold(count, body, sides=SIDES, rho=st.floats(0.0, HIGHEST), seed=SEEDS)
 

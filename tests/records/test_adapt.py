@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -14,8 +13,6 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.renderer.test_renderer import FAST, SIZE, room
-from tests.support.truth import SIZE as FULL
-from tests.support.truth import compare, load_reference
 from tests.support.worlds import error_scale, sites, write_columns
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -163,16 +160,6 @@ def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx
         made.E, made.R = np.array([[4.0] * 3, [1.0] * 3]), np.array([1.0, 1.0])
         expected = min(1.0, x * np.sqrt(0.2 / 0.75)) if x < 2.0 else 1.0
         assert np.allclose(made.limits(settings)[:2], expected, rtol=1e-4), x
-
-
-@pytest.mark.long
-def test_adaptive_radii_save_records() -> None:
-    """Against smaller radii of all records: in `curved` as near to the truth with three quarters of them."""
-    scene, reference = irrsplat.load("curved"), load_reference("curved")
-    alike: Any = {"bounces": 1, "spread": 0.0, "in_front": False}  # no records for gaps, which depend on a
-    adapted, plain = (irrsplat.render(scene, (FULL, FULL), **alike | more) for more in ({}, {"adapt": 0.0, "a": 0.3}))
-    assert adapted.stats["records"] <= 0.75 * plain.stats["records"]
-    assert compare(adapted, reference)["rmse"] < 1.05 * compare(plain, reference)["rmse"]
 
 
 def test_turned_off_and_on_again() -> None:

@@ -255,17 +255,6 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     assert found.remaining == pytest.approx(float((area @ ((E - gathered) / E) / area.sum()).max()), rel=0.2)
 
 
-@pytest.mark.parametrize("reflectance", [0.95, 0.98, 0.99])
-def test_light_that_fades_slowly_is_extrapolated(reflectance: float) -> None:
-    """After 64 bounces ρ⁶⁴ of the light is still to come: 4, 27 and 53 %. It fades at a known rate."""
-    transport, E_1, area = closed(50, reflectance)
-    E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
-    found = last(E_1, transport, area, 64, True)
-    assert found.converged and np.abs(found.irradiance / E - 1.0).max() < 0.01
-    endless = last(E_1, closed(50, 1.0)[0], area, 64, True)
-    assert not endless.converged and np.isfinite(endless.irradiance).all()
-
-
 def test_as_many_bounces_as_are_asked_for() -> None:
     transport, E_1, area = closed(20, 0.8)
     F = dense(transport)[0].astype(float)
