@@ -56,7 +56,7 @@ def test_a_wall_keeps_light_out(ctx: moderngl.Context, wall: float, views: str) 
 
     "ceiling": that is taken away, so that both rooms are in view, and nothing above is seen by either. Shadow
     maps are fine, since light that leaks through a coarse one is direct light, and lights the dark room indeed. A sheet's sides
-    are so near to its edges that single pixels there have some of the other side's light. The sheet is seen in small views, for speed.
+    are so near to its edges that single pixels there have some of the other side's light.
     """
     world = rooms(wall, "ceiling" if views == "ceiling" else "")
     size = SMALL if views == "random" or not wall else SIZE
