@@ -80,9 +80,9 @@ class Rounds:
         requests = NOTHING_ASKED
         if not bounces:
             view = replace(view, coverage=1.0)
-        elif not ready:
+        elif not ready or view.stalled:  # the last round of a stalled view may have covered all
             view, requests = self._look_only(state, view, gbuffer, splats, gather)
-        elif not view.stalled and view.settled != (splats, settings.asking):
+        elif view.settled != (splats, settings.asking):
             view, requests = scheduler.gather_missing(view, gbuffer, splats, shadows, camera, budget.part(1.0, later))
         if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
@@ -120,7 +120,7 @@ class Rounds:
     def _look_only(
         self, state: State, view: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool
     ) -> tuple[ViewState, RoundResult]:
-        """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is
+        """Return how much of the view is covered, while nothing is gathered for it. If `gather` is False for good, every pixel is
         splatted next."""
         looked_at = splats, state.settings.asking
         if view.looked_at != looked_at:
