@@ -39,9 +39,9 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(autouse=True)
 def patience() -> Iterator[None]:
-    """Let Dask's own limits be as generous, so that load breaks no connection."""
-    limits = {f"distributed.comm.timeouts.{name}": f"{PATIENCE:g}s" for name in ("connect", "tcp")}
-    with dask.config.set(limits):
+    """Let Dask's own limits be as generous, and its profiler be off: in Python 3.11 a collection of garbage locks it up."""
+    limits: dict[str, Any] = {f"distributed.comm.timeouts.{name}": f"{PATIENCE:g}s" for name in ("connect", "tcp")}
+    with dask.config.set({**limits, "distributed.worker.profile.enabled": False}):
         yield
 
 
