@@ -16,6 +16,7 @@ from irrsplat.app.bake.places import Places
 from irrsplat.app.bake.splats import PlaceSplats, Reach
 from irrsplat.core.buffers import GBuffer
 from irrsplat.core.vectors import check_finite, octahedral_encode
+from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Resource, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
@@ -108,10 +109,11 @@ class PlaceLight(Tenant):
         with _Drawn(self.ctx, where, True) as drawn:
             found = np.zeros((*where.seen.shape, 3), np.float32)
             if self.scene.lights:
-                casting = self.world if self.settings.gather != "plane" and self.world.casts_rays() else None
                 kinds, turned = {**light_defines(self.scene), **self.world.material_defines}, 2.399963 * number
                 with DirectPass(self.ctx, where.size, kinds, irradiance=True) as lamps:
-                    found += _colours(lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=casting))
+                    found += _colours(
+                        lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=shadow_caster(self.world, self.settings))
+                    )
             if self.settings.emitters_apart and self.settings.most_bounces and emitter_table(self.world) is not None:
                 with EmitterLightPass(self.ctx, where.size, self.world.material_defines) as emitters:
                     found += _colours(emitters(drawn.gbuffer, self.world, self.settings, number))

@@ -35,6 +35,14 @@ def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
     return "embree" if ray_caster.available() and context.describe(ctx)["software"] else "trace"
 
 
+def shadow_caster(world: World, settings: Settings, seconds: float | None = None) -> World | None:
+    """Return the world of shadow rays; None for the paper's plane, which uses shadow maps alone, and where no GPU can hold it.
+
+    seconds: time in which the tree of the rays has to be built; else None. Without it the tree is waited for.
+    """
+    return world if settings.gather != "plane" and world.casts_rays(seconds) else None
+
+
 def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:
     """Return the pass that gathers in `world` by `settings`, at most `capacity` records at once (None: as many as are worth it).
 

@@ -17,6 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import check_finite, unit
 from irrsplat.core.words import GREATEST
+from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
@@ -119,8 +120,7 @@ class LightMeter(Tenant):
             if self.settings.most_bounces:
                 self.gatherer.prepare(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
-            casting = self.world if self.settings.gather != "plane" and self.world.casts_rays() else None
-            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE, casting))
+            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE, shadow_caster(self.world, self.settings)))
         return self._light
 
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:

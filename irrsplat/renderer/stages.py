@@ -10,6 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
+from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import bands
 from irrsplat.gpu.time_budget import Budget
@@ -68,10 +69,8 @@ class Stages(Owner):
         return self._passes.get("direct", (size, kinds), lambda: DirectPass(self.ctx, size, kinds))
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
-        """Return the world of the shadow rays; None for the paper's plane, which uses shadow maps alone, and for scenes that the
-        GPU cannot hold. hurried: None also where the tree of the rays is not built yet."""
-        casts = state.settings.gather != "plane" and self.world.casts_rays(0.0 if hurried else None)
-        return self.world if casts else None
+        """Return the world of shadow rays, as `shadow_caster` has it. hurried: None also where their tree is not built yet."""
+        return shadow_caster(self.world, state.settings, 0.0 if hurried else None)
 
     def _emitter_pass(self, state: State) -> EmitterLightPass | None:
         """Samples the light of emitters at pixels; None where the records hold it, or there are none."""
