@@ -85,7 +85,8 @@ class PlaceLight(Tenant):
                 sums = splats.update(self.cache)
                 if view.stalled or view.settled == (sums, settings.asking):
                     break
-                view, _ = scheduler.gather_missing(view, drawn.gbuffer, sums, self.lit.shadows, _NOBODY, budget)
+                screen = scheduler.screen(drawn.gbuffer, sums, _NOBODY)
+                view, _ = scheduler.gather_missing(view, screen, self.lit.shadows, _NOBODY, budget)
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)

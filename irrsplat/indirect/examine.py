@@ -74,18 +74,19 @@ class Examination:
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
-    sums in both directions.
+    """A view for the examination: the `size` (width, height) of its picture, with sums at every `pixel_stride`-th pixel.
 
-    sums: an object that is another one when these are. examine: finds what is missing, by settings. spots: the places for a spot
-    check, where every pixel has sums; None where there is to be no check.
+    sums: an object that differs when the sums do. examine: finds what is missing, by settings. spots: finds the places for a spot
+    check, where every pixel has sums. gbuffer, splats: of a view that is drawn whole.
     """
 
     size: tuple[int, int]
     pixel_stride: int
     sums: object
     examine: Callable[[Settings], Examination]
-    spots: Callable[[], Spots] | None
+    spots: Callable[[], Spots]
+    gbuffer: GBuffer | None = None
+    splats: SplatBuffer | None = None
 
 
 class ExaminePass(Owner):

@@ -236,7 +236,8 @@ class Refiner(Owner):
         splats = self._splats[index].update(self.cache, gbuffer, levels.camera, settings, 1, self._reach[index])
         if not fill.stalled and fill.settled != (splats, settings.asking):
             side = self._side(state.doublings)
-            fill, _ = self.scheduler.gather_missing(fill, gbuffer, splats, shadows, levels.camera, budget, side)
+            screen = self.scheduler.screen(gbuffer, splats, levels.camera)
+            fill, _ = self.scheduler.gather_missing(fill, screen, shadows, levels.camera, budget, side)
             if not (fill.stalled or fill.settled == (splats, settings.asking)):
                 return replace(state, fill=fill, ended=fill.full)
         known = replace(state, error=None, check=None, doubt=None, next_levels=None, fill=ViewState())

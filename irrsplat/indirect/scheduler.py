@@ -108,11 +108,12 @@ class RecordScheduler(Owner):
         """Prepare gathering. Return True if records may be gathered. idle: True if no record waits."""
         return self.gatherer.prepare(shadows, budget, idle)
 
-    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
-        """Gather stale records again in place, those that this view shows most of first; how many."""
+    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place. Return how many. gbuffer: records with most pixels in it come first."""
         if not self.gatherer.rushes(budget):
             self.gatherer.end_rush()
-        numbers = self.renewal.order(self.cache, gbuffer, camera, self.settings)
+        stale = self.cache.stale
+        numbers = stale if gbuffer is None else self.renewal.order(self.cache, gbuffer, camera, self.settings)
         return self.gatherer.renew(shadows, numbers, budget)
 
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
@@ -121,50 +122,50 @@ class RecordScheduler(Owner):
         changed = self.adaptation(self.settings, old_too=last or not state.limited, same_floor=state.queue is not None)
         return replace(state, limited=True), changed
 
-    def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
-        """The share of the seen pixels that ask for a record now; nothing is gathered."""
-        with self.timers("examine"):
-            return self.examined(gbuffer, splats, self.settings).missing
-
-    def gather_missing(
-        self,
-        state: ViewState,
-        gbuffer: GBuffer,
-        splats: SplatBuffer,
-        shadows: ShadowMaps,
-        camera: Camera,
-        budget: Budget,
-        side: int = 0,
-    ) -> tuple[ViewState, RoundResult]:
-        """Gather where the view lacks records, as far as the budget goes. side: of the gathers for a view that is
-        refined, 0 for any other; no record is evicted then."""
-        size, scan = gbuffer.position.size, self.settings.placement == "scan" and not side
-        screen = Screen(
-            size,
+    def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
+        """Return a view that is drawn whole, for the examination."""
+        return Screen(
+            gbuffer.position.size,
             splats.pixel_stride,
             splats,
             lambda settings: self.examined(gbuffer, splats, settings),
-            None if scan or side else lambda: self.spots(gbuffer, splats, camera),
+            lambda: self.spots(gbuffer, splats, camera),
+            gbuffer,
+            splats,
         )
-        if scan:
-            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen, shadows, budget)
-        return self.gather_asked(state, screen, shadows, camera, budget, side)
 
-    def gather_asked(
+    def missing(self, screen: Screen) -> float:
+        """Return the share of the seen pixels that request a record now. Nothing is gathered."""
+        with self.timers("examine"):
+            return screen.examine(self.settings).missing
+
+    def gather_missing(
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
-        """Gather where the `screen` lacks records, as gather_missing does."""
+        """Gather where the view lacks records, as far as the budget goes.
+
+        side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
+        """
+        if self.settings.placement == "scan" and not side:
+            return self._after(state, *self._scan(state, screen, shadows, camera, budget), screen, shadows, budget, side)
         if state.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
         if state.check is not None:
-            return self._check(state, screen, shadows, budget), replace(NOTHING_ASKED, complete=False)
+            return self._check(state, screen, shadows, budget, side), replace(NOTHING_ASKED, complete=False)
         if state.closing and state.queue is None:
-            state, ended, _ = self._close(state, screen, shadows, budget)
+            state, ended, _ = self._close(state, screen, shadows, budget, side)
             return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
-        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, shadows, budget)
+        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, shadows, budget, side)
 
     def _after(
-        self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen, shadows: ShadowMaps, budget: Budget
+        self,
+        before: ViewState,
+        state: ViewState,
+        result: RoundResult,
+        screen: Screen,
+        shadows: ShadowMaps,
+        budget: Budget,
+        side: int,
     ) -> tuple[ViewState, RoundResult]:
         """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
@@ -174,7 +175,7 @@ class RecordScheduler(Owner):
         state = replace(state, crowded=not few, closing=state.closing or (few and state.crowded))
         settled = False
         if not result.new:
-            state, ended, settled = self._close(state, screen, shadows, budget)
+            state, ended, settled = self._close(state, screen, shadows, budget, side)
             if not ended:
                 return state, replace(result, complete=False)
         gained = state.coverage > before.coverage or state.holes < before.holes_before
@@ -188,12 +189,14 @@ class RecordScheduler(Owner):
             state = replace(state, settled=(screen.sums, self.settings.asking))
         return state, replace(result, complete=result.new > 0 or settled)
 
-    def _close(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, bool, bool]:
+    def _close(
+        self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int
+    ) -> tuple[ViewState, bool, bool]:
         """Go on with what waits until hardly any tile asks, as far as the budget goes: the spot check and the reach of old
         records. It makes many ask again, and so it doesn't wait until none does: the last few would take rounds of their own,
         over and over. Returns whether one of these is done, and whether that was the last one and nothing has come of it."""
         if not (state.checked or state.pixel_stride > 1):
-            state = self._check(state, screen, shadows, budget)
+            state = self._check(state, screen, shadows, budget, side)
             if not state.checked or state.queue is not None:
                 return state, state.checked, False
         if not self.adaptation.compare(self.settings, budget):
@@ -233,14 +236,15 @@ class RecordScheduler(Owner):
         with self.timers("examine"):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
 
-    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
+    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int) -> ViewState:
         """Go on with the spot check of a view that asks for no more, as far as the budget goes: records are to be gathered next
         where what the others say is far off. None where there is little room for further ones, nor where the settings let
         records contradict each other."""
         check, gatherer = state.check, self.gatherer
         if check is None:
             roomy = self.room > _ROOMY * self.settings.max_records
-            if screen.spots is None or not self.settings.spread or not roomy or not gatherer.may_glance:
+            scan = self.settings.placement == "scan"
+            if side or scan or not self.settings.spread or not roomy or not gatherer.may_glance:
                 return replace(state, checked=True)
             check = SpotCheck.of(self._checked.left(screen.spots()))
         while True:
@@ -295,10 +299,11 @@ class RecordScheduler(Owner):
             return state, found.at(tiles)
 
     def _scan(
-        self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget
+        self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
     ) -> tuple[ViewState, RoundResult]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        scan = state.scan
+        scan, gbuffer, splats = state.scan, screen.gbuffer, screen.splats
+        assert gbuffer is not None and splats is not None  # such a view is drawn whole
         if scan is None:
             with self.timers("gbuffer"):
                 scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
@@ -306,7 +311,7 @@ class RecordScheduler(Owner):
         room = self._room(1, camera, gbuffer.position.size)
         state = replace(state, scan=scan, full=not room)
         if not room:
-            return replace(state, missing=self.missing(gbuffer, splats)), NOTHING_ASKED
+            return replace(state, missing=self.missing(screen)), NOTHING_ASKED
         more = iter(range(1, room))
 
         def goes_on() -> bool:

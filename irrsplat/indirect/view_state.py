@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from irrsplat.core.buffers import Sites, SplatBuffer
+from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import SpotCheck
 from irrsplat.indirect import paper_scan
 from irrsplat.scene.model import Camera
@@ -30,7 +30,7 @@ class ViewState:
     crowded: bool = False  # whether many tiles asked when the last complete round began
     closing: bool = False  # whether what waits until hardly any tile asks is due: the spot check, the reach of old records
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
-    looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
+    looked_at: tuple[object, tuple[object, ...]] | None = None  # the sums and criteria of `coverage`, while nothing is gathered
 
     # the present round
     queue: Sites | None = None  # the sites that are still to be gathered; None between rounds

@@ -23,7 +23,6 @@ from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
-from irrsplat.renderer.tiles import TiledRound, Tiles
 from irrsplat.scene.model import Camera
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
@@ -38,7 +37,6 @@ class Frames(Owner):
         self.stages = Stages(world, scheduler, timers)
         self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), scheduler)
         self.rounds = Rounds(self.stages, scheduler)
-        self.tiles = Tiles(self.stages, self.rounds, scheduler)
         self.resting = RestingView(self.stages, self.rounds, scheduler)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -83,11 +81,6 @@ class Frames(Owner):
     def next_round(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:
         """A round without its picture, as Rounds has it."""
         self.state, done = self.rounds(self.state, camera, budget, gather, picture)
-        return done
-
-    def next_tiled_round(self, camera: Camera, gather: bool) -> TiledRound:
-        """The same of a picture in tiles."""
-        self.state, done = self.tiles(self.state, camera, gather)
         return done
 
     def _picture_may_wait(self, camera: Camera) -> bool:

@@ -146,7 +146,8 @@ class Stages(Owner):
         """The picture of a round: direct light, normalised indirect light, and their blend.
 
         fading: what the records say comes in over several pictures. hurried: direct light waits for nothing."""
-        settings, gbuffer, shadows, camera = state.settings, done.gbuffer, done.shadows, done.camera
+        settings, gbuffer, summed, shadows, camera = state.settings, done.gbuffer, done.splats, done.shadows, done.camera
+        assert gbuffer is not None and summed is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         by_surface = filling and not settings.emitters_apart and not done.frozen
         surface = self.scheduler.gatherer.surface_now if by_surface else None
@@ -154,7 +155,7 @@ class Stages(Owner):
         emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result
         lit_by = shadows, self._casting(state, hurried), headlamp
-        subject = gbuffer, lit_by, done.splats, settings.blend, filling, held, backdrop, sampled_by
+        subject = gbuffer, lit_by, summed, settings.blend, filling, held, backdrop, sampled_by
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not fading:
             temporal_filter.forget()
@@ -174,7 +175,7 @@ class Stages(Owner):
 
         def compose() -> View:
             stop_for_input()
-            splats = done.splats
+            splats = summed
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()
@@ -183,7 +184,7 @@ class Stages(Owner):
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
             if done.sparing:
-                self._spare(state, splats if sums is done.splats.sums else None)
+                self._spare(state, splats if sums is summed.sums else None)
             direct = self._memo.get("direct", (gbuffer, lit_by), light)
             emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             composite_pass = self.composite_pass(state)

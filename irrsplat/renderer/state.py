@@ -77,14 +77,16 @@ class State:
 
 @dataclass(frozen=True)
 class Round:
-    """What one round of a view leaves for its picture. sparing: nothing but the picture is wanted, and the splat buffer is freed
-    once it is made of another. frozen: pixels without a record take the light of records alone, whatever else is known of them.
+    """The result of one round of a view, of which its picture is made.
+
+    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if only the picture is wanted,
+    so that the splat buffer is freed once it is drawn. frozen: True if pixels without a record take the light of records alone.
     """
 
     camera: Camera
     shadows: ShadowMaps
-    gbuffer: GBuffer
-    splats: SplatBuffer
+    gbuffer: GBuffer | None
+    splats: SplatBuffer | None
     progress: Progress
     sparing: bool = False
     frozen: bool = False

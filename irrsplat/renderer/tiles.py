@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.core.buffers import CHANNELS, ShadowMaps
+from irrsplat.core.buffers import CHANNELS
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.tonemap import automatic_exposure, metered
-from irrsplat.image.view import Progress, View, reflectance, uncovered, values_of
+from irrsplat.image.view import View, reflectance, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
-from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.records.culling import reaching
-from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
@@ -40,73 +38,16 @@ class _Looked:
     found: Examination
 
 
-@dataclass(frozen=True)
-class TiledRound:
-    """What a round leaves: how far the view has come."""
+class TileScreens:
+    """The examination of views that are drawn in tiles. A tile that no new record reaches is not examined again."""
 
-    progress: Progress
-
-
-class Tiles:
-    """The rounds and the pictures of views that are drawn in tiles."""
-
-    def __init__(self, stages: Stages, rounds: Rounds, scheduler: RecordScheduler) -> None:
-        self.stages, self.rounds, self.scheduler, self.cache = stages, rounds, scheduler, scheduler.cache
+    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
+        self.stages, self.scheduler, self.cache = stages, scheduler, scheduler.cache
         self._looked: dict[tuple[int, int], _Looked] = {}  # by the tile
-        self._looked_by: object = None  # all else that it depends on
+        self._looked_by: object = None  # all else that the examinations depend on
 
-    # ---- rounds ----------------------------------------------------------------------------------------------------
-
-    def __call__(self, state: State, camera: Camera, gather: bool = True) -> tuple[State, TiledRound]:
-        """A round of a view, as Rounds has it, with all the time that it takes. gather: False leaves the cache as it is."""
-        scheduler, settings, budget = self.scheduler, state.settings, Budget(None)
-        shadows = self._followed(state)
-        view = self.rounds.view_state(state, camera)
-        bounces = settings.most_bounces > 0
-        ready = gather and bounces and scheduler.prepare(shadows, budget)
-        renewed = scheduler.gatherer.renew(shadows, self.cache.stale, budget) if ready else 0
-        if renewed or len(self.cache.stale):
-            view = replace(view, stalled_rounds=0)
-        view, _ = scheduler.limit_radii(view)
-        if view.stalled and view.pixel_stride > 1:
-            view = replace(view, pixel_stride=1, stalled_rounds=0)
-        screen, requests = self.screen(state, camera, view.pixel_stride), NOTHING_ASKED
-        if not bounces:
-            view = replace(view, coverage=1.0)
-        elif not ready:
-            view = replace(view, coverage=1.0 - screen.examine(settings).missing)
-        elif not view.stalled and view.settled != (screen.sums, settings.asking):
-            view, requests = scheduler.gather_asked(view, screen, shadows, camera, budget)
-        done = Progress(
-            view.rounds,
-            self.cache.count,
-            requests.new,
-            view.coverage,
-            renewed,
-            self.cache.waiting if bounces else 0,
-            requests.complete,
-            scheduler.gatherer.surface_share if bounces else 1.0,
-            view.full,
-        )
-        return replace(state, view=view), TiledRound(done)
-
-    def frozen(self, state: State, camera: Camera) -> TiledRound:
-        """How far a view is covered by the records that there are; none is gathered or changed."""
-        self._followed(state)
-        self.scheduler.limit_radii(ViewState(), last=True)
-        missing = self.screen(state, camera, 1).examine(state.settings).missing if state.settings.most_bounces > 0 else 0.0
-        return TiledRound(Progress(0, self.cache.count, 0, 1.0 - missing))
-
-    def _followed(self, state: State) -> ShadowMaps:
-        """The shadow maps of the scene as it is, once the scheduler knows it."""
-        scheduler = self.scheduler
-        scheduler.follow(state.settings, scheduler.change_to(state.scene), self.stages.shadows(state))
-        return self.stages.draw_shadows(state)
-
-    # ---- the examination -------------------------------------------------------------------------------------------
-
-    def screen(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
-        """The view as the scheduler looks at it, of which every `pixel_stride`-th pixel is splatted."""
+    def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
+        """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
         sums = camera, state.view_subject, pixel_stride, self.cache.revision, self.cache.count
         return Screen(
             state.size,
@@ -165,25 +106,42 @@ class Tiles:
             found.append(self.scheduler.spots(gbuffer, splats, seen))
         return Spots.joined(found)
 
-    # ---- the picture -----------------------------------------------------------------------------------------------
 
-    def draw(
+@dataclass(frozen=True)
+class TiledPicture:
+    """A whole picture that was drawn in tiles.
+
+    arrays: its buffers. view: of the last tile. stops: the automatic exposure. uncovered: pixels that no record reaches, of a
+    frozen view. stopped: True if Ctrl-C came.
+    """
+
+    arrays: dict[str, np.ndarray]
+    view: View
+    stops: float
+    uncovered: int
+    stopped: bool
+
+
+class TiledPictures:
+    """Pictures that are drawn in tiles, by the records that there are."""
+
+    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
+        self.stages, self.cache = stages, scheduler.cache
+
+    def __call__(
         self,
         state: State,
-        camera: Camera,
-        done: Progress,
+        done: Round,
         names: Collection[str] | None,
-        frozen: bool,
         samples: int,
         on_share: Callable[[float], None] | None,
-    ) -> tuple[dict[str, np.ndarray], View, float, int, bool]:
-        """The image, and the buffers of these names (None: all), of the whole picture by the records that there are; the last
-        tile's view; its automatic exposure in stops; how many pixels no record reaches (where `frozen`); and whether Ctrl-C came.
+    ) -> TiledPicture:
+        """Return the whole picture of a round with so many samples a pixel. names: of its buffers (None: all).
 
-        done: how far the view has come. samples: of a pixel. on_share: called with the share of the tiles that are drawn. After
-        Ctrl-C the tiles that are left get one sample a pixel; a second one ends it without a picture.
+        on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A second
+        Ctrl-C ends the picture without a result.
         """
-        settings, shadows = state.settings, self._followed(state)
+        settings, camera, frozen = state.settings, done.camera, done.frozen
         self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
         wanted = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
         arrays: dict[str, np.ndarray] = {}
@@ -195,12 +153,12 @@ class Tiles:
             x, y = (min(max(0, at - _MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
             seen = part_of(camera, Part(state.size, (x, y), here.size))
             try:
-                view = self._drawn(here, seen, shadows, done, frozen, samples)
+                view = self._drawn(here, seen, done, samples)
             except KeyboardInterrupt:
                 if stopped:
                     raise
                 stopped, samples = True, 1
-                view = self._drawn(here, seen, shadows, done, frozen, samples)
+                view = self._drawn(here, seen, done, samples)
             wide, high = min(state.tile, state.size[0] - left), min(state.tile, state.size[1] - bottom)
             rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
             mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
@@ -214,13 +172,13 @@ class Tiles:
                 except KeyboardInterrupt:
                     stopped, samples = True, 1
         assert view is not None
-        return arrays, view, automatic_exposure(*light.tolist()), none_reach, stopped
+        return TiledPicture(arrays, view, automatic_exposure(*light.tolist()), none_reach, stopped)
 
-    def _drawn(self, here: State, camera: Camera, shadows: ShadowMaps, done: Progress, frozen: bool, samples: int) -> View:
-        """The picture of a part."""
+    def _drawn(self, here: State, camera: Camera, done: Round, samples: int) -> View:
+        """Return the picture of a part."""
         gbuffer = self.stages.draw_gbuffer(here, camera)
         splats = self.stages.splats(here).update(self.cache, gbuffer, camera, here.settings, 1, noted=False)
-        view = self.stages.draw_picture(here, Round(camera, shadows, gbuffer, splats, done, frozen=frozen))
+        view = self.stages.draw_picture(here, replace(done, camera=camera, gbuffer=gbuffer, splats=splats))
         if samples > 1:
             view = self.stages.accumulate(here, view, samples, Budget(None), None)
             if view.samples < samples:

@@ -1,4 +1,4 @@
-"""Whole renders: rounds until every pixel is served, refinement, samples, and the Frame that is read back; some in tiles.
+"""Whole renders: rounds until every pixel is covered, refinement, samples, and the Frame that is read back.
 
 Cameras are relative to the scene's origin here, and so are the frames that come back.
 """
@@ -6,7 +6,8 @@ Cameras are relative to the scene's origin here, and so are the frames that come
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -21,8 +22,8 @@ from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
 from irrsplat.lighting import gl_limits
 from irrsplat.renderer.frames import Frames
-from irrsplat.renderer.rounds import Made, until_complete
-from irrsplat.renderer.state import State
+from irrsplat.renderer.state import Round
+from irrsplat.renderer.tiles import TiledPictures
 from irrsplat.renderer.tiling import Tiling, check_tiled
 from irrsplat.scene.model import Camera
 
@@ -63,47 +64,62 @@ class WholeRenders:
     # ---- a view ----------------------------------------------------------------------------------------------------
 
     def converge(self, camera: Camera, progress: OnRound | None, sparing: bool) -> tuple[View, Statistics]:
-        """The complete view and its statistics, as Renderer.converge has them."""
-        frames = self.frames
-        frames.resting.leave()
-        done, stats = self._filled(camera, progress, lambda gather: frames.next_round(camera, Budget(None), gather))
-        return self.stages.draw_picture(frames.state, replace(done, sparing=sparing)), stats
+        """Return the complete view and its statistics, as Renderer.converge has them."""
+        self.frames.resting.leave()
+        done, stats = self._filled(camera, progress)
+        return self.stages.draw_picture(self.frames.state, replace(done, sparing=sparing)), stats
 
-    def _filled(self, camera: Camera, progress: OnRound | None, next_round: Callable[[bool], Made]) -> tuple[Made, Statistics]:
-        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it
-        where it is told to."""
+    def coverage(self, camera: Camera) -> float:
+        """Return the share of the pixels at which `camera` requests no record, as Renderer.coverage has it."""
+        self.frames.resting.leave()
+        return self.frames.rounds.frozen(self.frames.state, camera).progress.coverage
+
+    def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
+        """Return the last round of a view, and its statistics, as `converge` has them."""
         frames = self.frames
         frames.timers.clear()
         frames.state = replace(frames.state, view=replace(frames.state.view, stalled_rounds=0))
         start = time.perf_counter()
-        done, stats = until_complete(
-            self.cache, frames.state.settings, lambda: next_round(True), lambda: frames.state.view.stalled, progress
-        )
+        done, stats = self._until_complete(camera, progress)
         if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
             view, _ = frames.scheduler.limit_radii(frames.rounds.view_state(frames.state, camera), last=True)
             frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
-            done = next_round(False)
+            done = frames.next_round(camera, Budget(None), gather=False)
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
 
-    def coverage(self, camera: Camera) -> float:
-        """The share of the pixels at which `camera` asks for no record, as Renderer.coverage has it."""
-        self.frames.resting.leave()
-        return self.frames.rounds.frozen(self.frames.state, camera).progress.coverage
+    def _until_complete(self, camera: Camera, progress: OnRound | None) -> tuple[Round | None, Statistics]:
+        """Return the round that finds nothing to gather, or the last one that the settings allow; None before the first.
 
-    def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[View, Statistics]:
-        """The view from `camera` by the records that there are, and its statistics, as `converge` has them."""
+        Ctrl-C ends the rounds with the records of the last complete one.
+        """
+        frames, cache, settings = self.frames, self.cache, self.frames.state.settings
+        stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+        stats["error"] = None
+        complete, ended, done = cache.count + cache.evicted, False, None
+        try:
+            while not ended and stats["rounds"] < settings.max_rounds and not frames.state.view.stalled:
+                done = frames.next_round(camera, Budget(None))
+                now = done.progress
+                complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete
+                stats["rounds"] += 1
+                stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
+                if progress is not None:
+                    progress(now)
+        except KeyboardInterrupt:
+            stats["interrupted"] = True
+            cache.truncate(complete - cache.evicted)
+        return done, stats
+
+    def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
+        """Return the round of a view by the present records, and its statistics, as `converge` has them."""
         frames = self.frames
-        frames.resting.leave()
         frames.timers.clear()
         start = time.perf_counter()
         done = frames.rounds.frozen(frames.state, camera)
         self.ctx.finish()
-        stats = counted(done.progress, time.perf_counter() - start, progress)
-        view = self.stages.draw_picture(frames.state, done)
-        stats["uncovered"] = uncovered(view) if frames.state.settings.most_bounces > 0 else 0
-        return view, stats
+        return done, counted(done.progress, time.perf_counter() - start, progress)
 
     def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
         """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
@@ -127,21 +143,33 @@ class WholeRenders:
     # ---- a frame that is read back -----------------------------------------------------------------------------------
 
     def render(self, wanted: Wanted) -> Frame:
-        """The frame of a view, as Renderer.render has it."""
+        """Return the frame of a view, as Renderer.render has it."""
         frames, settings = self.frames, self.frames.state.settings
         wanted.check(settings.quality)
         buffers = gl_limits.PICTURE if wanted.picture_alone else wanted.buffers
         tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
+        frames.resting.leave()
         if tiled.tile:
-            return self._in_tiles(tiled, wanted)
+            check_tiled(tiled, wanted.figures)
+            with self._tiles_of(tiled.tile):
+                return self._in_tiles(wanted)
+        return self._whole(wanted)
+
+    def _rounds(self, wanted: Wanted, progress: OnRound | None) -> tuple[Round, Statistics]:
+        """Return the last round of a render and its statistics."""
+        return (self._filled if wanted.gather else self._frozen)(wanted.camera, progress)
+
+    def _whole(self, wanted: Wanted) -> Frame:
+        """Return the frame of a view that is drawn whole."""
+        frames, settings = self.frames, self.frames.state.settings
         album = PaperFigures(self._splatted, wanted.progress)
         refined = settings.quality or settings.samples > 1
         width, height = frames.state.size
         sparing = wanted.gather and wanted.picture_alone and not refined and width * height >= gl_limits.LARGE
-        if wanted.gather:
-            view, stats = self.converge(wanted.camera, album if wanted.figures else wanted.progress, sparing)
-        else:
-            view, stats = self._frozen(wanted.camera, wanted.progress)
+        done, stats = self._rounds(wanted, album if wanted.figures else wanted.progress)
+        view = self.stages.draw_picture(frames.state, replace(done, sparing=sparing))
+        if not wanted.gather:
+            stats["uncovered"] = uncovered(view) if settings.most_bounces > 0 else 0
         if settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, wanted.progress)
         samples = 1 if stats["interrupted"] else settings.samples
@@ -155,38 +183,33 @@ class WholeRenders:
         frame = read(view, self.cache.read(), stats, wanted.buffers)
         return replace(frame, figures=album.figures(frame, view.camera, settings)) if wanted.figures else frame
 
-    def _in_tiles(self, tiled: State, wanted: Wanted) -> Frame:
-        """The same of a picture that is drawn in tiles."""
-        check_tiled(tiled, wanted.figures)
-        frames, camera, kept = self.frames, wanted.camera, self.frames.state.tile
-        frames.resting.leave()
+    @contextmanager
+    def _tiles_of(self, side: int) -> Iterator[None]:
+        """Draw views in tiles of `side` pixels within the block."""
+        frames, kept = self.frames, self.frames.state.tile
         self.stages.free_buffers()
-        frames.state = replace(frames.state, tile=tiled.tile)
+        frames.state = replace(frames.state, tile=side)
         try:
-            if wanted.gather:
-                done, stats = self._filled(camera, wanted.progress, lambda gather: frames.next_tiled_round(camera, gather))
-            else:
-                frames.timers.clear()
-                start = time.perf_counter()
-                done = frames.tiles.frozen(frames.state, camera)
-                stats = counted(done.progress, time.perf_counter() - start, wanted.progress)
-            samples = 1 if stats["interrupted"] else frames.state.settings.samples
-            on_share = sample_progress(wanted.progress, stats)
-            arrays, view, stops, none_reach, stopped = frames.tiles.draw(
-                frames.state, camera, done.progress, wanted.buffers, not wanted.gather, samples, on_share
-            )
+            yield
         finally:
             self.stages.free_buffers()
             frames.state = replace(frames.state, tile=kept)
-        if stopped:
+
+    def _in_tiles(self, wanted: Wanted) -> Frame:
+        """Return the frame of a view that is drawn in tiles."""
+        frames, settings = self.frames, self.frames.state.settings
+        done, stats = self._rounds(wanted, wanted.progress)
+        samples = 1 if stats["interrupted"] else settings.samples
+        on_share = sample_progress(wanted.progress, stats)
+        picture = TiledPictures(self.stages, frames.scheduler)(frames.state, done, wanted.buffers, samples, on_share)
+        if picture.stopped:
             samples, stats = 1, stats | {"interrupted": True, "converged": False}
         if not wanted.gather:
-            stats["uncovered"] = none_reach
-        exposure = frames.state.settings.exposure
-        stats |= self.described(samples, stops if exposure == "auto" else float(exposure))
+            stats["uncovered"] = picture.uncovered
+        stats |= self.described(samples, picture.stops if settings.exposure == "auto" else float(settings.exposure))
         self._check_errors()
-        kept_arrays = {name: values for name, values in arrays.items() if wanted.buffers is None or name in wanted.buffers}
-        return frame_of(kept_arrays, self.cache.read(), stats, view)
+        kept = {name: values for name, values in picture.arrays.items() if wanted.buffers is None or name in wanted.buffers}
+        return frame_of(kept, self.cache.read(), stats, picture.view)
 
     def _splatted(self, count: int) -> np.ndarray:
         """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""

@@ -121,7 +121,7 @@ def test_the_end_of_memory_ends_in_one_line(
     def none(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(WholeRenders, "converge", none)
+    monkeypatch.setattr(WholeRenders, "render", none)
     assert cli.main(["render", "-o", str(tmp_path / "x.png")]) == 1
     err = capsys.readouterr().err
     assert err.startswith("irrsplat: out of memory; take a smaller --size") and err.count("\n") == 1
