@@ -16,8 +16,8 @@ MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples ar
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
 WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of the golden section, whose multiples fill 0..1 evenly
+PLASTIC = 0.7548776662466927  # the inverse of the plastic number, whose multiples fill 0..1 evenly beside those of GOLDEN
 GOLDEN_ANGLE = 2.39996323  # radians, by which each point of a spiral is turned from the one before
-VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: how far off its surface a place in float32 may lie
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
@@ -39,8 +39,8 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "EYES_BESIDE": EYES_BESIDE,
     "WORTH": WORTH,
     "GOLDEN": GOLDEN,
+    "PLASTIC": PLASTIC,
     "GOLDEN_ANGLE": GOLDEN_ANGLE,
-    "VIRTUAL_SETS": VIRTUAL_SETS,
     "SHORT": SHORT,
     "ROUNDING": ROUNDING,
     "TOLD": TOLD,

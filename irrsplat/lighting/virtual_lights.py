@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps, Uniforms
 from irrsplat.core.errors import InputError
-from irrsplat.core.glsl import VIRTUAL_SETS, WORTH
+from irrsplat.core.glsl import WORTH
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
@@ -23,6 +23,8 @@ from irrsplat.lighting.light_table import light_defines, near_plane
 from irrsplat.scene.model import Light
 
 _LIT = 1e29  # metres: what is farther is nothing that a ray has hit
+_ENDS = 4096  # virtual lights in all sets, about: with one set for all records its error would be theirs
+_SETS = 8, 64  # the least and the most sets
 _WORTHWHILE = 0.05  # of a lamp's rays: so many have to end at virtual lights
 
 
@@ -67,11 +69,12 @@ class VirtualLights(Owner):
         scene, each = self.world.scene, max(samples // max(len(lamps), 1), 1)
         if not len(lamps):
             none = np.zeros(0)
-            return _Spots(lamps, none, none, np.zeros((0, VIRTUAL_SETS, 1, 3, 4)), np.zeros((0, VIRTUAL_SETS, 1), bool))
+            return _Spots(lamps, none, none, np.zeros((0, 1, 1, 3, 4)), np.zeros((0, 1, 1), bool))
         rows = np.array([_row(scene.lights[lamp]) for lamp in lamps])
         density = each / (2.0 * np.pi * rows[:, 1, 3])
         uniforms = {**self.world.trace_uniforms, "rays": float(each), "near": near_plane(scene)}
-        place, normal, share = self._passes.find(rows, each, uniforms)
+        sets = int(np.clip(_ENDS // samples, *_SETS))
+        place, normal, share = self._passes.find(rows, each, sets, uniforms)
         far, triangle = place[..., 3].copy(), normal[..., 3].copy()
         lit = far < _LIT
         # a room is about as wide as a lamp's rays are long: within reach they lie as densely as those of records across it
@@ -98,7 +101,7 @@ def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | N
 
 @dataclass(frozen=True)
 class _Spots:
-    """The ends of rays from K point lights, in VIRTUAL_SETS sets of R a light.
+    """The ends of rays from K point lights, in sets of R a light.
 
     lamps: (K,) the numbers of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
     which the end of a ray is a virtual light. near: (K, SETS, R) whether it is. texels: (K, SETS, R, 3, 4), of each the two that
@@ -144,14 +147,14 @@ class VirtualLightPasses(Owner):
         """What this frees."""
         return (self._find, self._shine)
 
-    def find(self, rows: np.ndarray, rays: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
-        """Three of (K, VIRTUAL_SETS, rays, 4) float64, what shaders/lighting/virtual_lights/find.frag finds by K lamps with these
-        `rows` (K, 2, 4)."""
-        with Target(self.ctx, (rays, VIRTUAL_SETS * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
+    def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
+        """Return three of (K, sets, rays, 4) float64, the outputs of shaders/lighting/virtual_lights/find.frag by K lights with
+        these `rows` (K, 2, 4)."""
+        with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
             lamps = table_texture(self.ctx, rows)
             made.callback(lamps.release)
-            self._find(ends, **self._find.known({**uniforms, "lamps": lamps}))
-            return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), VIRTUAL_SETS, rays, 4) for i in range(3))
+            self._find(ends, **self._find.known({**uniforms, "lamps": lamps, "sets": sets}))
+            return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), sets, rays, 4) for i in range(3))
 
     def shine(self, target: Target, uniforms: Uniforms) -> None:
         """Let them send out what the lamps bring to them."""

@@ -5,7 +5,10 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
+from irrsplat.lighting.light_table import near_plane
+from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from tests.gather.test_light_samples import look, relative
 from tests.support.worlds import Lit, box, lamp, material, quad, scene
 
@@ -55,6 +58,18 @@ def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind:
     assert found.E[:, 0].mean() == pytest.approx(truth.mean(), rel=0.005), "nothing is missing, nor counted twice"
     off = np.linalg.norm(found.gradient[:, 0] @ axes.T - slope, axis=1) / np.linalg.norm(slope, axis=1)
     assert np.median(off) < 0.05
+
+
+def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
+    """144 is a Fibonacci number: a golden spiral turned by so many of its steps lies on itself, and all sets would be one."""
+    with Lit(ctx, scene(DARK, lights=(LAMP,)), 64) as lit, VirtualLightPasses(lit.world) as passes:
+        uniforms = {**lit.world.trace_uniforms, "rays": 144.0, "near": near_plane(lit.world.scene)}
+        rows = np.array([[[*LAMP.position, 0.0], [0.0, 1.0, 0.0, 2.0]]])
+        place, *_ = passes.find(rows, 144, 28, uniforms)
+    away = place[0, ..., :3].reshape(-1, 3) - LAMP.position
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    distance, _ = KDTree(away).query(away, 2)
+    assert np.quantile(distance[:, 1], 0.1) > 0.4 * np.sqrt(4.0 * np.pi / len(away)), "of the spacing of an even grid"
 
 
 def test_what_stands_in_the_way_hides_them(ctx: moderngl.Context) -> None:

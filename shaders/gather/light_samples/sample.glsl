@@ -2,7 +2,7 @@
 // (irrsplat/lighting/virtual_lights.py), else points of emitters.
 #include "generated/constants.glsl"
 #if VIRTUAL
-uniform sampler2D virtual_places;    // VIRTUAL_SETS of them one above another, a column of three texels each: where it is, and how
+uniform sampler2D virtual_places;    // sets of them one above another, a column of three texels each: where it is, and how
                                      // densely those of its set lie there, m⁻²; its normal, turned to the lamp, and the lamp's number; the
                                      // shares of its triangle's corners, and that triangle's number
 uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² sr)
@@ -57,7 +57,8 @@ struct Source
 // Number s of one of the sets, which are dealt out to records at random.
 Source source(float s, Viewpoint from)
 {
-    ivec2 number = ivec2(int(s), min(int(from.shift.x * float(VIRTUAL_SETS)), VIRTUAL_SETS - 1)), at = ivec2(1, 3) * number;
+    int sets = textureSize(virtual_radiance, 0).y;
+    ivec2 number = ivec2(int(s), min(int(from.shift.x * float(sets)), sets - 1)), at = ivec2(1, 3) * number;
     vec4 place = texelFetch(virtual_places, at, 0);
     vec3 normal = texelFetch(virtual_places, at + ivec2(0, 1), 0).xyz, L = texelFetch(virtual_radiance, number, 0).rgb;
     return Source(place.xyz - from.eye, normal, true, place.w, L);

@@ -43,7 +43,7 @@ tests/gather/test_light_samples.py
     light samples' gradient without moving shadows: visible * df «+ f * vec3(dV, 0.0) → »
 tests/gather/test_virtual_lights.py
     spots of lamps that rays meet counted whole: return «1.0 - samples / max(found + samples, …) → 1.0»;
-    one set of virtual lights for all records: «min(int(from.shift.x * float(VIRTUAL_SETS)), VIRTUAL_SETS - 1) → 0»
+    one set of virtual lights for all records: «min(int(from.shift.x * float(sets)), sets - 1) → 0»
 tests/gather/test_reduce.py::test_reduction_equals_numpy
     gradient's sign: G += outerProduct(edge.xyz * nearer, «L_b.rgb - L.rgb → L.rgb - L_b.rgb»);
     cosine left out of E: out_sums += direction.w « → / direction.z» * vec4(L.rgb, L.a);
