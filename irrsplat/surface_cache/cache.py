@@ -30,7 +30,7 @@ from irrsplat.surface_cache.finer_sites import FinerSites, bounces_of, with_know
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
-from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, FULL, MAX_SITES, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, MAX_SITES, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport
 from irrsplat.surface_cache.view import SurfaceViewPass
@@ -65,7 +65,7 @@ class SurfaceCache(Owner):
     detail: the density of its sites and rays. A full one has a coarse one, whose values stand in for its own in ticks.
     """
 
-    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail = FULL) -> None:
+    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.ctx, self.world, self.timers, self._detail = world.ctx, world, timers, detail
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
         self._rays = SiteRays(world, settings, detail)
@@ -345,7 +345,7 @@ class SurfaceCache(Owner):
             assert self._follower is not None
             self._stood_in, self.last_change = False, self._follower.change
             return True
-        if budget.limited and self._detail is FULL and self._outdated:
+        if budget.limited and self._detail is not COARSE and self._outdated:
             self._coarse = coarse = self._coarse or SurfaceCache(self.world, self._basis.settings, self.timers, COARSE)
             if not coarse.complete:
                 changed = coarse.advance(shadows, budget)

@@ -20,12 +20,13 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
+from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Members
 from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-POINTS = 7000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
+POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
 MAX_SITES = 1 << 15  # before any cell is cut
 MAX_REFINED_SITES = 1 << 16  # with those of cut cells; the transport between them takes some 200 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
@@ -53,8 +54,14 @@ class Detail:
     rays: float
 
 
-FULL = Detail(1.0, 1.0)
 COARSE = Detail(0.15, 0.5)  # 8 % of the rays; its light at pixels is 5, 14 and 18 % off in cornell, door and atrium
+_FINE = 64  # side of a gather from which the surface cache is full
+_LEAST = 0.25  # of the sites and rays, however few rays a gather has
+
+
+def detail_for(settings: Settings) -> Detail:
+    """Return the density for records by these settings: records of fewer rays are content with fewer sites."""
+    return Detail(min(max(settings.gather_size / _FINE, _LEAST), 1.0), 1.0)
 
 
 @dataclass(frozen=True)

@@ -22,13 +22,13 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
-from irrsplat.surface_cache.site_layout import FULL, Detail
+from irrsplat.surface_cache.site_layout import Detail
 from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
-RAYS = 10 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
-SIDES = (8, 16)  # the least and the greatest: side² rays a site
+RAYS = 2_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of which is told where their few rays hit
@@ -37,7 +37,7 @@ _BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of whi
 class SiteRays(Owner):
     """The gathers from sites in a `world`, by the settings that are set last; detail: of the surface cache."""
 
-    def __init__(self, world: World, settings: Settings, detail: Detail = FULL) -> None:
+    def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
         self.ctx, self.world, self.settings, self._detail = world.ctx, world, settings, detail
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
         self._reduce = ReducePass(self.ctx, gradients=False, places=PLACES)

@@ -25,6 +25,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
+from irrsplat.surface_cache.site_layout import detail_for
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FIRST_LIGHT = 4.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
@@ -99,7 +100,8 @@ class RecordGatherer(Owner):
     def surface(self) -> SurfaceCache | None:
         """The surface cache, made when more than one bounce is wanted; None before. It stays when fewer are."""
         if self._basis.wants_surface:
-            return self._made.get("surface", (), lambda: SurfaceCache(self.world, self.settings, self.timers))
+            detail = detail_for(self.settings)
+            return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
         return self._made.find("surface", SurfaceCache)
 
     @property
