@@ -27,7 +27,8 @@ from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.model import Camera
 
-_STILL = 0.8  # of what a refinement of the surface cache changes: what it still lacks
+_STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
+_WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
 _BETWEEN = 0.3  # of the squared error aimed at: what the surface cache may be off by, or it is refined further
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: where it is less, nothing is refined
@@ -66,10 +67,9 @@ class Refinement:
     """How far a view's refinement has come: one value, replaced whole.
 
     step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last one
-    known. lit: whether the surface cache is refined as far as the step needs; changes: (K, 3) W/m², by how much E of the first K
-    records changed with its last refinement, None where none is new; lacking: W/m², what it is still off by, about, by the few
-    rays of its sites and by the distance between them, None where that is not known. told: what tests told. doublings: of the
-    sides of gathers for the next step.
+    known. lit: True if the surface cache is as fine as the step needs. changes: (K, 3) W/m², the changes of E of the first K
+    records by its last level, None where none is new. lacking: W/m², about the error that is left by it. told: what tests told.
+    doublings: of the sides of gathers for the next step.
 
     The rest is of that step. check: what is done for `error`. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
     finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to
@@ -85,7 +85,7 @@ class Refinement:
     doublings: int = 0
     lit: bool = False
     changes: np.ndarray | None = None
-    lacking: tuple[float, float | None] = (0.0, None)
+    lacking: float = 0.0
     told: Told = Told()
     check: Check | None = None
     doubt: np.ndarray | None = None
@@ -105,7 +105,7 @@ class Refiner(Owner):
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
         self._splats = [ViewSplats(ctx, size, gradients, timers) for _ in range(2)]  # of the picture on show, and of the next one
         self._reach = [float_texture(ctx, size, 1) for _ in range(2)]
-        self._lacking: tuple[int, tuple[float, float | None]] | None = None  # after so many refinements of the surface cache
+        self._lacking: tuple[int, float] | None = None  # by the level of the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -119,8 +119,7 @@ class Refiner(Owner):
         surface = self.scheduler.gatherer.surface_now
         if surface is None or self._lacking is None or not surface.refinements or surface.refinements != self._lacking[0]:
             return state
-        lacking = self._lacking[1]  # a view before has refined it, and found what it lacks
-        return replace(state, lit=lacking[1] is not None, lacking=lacking)
+        return replace(state, lit=True, lacking=self._lacking[1])  # a view before has refined the surface cache
 
     def leave(self, state: Refinement) -> None:
         """Forget the records of the refinement; the others reach as far as before, and hold what they have come to hold."""
@@ -154,7 +153,7 @@ class Refiner(Owner):
         """Refine the surface cache, correct the records by it, and find out what it still lacks."""
         gatherer, cache, camera = self.scheduler.gatherer, self.cache, state.levels.camera
         surface = gatherer.surface_now
-        if surface is None or (state.changes is None and surface.refinements and not surface.may_split):
+        if surface is None or (state.changes is None and not surface.may_refine):
             return replace(state, lit=True)
         if state.changes is None:
             done = gatherer.refine_surface(shadows, budget)
@@ -164,17 +163,13 @@ class Refiner(Owner):
             return replace(state, changes=np.concatenate([state.changes, more]))
         served = self.scheduler.served(gbuffer, camera)[:, None]
         weights = served / max(float(served.sum()), 1e-20)
-        rays, between = state.lacking
-        if surface.refinements == 1:
-            rays = float(np.sqrt(np.mean((weights * state.changes).sum(0) ** 2)))
-        else:
-            between = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
-        self._lacking, index = (surface.refinements, (rays, between)), state.step % 2
+        lacking = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
+        self._lacking, index = (surface.refinements, lacking), state.step % 2
         self.scheduler.limit_radii(replace(state.fill, limited=True))  # the last test's records are new
         splats = self._splats[index].update(
             cache, gbuffer, camera, self.scheduler.settings, 1, self._reach[index] if state.step else None
         )
-        return replace(state, splats=splats, lit=between is not None, lacking=(rays, between), changes=None)
+        return replace(state, splats=splats, lit=True, lacking=lacking, changes=None)
 
     def _test(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather at pixels drawn at random, as finely as the records of the picture, and some more finely, and compare."""
@@ -193,14 +188,16 @@ class Refiner(Owner):
             done += gatherer.regather(shadows, check.first + again[done:], budget, self._side(state.doublings + 1))
             return replace(state, check=replace(check, done=done))
         told, doublings = state.told.by(check, cache.values[check.first + again, :3]), state.doublings
-        rays, between = state.lacking[0], state.lacking[1] or 0.0
-        off = math.sqrt(check.mean_doubt * told.ratio + rays**2 + between**2)
+        off = math.hypot(math.sqrt(check.mean_doubt * told.ratio), state.lacking)
         aim = max(target * check.mean, off / _AIM)
         if check.mean_doubt * told.ray_ratio > _RAYS * aim**2 and self._side(doublings + 1) > self._side(doublings):
             told, doublings = told.doubled(), doublings + 1
         error = off / check.mean if check.mean > 0.0 else 0.0
-        lit = between**2 <= _BETWEEN * aim**2 and state.lacking[1] is not None
-        state = replace(state, check=None, doubt=check.doubt, told=told, doublings=doublings, lit=lit)
+        lit = state.lacking**2 <= _BETWEEN * aim**2
+        surface = gatherer.surface_now
+        # the finest surface cache may be off by more than the target; then records need not be much better
+        ended = surface is not None and not surface.may_refine and off < _WORTH * state.lacking
+        state = replace(state, check=None, doubt=check.doubt, told=told, doublings=doublings, lit=lit, ended=ended)
         return replace(state, error=error, last_error=error)
 
     def _choose(self, state: Refinement, gbuffer: GBuffer) -> Refinement:

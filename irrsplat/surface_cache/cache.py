@@ -3,7 +3,8 @@
 It holds E_(N−1) where records are to hold E_N, and is made once for all views: sites are chosen, rays from every site find its
 first light and the other sites that they meet, and from then on all bounces are sums.
 
-Ticks make a coarse surface cache first, in a fraction of the time, and use its values until those of the full one are there.
+It is a sequence of levels, each a complete solution. Ticks make a coarse one first, in a fraction of the time, and use its
+values until those of the full one are there. Progressive refinement makes finer ones.
 """
 
 from __future__ import annotations
@@ -26,13 +27,22 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.finer_sites import FinerSites, bounces_of, with_known
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
-from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, MAX_SITES, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import (
+    COARSE,
+    DARK_VALUE,
+    FIRST_SITE,
+    MAX_LEVEL,
+    MAX_SITES,
+    SKY_VALUE,
+    Detail,
+    SiteChooser,
+    SiteLayout,
+)
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
-from irrsplat.surface_cache.transport import BouncedLight, Transport
+from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from irrsplat.surface_cache.view import SurfaceViewPass
 
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
@@ -62,12 +72,13 @@ class _Changing:
 class SurfaceCache(Owner):
     """The surface cache of a world's scene.
 
-    detail: the density of its sites and rays. A full one has a coarse one, whose values stand in for its own in ticks.
+    detail: the density of its sites and rays. The one of level 0 has the others: the values of the coarse one stand in for its
+    own in ticks, and those of finer ones replace its own. unlit: as in _Basis, where that is known.
     """
 
-    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
+    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail, unlit: np.ndarray | None = None) -> None:
         self.ctx, self.world, self.timers, self._detail = world.ctx, world, timers, detail
-        self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
+        self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene) if unlit is None else unlit)
         self._rays = SiteRays(world, settings, detail)
         self._coarse: SurfaceCache | None = None  # made by the first tick that needs it
         self._stood_in = False  # True while lookups find the values of the coarse one
@@ -86,13 +97,23 @@ class SurfaceCache(Owner):
         self._follower: Follower | None = None  # of the values in use, while others are still to be made
         self._changing = _Changing()
         self._held = Held(unknown(self.ctx))
-        self._finer: FinerSites | None = None  # what refines the values that are held, once that is begun
+        self._finer: list[SurfaceCache] = []  # the last two finer levels, of which the last one's values are in use
+        self._next: SurfaceCache | None = None  # the level after these, while it is made
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self._rays, self._view_pass, self._point_pass
-        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, self._finer, self._coarse)
+        return (
+            *passes,
+            self._made,
+            self._held.table,
+            self._held.laid_out,
+            self._laid_out,
+            *self._finer,
+            self._next,
+            self._coarse,
+        )
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
 
@@ -113,18 +134,18 @@ class SurfaceCache(Owner):
 
     @property
     def refinements(self) -> int:
-        """How often the values in use were refined."""
-        return 0 if self._finer is None else self._finer.refinements
+        """The number of levels by which the values in use are finer."""
+        return self._finer[-1]._detail.level if self._finer else 0
 
     @property
-    def may_split(self) -> bool:
-        """Whether a further refinement may add a good many sites."""
-        return self._finer is None or self._finer.may_split
+    def may_refine(self) -> bool:
+        """True if there may be a finer level."""
+        return self.refinements < MAX_LEVEL
 
     @property
     def before(self) -> LookupTable:
-        """The table from before the last refinement."""
-        return self._held.table if self._finer is None else self._finer.before
+        """The table of the level before that in use."""
+        return self._finer[0]._held.table if len(self._finer) > 1 else self._held.table
 
     @property
     def _now(self) -> Held:
@@ -134,7 +155,7 @@ class SurfaceCache(Owner):
     @property
     def _own(self) -> Held:
         """Its own values, and not those of the coarse one."""
-        return self._held if self._finer is None else self._finer.held
+        return self._finer[-1]._held if self._finer else self._held
 
     @property
     def stands_in(self) -> bool:
@@ -345,8 +366,8 @@ class SurfaceCache(Owner):
             assert self._follower is not None
             self._stood_in, self.last_change = False, self._follower.change
             return True
-        if budget.limited and self._detail is not COARSE and self._outdated:
-            self._coarse = coarse = self._coarse or SurfaceCache(self.world, self._basis.settings, self.timers, COARSE)
+        if budget.limited and not self._detail.level and self._outdated:
+            self._coarse = coarse = self._coarse or self._level(COARSE)
             if not coarse.complete:
                 changed = coarse.advance(shadows, budget)
                 self._stood_in, self.last_change = self._stood_in or changed, coarse.last_change
@@ -407,7 +428,7 @@ class SurfaceCache(Owner):
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
                 offset = offset_of(scene)
-                self._choosing = SiteChooser(scene, unlit, offset, self._rays.see, self._detail.points).layout()
+                self._choosing = SiteChooser(scene, unlit, offset, self._rays.see, self._detail).layout()
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
@@ -448,31 +469,42 @@ class SurfaceCache(Owner):
             records.mark_refreshed(numbers)
             done += count
 
+    def _level(self, detail: Detail) -> SurfaceCache:
+        """Return a surface cache of the same scene in another detail."""
+        return SurfaceCache(self.world, self._basis.settings, self.timers, detail, self._basis.unlit)
+
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with a refinement of the values in use, as FinerSites has it, as far as the budget goes; whether it is done.
-        They hold until the light of the scene changes."""
+        """Go on with the next finer level, as far as the budget goes. Return True if lookups find its values now.
+
+        They hold until the light of the scene changes.
+        """
         if self._held.laid_out is None or not self.complete:
             return False
-        if self._finer is None:
-            settings = self._basis.settings
-            chooser = SiteChooser(self._basis.scene, self._basis.unlit, offset_of(self._basis.scene), self._rays.see)
-            self._finer = FinerSites(self.world, self._rays, chooser, self._held, self.transport, settings)
-        with self.timers("surface"):
-            return self._finer.refine(shadows, budget)
+        self._next = self._next or self._level(self._detail.finer(self.refinements + 1))
+        if not self._next.advance(shadows, budget):
+            return False
+        gone, self._finer, self._next = self._finer[:-1], [*self._finer[-1:], self._next], None
+        for level in gone:
+            level.release()
+        return True
 
     def _coarsen(self) -> None:
         """Go back to the values from before all refinements."""
-        if self._finer is not None:
-            self._finer.release()
-            self._finer = None
+        gone, self._finer, self._next = [*self._finer, *filter(None, [self._next])], [], None
+        for level in gone:
+            level.release()
 
     def _first(self, records: RecordCache) -> np.ndarray:
-        """(S, 3) E_1 at the sites, W/m²."""
-        return with_known(records.read()["irradiance"], self._basis.scene)
+        """Return (S, 3) E_1 at the sites, W/m², with the values that are known without a gather."""
+        E_1 = records.read()["irradiance"]
+        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
+        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+        return E_1
 
     def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
         """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
-        return bounces_of(E_1, self.transport, laid_out.layout.area, self._basis.settings)
+        most, everything = self._basis.settings.most_bounces, self._basis.settings.bounces == "all"
+        return sum_bounces(E_1, self.transport if most > 2 else None, laid_out.layout.area, most, everything)
 
     def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
         """All bounces from E_1, one after the other; None where the budget ends before."""
@@ -491,7 +523,7 @@ class SurfaceCache(Owner):
         before, self._held = self._held, Held(laid_out.table, laid_out, made, complete=True)
         self._bouncing, self._changing = None, _Changing()
         self._follower, self._stood_in, self._relit, self.last_change = None, False, False, 1.0
-        if self.transport is not None and self._basis.settings.bounces == "all":
+        if self.transport is not None and self._basis.settings.bounces == "all" and self._detail.level <= 0:
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area
             self._follower = Follower(self.world, laid_out.records, area, self.transport, self._made, MAX_SITES, E_1, E)

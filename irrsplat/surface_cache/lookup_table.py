@@ -23,34 +23,17 @@ class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
     rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
-    most: how many values there may be. known: False where the first row stands for all triangles. like: one that outlives this
-    one, of the same triangles; what was made of the same arrays is borrowed from it.
+    most: how many values there may be. known: False where the first row stands for all triangles.
     """
 
-    def __init__(
-        self,
-        ctx: moderngl.Context,
-        rows: np.ndarray,
-        cells: np.ndarray,
-        most: int,
-        known: bool = True,
-        like: LookupTable | None = None,
-    ) -> None:
-        self._rows, self._cells, self._known = rows, cells, known
-        self._own: list[Resource] = []
-        triangles = like if like is not None and like._rows is rows else None
-        same = like if like is not None and like._cells is cells else None
-        self.values = self._texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.cells: moderngl.Texture = same.cells if same else self._texture(ctx, table_rows(cells))
-        self.triangles: moderngl.Texture = triangles.triangles if triangles else self._texture(ctx, table_rows(rows))
-
-    def _texture(self, ctx: moderngl.Context, table: np.ndarray) -> moderngl.Texture:
-        self._own.append(made := table_texture(ctx, table))
-        return made
+    def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, known: bool = True) -> None:
+        self._rows, self._known = rows, known
+        self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
+        self.cells, self.triangles = table_texture(ctx, table_rows(cells)), table_texture(ctx, table_rows(rows))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees: all but what is borrowed."""
-        return tuple(self._own)
+        """Return all textures."""
+        return (self.values, self.cells, self.triangles)
 
     @property
     def uniforms(self) -> Uniforms:
@@ -87,16 +70,14 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 class LaidOut(Owner):
     """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
-    places: where they look from; None until that is known.
-    like: one that outlives this one, of the same triangles: tables of a million take most of a second."""
+    places: where they look from; None until that is known."""
 
-    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, like: LaidOut | None = None) -> None:
+    def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
         self.layout = layout
         self.places: Places | None = None
         self.records = RecordCache(ctx)
-        other: LookupTable | None = None if like is None else like.table
         most = MAX_SITES if len(layout.sites) <= MAX_SITES else MAX_REFINED_SITES
-        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, most, like=other)
+        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, most)
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

@@ -27,8 +27,8 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
-MAX_SITES = 1 << 15  # before any cell is cut
-MAX_REFINED_SITES = 1 << 16  # with those of cut cells; the transport between them takes some 200 MB
+MAX_SITES = 1 << 15
+MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 250 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
@@ -48,15 +48,29 @@ _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done
 
 @dataclass(frozen=True)
 class Detail:
-    """The density of a surface cache: its share of the sites, and of the rays of each site."""
+    """The density of a surface cache: its share of the sites, and of the rays of each site.
+
+    level: -1 for a coarse one, 0 for that of the settings, and more for finer ones, each with twice the sites of the one before.
+    """
 
     points: float
     rays: float
+    level: int = 0
+
+    def finer(self, level: int) -> Detail:
+        """Return the detail of a finer level, where this is the level 0."""
+        return Detail(self.points * 2.0**level, self.rays, level)
+
+    @property
+    def most(self) -> int:
+        """The greatest number of sites."""
+        return MAX_REFINED_SITES if self.level > 0 else MAX_SITES
 
 
-COARSE = Detail(0.15, 0.5)  # 8 % of the rays; its light at pixels is 5, 14 and 18 % off in cornell, door and atrium
+COARSE = Detail(0.15, 0.5, -1)  # 8 % of the rays; its light at pixels is 5, 14 and 18 % off in cornell, door and atrium
+MAX_LEVEL = 3  # the finest level, whose tables take some hundred megabytes
 _FINE = 64  # side of a gather from which the surface cache is full
-_LEAST = 0.25  # of the sites and rays, however few rays a gather has
+_LEAST = 0.5  # of the sites and rays, however few rays a gather has
 
 
 def detail_for(settings: Settings) -> Detail:
@@ -71,8 +85,7 @@ class SiteLayout:
     sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
     the surface that each stands for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of
     their corners' values, -1 for none, and 0; or where something stands on the cell, so that not all corners see each other,
-    the number of one of the H further rows, which tells from where on the cell they are seen, as _borders has it. A side that
-    is cut into four (site_splitting.py) has the negative number of the first of their rows.
+    the number of one of the H further rows, which tells from where on the cell they are seen, as _borders has it.
     spacing: metres between points, at most.
     """
 
@@ -111,20 +124,20 @@ class SiteChooser:
 
     unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from the
     surface to the origin of a site's rays. visibility: True for each free sight line of (N, 3, 3), see VisibilityPass.
-    detail: the share of the cells' corners.
+    detail: of the surface cache.
     """
 
     scene: Scene
     unlit: np.ndarray
     offset: float
     visibility: Callable[[np.ndarray], np.ndarray]
-    detail: float = 1.0
+    detail: Detail
 
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
         clusters = yield from self._cluster()
         value = yield from beside(partial(self.known_values, clusters), _CUT)
-        chosen = yield from self.assign(clusters, value, FIRST_SITE, MAX_SITES)
+        chosen = yield from self.assign(clusters, value)
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
@@ -137,12 +150,12 @@ class SiteChooser:
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
         vertices, faces, area, wider = yield from beside(partial(self._surfaces, places, rooms), 0.0)
-        points = float(np.clip(len(faces), *POINTS)) * self.detail
+        points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
             clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing, wider), _CUT)
             yield _CUT
-            about, most = (share * MAX_SITES for share in _FIRST_SHARE)
+            about, most = (share * self.detail.most for share in _FIRST_SHARE)
             if sites <= most:
                 return clusters
             spacing *= 1.05 * float(np.sqrt(sites / about))
@@ -216,15 +229,15 @@ class SiteChooser:
         position, area = clusters.members.position[left], clusters.area[left]
         return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
 
-    def assign(self, clusters: Clusters, value: np.ndarray, first: int, most: int) -> Generator[float, None, np.ndarray]:
-        """Sites for members whose values (M,) are negative, and these assigned to those that they see: of their own cluster, or
-        else of one beside it. Fills `value` by the sites' numbers, which begin with `first` and end before `most`; returns the
-        members (S,) that are sites."""
+    def assign(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Choose sites for members whose values (M,) are negative, and assign these to sites that they see: of their own cluster,
+        or else of one next to that. Fill `value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are
+        sites."""
         members = clusters.members
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
             min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-            choosing = partial(self._choose, clusters, left, most - first - len(sites), min_area)
+            choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
             chosen, site_of = yield from beside(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
@@ -232,14 +245,14 @@ class SiteChooser:
             asking = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
             seen[asking] = yield from self.see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
-            value[left[seen]] = first + len(sites) + site_of[seen]
+            value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        yield from self._borrow(clusters, value, sites, first)
+        yield from self._borrow(clusters, value, sites)
         return sites
 
-    def _borrow(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray, first: int) -> Generator[float, None, None]:
+    def _borrow(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
         """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
-        gathered: the members that are sites, whose numbers begin with `first`.
+        gathered: the members that are sites.
 
         Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
         full of them lost a third of its second bounce.
@@ -250,9 +263,9 @@ class SiteChooser:
         for site in near.T:
             asking = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[asking], gathered[site[asking]], _SHARED_OUT)
-            value[left[asking[seen]]] = first + site[asking[seen]]
+            value[left[asking[seen]]] = FIRST_SITE + site[asking[seen]]
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
-        value[left[unseen]] = first + near[unseen, 0]
+        value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
     def cells(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
         """SiteLayout.cells for members with these values (M,)."""

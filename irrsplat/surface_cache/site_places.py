@@ -45,14 +45,6 @@ class Places:
             columns[name][moved.numbers] = moved.normals(columns[name][moved.numbers])
         return Places(replace(self.sites, **columns))
 
-    def onto(self, others: Places, numbers: np.ndarray) -> Places:
-        """The places of `others`, which may have more sites, but those of these numbers (N,) as they are here."""
-        rows = _rows(numbers)
-        columns = {name: getattr(others.sites, name).copy() for name in ("position", "normal", "geometric", "triangle")}
-        for name, column in columns.items():
-            column[rows] = getattr(self.sites, name)[rows]
-        return Places(Sites(**columns))
-
 
 def _rows(numbers: np.ndarray) -> np.ndarray:
     """(N·PLACES,) the rows of the places of the sites of these numbers (N,)."""

@@ -29,6 +29,7 @@ from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
 RAYS = 2_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
+_MOST_RAYS = 2.5  # times as many of finer levels, at most, since each takes 48 bytes of the transport
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of which is told where their few rays hit
@@ -55,29 +56,20 @@ class SiteRays(Owner):
 
     def gather_for(self, sites: int, quick: bool = False) -> TraceGather:
         """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
-        side = self._side(0, 0) if quick else self._side(sites, RAYS)
-        return self._gather("quick gather" if quick else "gather", side, links=True)
-
-    def linking_gather(self, sites: int) -> TraceGather:
-        """The same with up to twice as many rays in all, for the transport between refined sites."""
-        return self._gather("linking gather", self._side(sites, 2 * RAYS), links=True)
+        return self._gather("quick gather" if quick else "gather", self._side(0, 0) if quick else self._side(sites, RAYS))
 
     def _side(self, sites: int, rays: int) -> int:
         share = self._detail.rays
-        side = np.sqrt(rays * self._detail.points * share / max(sites, 1))
+        side = np.sqrt(rays * min(self._detail.points, _MOST_RAYS) * share / max(sites, 1))
         return int(np.clip(side, *(round(limit * share**0.5) for limit in SIDES)))
-
-    def finer_gather(self, sites: int) -> TraceGather:
-        """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""
-        return self._gather("finer gather", 2 * self.gather_for(sites).side, links=False)
 
     def survey_gather(self) -> TraceGather:
         """Few rays from each site itself, of which it is told where they hit."""
-        return self._gather("survey", _SURVEY, links=True, survey=True)
+        return self._gather("survey", _SURVEY, survey=True)
 
-    def _gather(self, name: str, side: int, links: bool, survey: bool = False) -> TraceGather:
-        """Rays of this side from the places of sites; links: which sites they meet is told, too. survey: from the sites
-        themselves, and it is told where they meet others."""
+    def _gather(self, name: str, side: int, survey: bool = False) -> TraceGather:
+        """Return rays of this side from the places of sites, with the sites that they meet. survey: from the sites themselves,
+        with the places where they meet others."""
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         samples = 0 if survey else samples  # how much light there is does not count for that
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
@@ -88,8 +80,8 @@ class SiteRays(Owner):
                 self.world,
                 side,
                 _SURVEY_BATCH if survey else _BATCH,
-                surface=links,
-                hits=links,
+                surface=True,
+                hits=True,
                 met=survey,
                 places=1 if survey else PLACES,
                 light_samples=samples,

@@ -4,8 +4,7 @@
 uniform sampler2D surface_triangles;  // three texels a triangle: first corner and steps n; edges from it, and its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: something stands on the cell, and w is
-                                      // the number of the item that tells from where which corners are seen; negative: the side
-                                      // is cut into four cells, the first of which is item -w
+                                      // the number of the item that tells from where which corners are seen
 uniform sampler2D surface_values;     // rgb E in W/m²
 uniform int surface_known;            // 0: no value is known yet, and the first triangle stands for all
 
@@ -55,11 +54,6 @@ Look surface_look(int triangle, vec3 p, vec3 g)
     vec3 share;
     int cell = int(right.w) + surface_cell(uv, int(corner.w), share), side = int(dot(normal, g) < 0.0);
     vec4 found = texelFetch(surface_cells, table_texel(cell, 2, side), 0);
-    while (found.w < 0.0)
-    {
-        cell = surface_cell(2.0 * share.yz, 2, share) - int(found.w);
-        found = texelFetch(surface_cells, table_texel(cell, 2, side), 0);
-    }
     vec3 weights = mix(share, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
     if (found.w > 0.0) weights *= surface_corners_seen(int(found.w), share);
