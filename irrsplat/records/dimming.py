@@ -6,7 +6,7 @@ import numpy as np
 
 from irrsplat.records.record_cache import RecordCache, luminance_floor
 
-_LINEAR = ("irradiance", "vectors", "gradient")  # the columns that go with the light; R is geometry
+LINEAR = ("irradiance", "vectors", "gradient")  # the columns that go with the light; R is geometry
 
 
 def dim(cache: RecordCache, factor: np.ndarray) -> None:
@@ -18,7 +18,7 @@ def dim(cache: RecordCache, factor: np.ndarray) -> None:
     """
     f = np.asarray(factor, np.float32)
     numbers = np.arange(cache.count)
-    found = cache.gathered(*_LINEAR)
+    found = cache.gathered(*LINEAR)
     before = luminance_floor(cache.values[:, :3])
     cache.correct({name: values * (f if name == "irradiance" else f[:, None]) for name, values in found.items()}, numbers)
     if before > 0.0:  # it counts as dark and as bright what did before

@@ -146,15 +146,11 @@ class Frames(Owner):
             self.resting.leave()
         change = self.scheduler.change_to(state.scene)
         dimming = change.dimming
-        answered = state.settings == self.state.settings and self.scheduler.gatherer.answers(change)
         self.scheduler.follow(state.settings, change, self.stages.shadows(self.state))
-        if dimming is not None or answered:
+        if dimming is not None:
             state = replace(state, view=self._dimmed_view(state))
-            temporal_filter = self.stages.temporal_filter
-            if temporal_filter is not None and dimming is not None:
-                temporal_filter.dim(dimming)
-            elif temporal_filter is not None:
-                temporal_filter.forget()
+            if self.stages.temporal_filter is not None:
+                self.stages.temporal_filter.dim(dimming)
         self.state = state
 
     def _dimmed_view(self, after: State) -> ViewState:

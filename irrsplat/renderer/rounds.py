@@ -75,11 +75,7 @@ class Rounds:
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride)
 
-        waiting = self.cache.waiting
-        if ready and budget.limited and not requests.new and not renewed:
-            scheduler.gatherer.learn(shadows, budget.part(1.0, later))
-            waiting += scheduler.gatherer.to_learn
-        progress = self._progress(view, requests, renewed, waiting if bounces else None)
+        progress = self._progress(view, requests, renewed, self.cache.waiting if bounces else None)
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, state: State, camera: Camera) -> Round:

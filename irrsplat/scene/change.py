@@ -56,18 +56,13 @@ class SceneChange:
         """Whether all light may be another, since lights, the sky or materials differ."""
         return self.relit or self.other_sky or bool(self.repainted)
 
-    @property
-    def by_lamps_alone(self) -> bool:
-        """Whether lamps differ, as many as before, and nothing else does."""
-        others = self.moved or self.repainted or self.other_sky
-        return self.relit and not others and len(self.old.lights) == len(self.new.lights)
-
     @cached_property
     def dimming(self) -> np.ndarray | None:
         """(3,) the factors by which all light of red, green and blue has changed, where nothing else has: light is linear in its
         sources, so whatever was lit by these is known at once. None where there is no such factor, or it would lead from 0."""
         old, new = self.old.lights, self.new.lights
-        if not self.by_lamps_alone:
+        others = self.moved or self.repainted or self.other_sky
+        if not self.relit or others or len(old) != len(new):
             return None
         if any(replace(a, color=b.color, name=b.name) != b for a, b in zip(old, new, strict=True)):
             return None

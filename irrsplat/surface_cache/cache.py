@@ -9,7 +9,7 @@ values until those of the full one are there. Progressive refinement makes finer
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -28,7 +28,6 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
 from irrsplat.surface_cache.site_layout import (
     COARSE,
@@ -128,11 +127,6 @@ class SurfaceCache(Owner):
         return None if self._coarse is None or self._coarse.result is None else self._coarse.lookup
 
     @property
-    def refined(self) -> bool:
-        """Whether its values come from more rays than it is made by."""
-        return self.refinements > 0
-
-    @property
     def refinements(self) -> int:
         """The number of levels by which the values in use are finer."""
         return self._finer[-1]._detail.level if self._finer else 0
@@ -227,15 +221,14 @@ class SurfaceCache(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings, change: SceneChange, brighter: Mapping[LampPart, np.ndarray] | None = None) -> None:
-        """Go on with other settings, and with the world's scene as it is after a `change`; what depends on that is made again by
-        `advance`. Until then the values are those from before, on what has moved too. brighter: where nothing but the colours of
-        lamps has changed, whose parts are all known, by how much, (3,) each.
+    def change(self, settings: Settings, change: SceneChange) -> None:
+        """Use other settings, and the world's scene as it is after a `change`. `advance` makes values again that depend on these;
+        until then the former values hold, on moved meshes, too.
 
         Interrupted, it does no harm to be called again: the basis is replaced last.
         """
         old, scene = self._basis, change.new
-        relit, moved = change.looks_otherwise and change.dimming is None and brighter is None, bool(change.moved)
+        relit, moved = change.looks_otherwise and change.dimming is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
         if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
@@ -256,8 +249,6 @@ class SurfaceCache(Owner):
             self._drop_sites()
         if change.dimming is not None:
             self._dim(change.dimming)
-        for part, colour in (brighter or {}).items():
-            self._add(part, colour.astype(np.float32))
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
         self._relit |= relit
@@ -290,48 +281,6 @@ class SurfaceCache(Owner):
             light = replace(held.light, irradiance=held.light.irradiance * f)
             held.table.write(light.irradiance)
             self._held = replace(held, light=light)
-
-    def _add(self, part: LampPart, colour: np.ndarray) -> None:
-        """Let all values, which are complete, hold so much more of a lamp, (3,)."""
-        sites, held = part.sites, self._held
-        assert sites is not None and held.light is not None and held.laid_out is not None
-        numbers = np.arange(held.laid_out.records.count)
-        E_1 = np.maximum(held.laid_out.records.values[:, :3] + colour * sites.E_1, 0.0)
-        normal = held.laid_out.records.sites(numbers).normal
-        held.laid_out.records.correct({"irradiance": E_1, "vectors": normal[:, None] * E_1[:, :, None]}, numbers)
-        light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
-        held.table.write(light.irradiance)
-        self._held, self._bouncing = replace(held, light=light), None
-        if self._follower is not None and sites.beyond is not None and sites.D is not None:
-            self._follower.add(*(colour * one for one in (sites.E_1, sites.E, sites.beyond, sites.D)))
-
-    def learn(self, part: LampPart, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the part of a lamp, which shines alone in `shadows` (see lamp_parts.alone); whether it is known."""
-        laid_out = self._held.laid_out
-        if part.sites is not None or laid_out is None:
-            return part.sites is not None
-        assert laid_out.places is not None
-        count, light = laid_out.records.count, HitLight(shadows, self.uniforms(laid_out.table))
-        if not part.site_records.count:
-            part.site_records.append(laid_out.records.sites(slice(0, count)))
-            part.sites_done = FIRST_SITE
-        gather = self._rays.gather_for(count)
-        with self.timers("surface"):
-            for batch in self._pace.batches(count - part.sites_done, gather.capacity, budget):
-                numbers = part.sites_done + np.arange(batch)
-                self._rays.light(gather, light, part.site_records, numbers, laid_out.places.of)
-                part.sites_done += batch
-            if part.sites_done < count:
-                return False
-            E_1 = part.site_records.read()["irradiance"] / np.float32(SCALE)
-            E_1[:FIRST_SITE] = 0.0
-            *_, light_of_all = self._bounces(E_1, laid_out)
-            E = light_of_all.irradiance
-            beyond, D = (None, None) if self._follower is None else self._follower.parts(E_1, shadows, SCALE)
-            table = LookupTable(self.ctx, laid_out.layout.tessellation.table, laid_out.layout.cells, MAX_SITES)
-            table.write(SCALE * E)
-            part.table, part.sites = table, SitePart(E_1, E, D, beyond)
-        return True
 
     def expire(self) -> None:
         """Gather all again."""

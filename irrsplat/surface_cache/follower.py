@@ -71,18 +71,6 @@ class Follower:
         if self._beyond is not None and self._lamps is not None:
             self._beyond, self._lamps = self._beyond * factor, self._lamps * factor
 
-    def parts(self, E_1: np.ndarray, shadows: ShadowMaps, scale: float) -> tuple[np.ndarray, np.ndarray]:
-        """(S, 3) c and D of light alone that comes to the sites as E_1, by the lamps of `shadows`, which are `scale` times as
-        bright."""
-        D = self.light(shadows) / np.float32(scale)
-        return E_1 - self.transport(D), D
-
-    def add(self, E_1: np.ndarray, E: np.ndarray, beyond: np.ndarray, D: np.ndarray) -> None:
-        """Take all light for so much more, (S, 3) each."""
-        assert self._beyond is not None and self._lamps is not None
-        self._E_1, self.irradiance = self._E_1 + E_1, np.maximum(self.irradiance + E, 0.0)
-        self._beyond, self._lamps = self._beyond + beyond, np.maximum(self._lamps + D, 0.0)
-
     def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
         self.records.move_with_meshes(change)

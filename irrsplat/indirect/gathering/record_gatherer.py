@@ -18,13 +18,12 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
 from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, ChangeProbe, follow_surface, take_in
 from irrsplat.indirect.gathering.gathers import Gathers
-from irrsplat.records.dimming import dim
+from irrsplat.records.dimming import LINEAR, dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
 from irrsplat.surface_cache.site_layout import detail_for
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
@@ -51,11 +50,10 @@ class RecordGatherer(Owner):
             world.expect(self._needs_tree, self._casts)
         self.gathers = Gathers(world)
         self._made = Workshop()  # the surface cache
-        self._parts = LampParts(self.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.gathers, self._made, self._parts)
+        return (self.gathers, self._made)
 
     def free_passes(self) -> None:
         """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
@@ -141,9 +139,7 @@ class RecordGatherer(Owner):
             return None
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         # first what may fail
-        if (
-            change and change.dimming is None and self._answered(change) is None and shadows is not None
-        ):  # a last look at what was there before
+        if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(self.light(shadows), unknown)
             if self._basis.swapped:  # what these lack by the values of before can no longer be found
@@ -160,7 +156,6 @@ class RecordGatherer(Owner):
             cache.truncate(0)
             self.gathers.clear()
             self._made.clear()
-            self._parts.forget()
             self._basis = new
             raise
         return kept
@@ -168,7 +163,6 @@ class RecordGatherer(Owner):
     def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
         """Change the records and the surface cache as the scene and the settings do; the numbers of those kept, None for all."""
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
-        brighter = self._answered(change) if was == settings else None
         if _places(was) != _places(settings):
             cache.truncate(0)
         if change.moved:
@@ -176,14 +170,11 @@ class RecordGatherer(Owner):
             cache.keep_only(kept)
         if change.dimming is not None:
             dim(cache, change.dimming)
-        elif brighter is not None:
-            surface_now = self.surface_now
-            brighten(cache, brighter, alike=surface_now is None or not surface_now.refined)
         elif change:
             new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
-            surface.change(settings, change, brighter)
+            surface.change(settings, change)
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
@@ -191,73 +182,19 @@ class RecordGatherer(Owner):
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, resumed=None)
-        elif change.looks_otherwise and change.dimming is None and brighter is None:
+        elif change.looks_otherwise and change.dimming is None:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
-        self._parts.follow(change, was == settings)
         self._basis = new
         return kept
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._parts.forget()
         self._basis = replace(self._basis, resumed=None)
         self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
-
-    # ---- single lamps ----------------------------------------------------------------------------------------------
-
-    def _answered(self, change: SceneChange) -> dict[LampPart, np.ndarray] | None:
-        """By how much the colours of which lamps have changed, where nothing else has and all that they bring is known."""
-        found, surface, basis = recoloured(change), self._made.find("surface", SurfaceCache), self._basis
-        if (
-            found is None
-            or change.dimming is not None
-            or (basis.relit and basis.wants_surface)
-            or basis.moved
-            or basis.resumed is not None
-        ):
-            return None
-        if basis.wants_surface and (surface is None or not surface.complete):
-            return None
-        return self._parts.of(found, with_sites=basis.wants_surface)
-
-    def answers(self, change: SceneChange) -> bool:
-        """Whether what records hold by the lamps of another state of the scene is known at once, but for a few of them."""
-        return self._answered(change) is not None
-
-    @property
-    def to_learn(self) -> int:
-        """Of how many records the part of some lamp is still to be gathered, whose colour may change again."""
-        return sum(len(part.unknown(self.cache)) for _, part in self._parts)
-
-    def learn(self, shadows: ShadowMaps, budget: Budget) -> None:
-        """Go on with the parts of lamps whose colours have changed, while nothing else is to be gathered."""
-        surface, basis, cache = self.surface_now, self._basis, self.cache
-        if len(cache.stale) or basis.moved or (basis.relit and basis.wants_surface) or basis.resumed is not None:
-            return
-        if basis.wants_surface and (surface is None or not surface.complete):
-            return
-        for lamp, part in self._parts:
-            part.records.truncate(len(part.ids))  # Ctrl-C may have left more
-            lit = alone(shadows, basis.scene.lights, lamp)
-            if surface is not None and not surface.learn(part, lit, budget):
-                return
-            light = HitLight(lit, None if surface is None else surface.uniforms(part.table))
-            missing = part.unknown(cache)
-            for size in np.unique(cache.gather_sizes[missing]).tolist():
-                numbers, done = missing[cache.gather_sizes[missing] == size], 0
-                look = self.gathers.at(self._basis, size)
-                for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget):
-                    chosen = numbers[done : done + count]
-                    rows = part.records.append(cache.sites(chosen)) + np.arange(count)
-                    self._write(look, light, part.records, rows)
-                    part.note(cache.ids[chosen], cache.gather_sizes[chosen])
-                    done += count
-            if len(part.unknown(cache)):
-                return
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
@@ -474,7 +411,6 @@ class RecordGatherer(Owner):
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
         further records are wanted."""
-        self._parts.forget()
         surface = self.surface
         complete = surface is None or surface.complete or not self._basis.wants_surface
         self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)
