@@ -68,7 +68,7 @@ class Detail:
 
 
 COARSE = Detail(0.15, 0.5, -1)  # 8 % of the rays; its light at pixels is 5, 14 and 18 % off in cornell, door and atrium
-MAX_LEVEL = 3  # the finest level, whose tables take some hundred megabytes
+MAX_LEVEL = 2  # the finest level, whose tables take some hundred megabytes
 _FINE = 64  # side of a gather from which the surface cache is full
 _LEAST = 0.5  # of the sites and rays, however few rays a gather has
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
@@ -9,7 +10,7 @@ from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Pace
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangeProbe
@@ -64,11 +65,17 @@ class Gathers(Owner):
         gradients = settings.gradients
         return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
 
-    def pace(self, look: Gather | ChangeProbe) -> Pace:
-        """How much a batch of one of these costs."""
+    def batches(self, look: Gather | ChangeProbe, wanted: int, budget: Budget, times: int = 1) -> Iterator[slice]:
+        """Yield slices of so many places that `look` gathers from in one go, until all are done or the budget ends.
+
+        times: how often each place is gathered from.
+        """
         if look not in self._paces:
             self._paces[look] = Pace(self.ctx)
-        return self._paces[look]
+        done = 0
+        for count in self._paces[look].batches(wanted, look.capacity, budget, times * look.share.size):
+            yield slice(done, done + count)
+            done += count
 
     def _rough(self, name: str, basis: Basis, side: int, gradients: bool) -> ChangeProbe:
         """Looks along side² rays, and at most as many light samples as these are wide, as records are gathered."""

@@ -16,7 +16,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
-from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, ChangeProbe, follow_surface, take_in
+from irrsplat.indirect.gathering.change_probe import ChangeProbe, follow_surface, take_in
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.dimming import LINEAR, dim
 from irrsplat.records.record_cache import RecordCache
@@ -86,12 +86,10 @@ class RecordGatherer(Owner):
     def glance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """(K,) float64 W/m²: roughly the luminance of E at the first of the `sites`, as many as the budget has time for. side:
         of their gathers."""
-        look, light, done = self.gathers.glances(self._basis, side), self.light(shadows), 0
-        found = [np.zeros(0)]
-        for count in self.gathers.pace(look).batches(len(sites), MAX_RECORDS, budget, look.gather.share.size):
+        look, light, found = self.gathers.glances(self._basis, side), self.light(shadows), [np.zeros(0)]
+        for some in self.gathers.batches(look, len(sites), budget):
             with self.timers("examine"):
-                found.append(look(light, sites[done : done + count], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
-            done += count
+                found.append(look(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     @property
@@ -226,15 +224,15 @@ class RecordGatherer(Owner):
         """
         surface, side = self.surface_now, max(self.settings.gather_size // 2, _FEWEST)
         assert surface is not None
-        look, done, changes = self.gathers.at(self._basis, side), 0, [np.zeros((0, 3))]
+        look, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
-        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, 2 * look.share.size):
-            chosen = numbers[done : done + count]
+        for some in self.gathers.batches(look, len(numbers), budget, times=2):
+            chosen = numbers[some]
             sites, found = self.cache.sites(chosen), []
             with RecordCache(self.ctx) as scratch:
-                rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(count)
+                rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
                 for light in lights:
-                    self._write(look, light, scratch, rows)
+                    self._look(look, light, scratch, rows)
                     found.append(scratch.gathered(*LINEAR))
             held = self.cache.gathered(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
@@ -242,7 +240,6 @@ class RecordGatherer(Owner):
             self.cache.correct(after, chosen)
             self.cache.probes[chosen] = 0.0
             changes.append(after["irradiance"].astype(float) - held["irradiance"][chosen])
-            done += count
         self.cache.refresh_count += 1
         return np.concatenate(changes)
 
@@ -300,15 +297,14 @@ class RecordGatherer(Owner):
             return
         cache, former = self.cache, self.surface.stand_in if self._basis.swapped and self.surface is not None else None
         (numbers,) = np.nonzero(cache.due)
-        numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
-        for count in self.gathers.pace(self.probes).batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
-            chosen = numbers[done : done + count]
+        numbers, left = numbers[np.argsort(-cache.due[numbers], kind="stable")], len(numbers)
+        for some in self.gathers.batches(self.probes, len(numbers), budget):
+            chosen, left = numbers[some], len(numbers) - some.stop
             unknown = chosen[cache.probes[chosen, 3] == 0.0]
             if former is not None and len(unknown):
                 cache.probes[unknown] = self._probe(HitLight(shadows, former.uniforms), unknown)
             cache.invalidate(take_in(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
-            done += count
-        if done == len(numbers):
+        if not left:
             self._basis = replace(self._basis, moved=False, swapped=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
@@ -319,42 +315,47 @@ class RecordGatherer(Owner):
     # ---- gathering -------------------------------------------------------------------------------------------------
 
     def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
-        """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
-        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
-        done, look = 0, self.gathers.at(self._basis, size)
-        for count in self.gathers.pace(look).batches(len(sites), look.capacity, budget, look.share.size):
-            first = self.cache.append(sites[done : done + count])
-            numbers = first + np.arange(count)
+        """Add records at `sites` to the cache, as many as the budget has time for, and at least one. Return how many.
+
+        size: the side of their gather; 0: as the settings have it. near: True if they cover only what is near, and few rays may
+        do.
+        """
+        done = 0
+        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(sites), budget):
+            first = self.cache.append(sites[some])
+            numbers = first + np.arange(some.stop - some.start)
             try:
-                self.cache.set_gather_sizes(numbers, self._gather(shadows, numbers, size, np.full(count, near)))
+                self.cache.set_gather_sizes(numbers, self._gather(shadows, numbers, size, np.full(len(numbers), near)))
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
-            done += count
+            done = some.stop
         return done
 
     def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
-        """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
-        `gather`."""
-        done, look = 0, self.gathers.at(self._basis, size)
-        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, look.share.size):
-            chosen = numbers[done : done + count]
-            near = self.cache.gather_sizes[chosen] == self._fewer
-            self.cache.mark_refreshed(chosen, self._gather(shadows, chosen, size, near))
-            done += count
+        """Gather the records of these numbers again in place, as many as the budget has time for. Return how many.
+
+        size: as in `gather`.
+        """
+        done = 0
+        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
+            near = self.cache.gather_sizes[numbers[some]] == self._fewer
+            self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
+            done = some.stop
         return done
 
     def renew(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
-        """Gather the stale records of these numbers again in place, as many as the budget has time for; how many. While the scene
-        goes on changing from tick to tick, along a quarter of the rays: then more of them are of the scene as it is."""
+        """Gather the stale records of these numbers again in place, as many as the budget has time for. Return how many.
+
+        While the scene goes on changing from tick to tick, records take a quarter of the rays: then more of them are current.
+        """
         if not self.rushes(budget):
             return self.regather(shadows, numbers, budget)
         self._basis, done, look = replace(self._basis, changing=False), 0, self.gathers.at(self._basis, self._fewer)
-        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, look.share.size):
-            chosen = numbers[done : done + count]
-            self._look(shadows, chosen, self._fewer)
-            self.cache.mark_refreshed(chosen, self.cache.gather_sizes[chosen], rough=True)
-            done += count
+        for some in self.gathers.batches(look, len(numbers), budget):
+            self._look(look, self.light(shadows), self.cache, numbers[some])
+            self.cache.mark_refreshed(numbers[some], self.cache.gather_sizes[numbers[some]], rough=True)
+            done = some.stop
         return done
 
     def rushes(self, budget: Budget) -> bool:
@@ -376,12 +377,12 @@ class RecordGatherer(Owner):
         sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
         if few and near.any():
             (tried,) = np.nonzero(near)
-            self._look(shadows, numbers[tried], few)
+            self._look(self.gathers.at(self._basis, few), self.light(shadows), self.cache, numbers[tried])
             assert self.atlas is not None
             even = self.gathers.reduction(self.settings).noise(self.atlas) <= 0.01 * self.settings.ray_noise
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
-        self._look(shadows, numbers, size)
+        self._look(self.gathers.at(self._basis, size), self.light(shadows), self.cache, numbers)
         return sizes
 
     @property
@@ -391,15 +392,13 @@ class RecordGatherer(Owner):
         may = settings.ray_noise > 0.0 and settings.gradients and self._basis.kind in ("trace", "embree")
         return side if may and side >= _FEWEST else 0
 
-    def _look(self, shadows: ShadowMaps, numbers: np.ndarray, size: int) -> None:
-        """Gather the records of these numbers by a gather of this side; 0: as the settings say."""
-        look = self.gathers.at(self._basis, size)
-        self.atlas = self._write(look, self.light(shadows), self.cache, numbers) or self.atlas
-
-    def _write(self, look: Gather, light: HitLight, records: RecordCache, numbers: np.ndarray) -> Atlas | None:
-        """Give `records` of these numbers what they gather by `look`; what the last batch saw."""
+    def _look(self, look: Gather, light: HitLight, records: RecordCache, numbers: np.ndarray) -> None:
+        """Gather the records of these numbers by `look`, where `records` have them."""
         settings = self.settings
-        return gather_records(look, self.gathers.reduction(settings), light, records, numbers, settings.seed, self.timers)
+        reduction = self.gathers.reduction(settings)
+        atlas = gather_records(look, reduction, light, records, numbers, settings.seed, self.timers)
+        if records is self.cache and atlas is not None:
+            self.atlas = atlas
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
