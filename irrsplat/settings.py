@@ -219,10 +219,6 @@ class Settings:
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
-    pixel_light_samples: int = _declare(
-        0, "int", "composite", "shadow rays of a pixel to emissive surfaces, whose light the records then leave to the pixels: "
-        "sharper penumbrae, some noise; every sample of a pixel sends as many; 0: off", low=0, high=1024,
-    )  # fmt: skip
     fill_holes: bool = _declare(
         True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them",
         former="overture",
@@ -288,11 +284,6 @@ class Settings:
         return min(1.0, 2.0 * (1.0 - self.blend)), min(1.0, 2.0 * self.blend)
 
     @property
-    def emitters_apart(self) -> bool:
-        """Whether the light of emissive surfaces is sampled at the pixels (`pixel_light_samples`); records hold all but that."""
-        return self.pixel_light_samples > 0
-
-    @property
     def most_bounces(self) -> int:
         """The indirect bounces that are made at most (`bounces`, all resolved)."""
         return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
@@ -327,6 +318,7 @@ _PRESENT_NAMES = {d.former: d.name for d in SETTINGS.values() if d.former}
 REMOVED = {  # settings of earlier versions: why they are gone
     "borrow": "every pixel gets a record where it needs one",
     "neighbours": "adaptive radii do better with fewer records",
+    "pixel_light_samples": "records hold the light of emissive surfaces with less error in the same time",
     "smooth": "it raised the error",
     "walls": "inter-record variance finds the same pixels",
 }
@@ -376,7 +368,6 @@ class SettingValues(TypedDict, total=False):
     max_rounds: int
     max_records: int
     blend: float
-    pixel_light_samples: int
     fill_holes: bool
     fade: bool
     samples: int

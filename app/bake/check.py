@@ -72,8 +72,6 @@ def check(
     Raises InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
     """
     worker.require()
-    if made.light == "indirect" and made.emitters_apart:
-        raise InputError("a bake without light of lamps and emitters is not checked; leave --pixel-light-samples or --check out")
     random = np.random.default_rng(seed)
     some = _texels(made, count, random) if isinstance(made, Lightmap) else _vertices(made, count, random)
     side, number = side_of(SAMPLES), len(some.irradiance)
@@ -85,7 +83,7 @@ def check(
     if len(found["direct"]):
         direct = found["direct"].reshape(number, -1, 3).mean(1)
     told, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
-    indirect = None if made.emitters_apart else errors(some.indirect, halves.mean(0))["rmse"]
+    indirect = errors(some.indirect, halves.mean(0))["rmse"]
     return Checked(
         number, made.checks, 2 * side * side, told["rmse"], _net(told["rmse"], own), told["bias"],
         _net(indirect, noise(halves, everywhere)),

@@ -20,11 +20,9 @@ from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gpu.resource import Owner, Resource, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting.direct import DirectPass
-from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene
 from irrsplat.scene.model import Camera, Scene
@@ -48,7 +46,7 @@ class Gathered:
 class PlaceLight(Tenant):
     """Light at any points on a scene's surfaces. The records stay, so that further points cost only what is new.
 
-    scene: recentred and local. preset, settings: of the stages shadow, gather, splat and examine, and pixel_light_samples.
+    scene: recentred and local. preset, settings: of the stages shadow, gather, splat and examine.
     Raises InputError for settings that cannot be, GLError where there is no OpenGL 3.3.
     """
 
@@ -104,8 +102,7 @@ class PlaceLight(Tenant):
         return Reach(min(least, greatest), greatest, texel)
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
-        """(H, W, 3) W/m² of lamps with their shadows, and of emitters where records leave that to the places
-        (`pixel_light_samples`). number: of the subtexel sample."""
+        """Return (H, W, 3) W/m², the irradiance of lights with their shadows. number: of the subtexel sample."""
         self._use()
         with _Drawn(self.ctx, where, True) as drawn:
             found = np.zeros((*where.seen.shape, 3), np.float32)
@@ -115,9 +112,6 @@ class PlaceLight(Tenant):
                     found += _colours(
                         lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=shadow_caster(self.world, self.settings))
                     )
-            if self.settings.emitters_apart and self.settings.most_bounces and emitter_table(self.world) is not None:
-                with EmitterLightPass(self.ctx, where.size, self.world.material_defines) as emitters:
-                    found += _colours(emitters(drawn.gbuffer, self.world, self.settings, number))
         return np.where(where.seen[..., None], found, 0.0).astype(np.float32)
 
 

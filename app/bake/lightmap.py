@@ -37,12 +37,11 @@ _GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 seq
 class Lightmap:
     """Light on surfaces as pictures (S, S, 3) of float32, top row first, where TEXCOORD_1 = (0, 0) is the top left corner.
 
-    irradiance: W/m², of all light or of all but that of lamps; radiance: W/(m² sr), what the surfaces send out by it, and what
+    irradiance: W/m², with or without the direct light; radiance: W/(m² sr), what the surfaces send out by it, and what
     they emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the
     surfaces of `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the number of the chart that a
     texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre. texel: metres along the side of one, on
-    the mean. records, converged: as a render has them. emitters_apart: whether `direct` holds light of emitters, which records
-    left out.
+    the mean. records, converged: as a render has them.
     """
 
     receivers: Receivers
@@ -58,7 +57,6 @@ class Lightmap:
     texel: float
     records: int
     converged: bool
-    emitters_apart: bool
     checks = "texels"
 
     def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
@@ -91,9 +89,9 @@ def bake_lightmap(
 ) -> Lightmap:
     """The lightmap of a scene, `size` texels a side.
 
-    light: "all", or "indirect": all but what comes straight from lamps (and from emitters where `pixel_light_samples` is not 0).
-    texel_samples: points of a texel at which lamps and textures are looked at. preset, settings: as Renderer's, those of the
-    stages shadow, gather, splat and examine, and pixel_light_samples. on_bake: called with the share done, and words. ctx: as
+    light: "all", or "indirect": "all" without direct light.
+    texel_samples: points of a texel at which lights and textures are sampled. preset, settings: as Renderer's, those of the
+    stages shadow, gather, splat and examine. on_bake: called with the share done, and words. ctx: as
     Renderer's. Raises InputError for what cannot be, and where the extra `bake` is not installed; GLError where there is no
     OpenGL.
     """
@@ -165,7 +163,6 @@ def _baked(
         texel,
         gathered.records,
         gathered.converged,
-        lights.settings.emitters_apart,
     )
 
 

@@ -34,10 +34,10 @@ _COLUMNS, _TILE = 64, 8  # tiles in a row of a picture of points, and points alo
 
 @dataclass(frozen=True, eq=False)
 class VertexLight:
-    """Light at vertices, (V, 3) each: irradiance in W/m², of all light or of all but that of lamps; indirect and direct, its
+    """Light at vertices, (V, 3) each: irradiance in W/m², with or without the direct light; indirect and direct, its
     parts as they were found. lit: (V,) whether light was found at the very vertex; points: where it was looked for, (V, 3), and
     about which normals. records, converged: as a render has them. complete: whether nothing is left to be cut that MOST kept
-    from it. emitters_apart: as a Lightmap's."""
+    from it."""
 
     receivers: Receivers
     cut: Cut
@@ -50,7 +50,6 @@ class VertexLight:
     records: int
     converged: bool
     complete: bool
-    emitters_apart: bool
     checks = "vertices"
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -115,7 +114,7 @@ def bake_vertices(
     total = seams.filled(known.total[None], known.seen[None], position, mesh)[0].astype(np.float32)
     return VertexLight(
         receivers, pieces, light, total, known.indirect, known.direct, known.seen, known.places, found.records, found.converged,
-        complete, lights.settings.emitters_apart,
+        complete,
     )  # fmt: skip
 
 

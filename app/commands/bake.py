@@ -8,7 +8,6 @@ from typing import Any
 from irrsplat.app.bake import arguments
 from irrsplat.app.commands.shared import flags, values
 from irrsplat.app.commands.shared.command import Command
-from irrsplat.settings import SETTINGS
 
 
 def add(commands: Any) -> None:
@@ -19,7 +18,6 @@ def add(commands: Any) -> None:
     arguments.add(parser, values.number, values.count)
     flags.add_preset(parser, "default")
     flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup", "coarse"))
-    flags.add_setting(parser.add_argument_group("settings of composite"), SETTINGS["pixel_light_samples"])
 
 
 def run(args: argparse.Namespace) -> int:

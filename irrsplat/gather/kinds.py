@@ -49,7 +49,7 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     Raises InputError where rays are to go through more triangles than the GPU can hold.
     """
     how, surface = kind(world.ctx, settings), settings.most_bounces > 1
-    samples, apart = settings.light_samples, settings.emitters_apart
+    samples = settings.light_samples
     if how in ("trace", "embree"):
         return TraceGather(
             world,
@@ -57,7 +57,6 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
             capacity,
             surface=surface,
             light_samples=samples,
-            emitters_apart=apart,
             embree=how == "embree",
         )
-    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
+    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples)

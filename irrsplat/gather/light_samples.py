@@ -28,18 +28,15 @@ class LightSearch:
     """How a gather of `world` looks for what is small and bright: by so many `samples` a record for emitters, and by at most as
     many for what lamps light close by (irrsplat/lighting/virtual_lights.py); 0: by rays alone.
 
-    apart: not for emitters, since what they send out is sampled at the pixels; rays that hit them bring what they reflect.
     rays: the density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else
     they are a hemicube's texels. embree: that tells which samples are seen, but where something is cut out, which only shaders
     know.
     """
 
-    def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False, embree: bool = False) -> None:
+    def __init__(self, world: World, samples: int, rays: float, strata: bool, embree: bool = False) -> None:
         self.world, self.rays, self.strata = world, rays, strata
         self.embree = embree and not world.material_defines["CUT_OUTS"]
-        known = (samples > 0 or apart) and emitter_table(world) is not None
-        self.apart = apart and known
-        self._emitter_samples = samples if known and not apart else 0
+        self._emitter_samples = samples if samples > 0 and emitter_table(world) is not None else 0
         # rays bring noise of their own, which more of these do not mend
         self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))
         # whether there may be virtual lights, wherever the world's lamps are; shaders are compiled for it
@@ -48,7 +45,7 @@ class LightSearch:
     @property
     def _emitters(self) -> EmitterTable | None:
         """The emitters of the world as it is now; None where no ray has to know of them."""
-        return emitter_table(self.world) if self._emitter_samples or self.apart else None
+        return emitter_table(self.world) if self._emitter_samples else None
 
     @property
     def _virtual(self) -> VirtualLights | None:
@@ -58,9 +55,8 @@ class LightSearch:
     @property
     def defines(self) -> dict[str, int]:
         """What the gather's shaders are compiled for; nothing is compiled where there are neither emitters nor lamps."""
-        known = self._emitter_samples > 0 or self.apart
-        kinds = {"EMITTERS": int(known), "VIRTUAL_LIGHTS": int(self._may_be_virtual), "STRATA": int(self.strata)}
-        return {**kinds, **({"EMITTERS_APART": 1} if self.apart else {})}
+        known, virtual = self._emitter_samples > 0, self._may_be_virtual
+        return {"EMITTERS": int(known), "VIRTUAL_LIGHTS": int(virtual), "STRATA": int(self.strata)}
 
     @property
     def ray_uniforms(self) -> Uniforms:
@@ -75,7 +71,7 @@ class LightSearch:
 
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
         """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them, lit by this."""
-        emitters, virtual = self._emitters if self._emitter_samples else None, self._virtual
+        emitters, virtual = self._emitters, self._virtual
         sources: list[tuple[Literal["emitters", "virtual lights"], int, Uniforms]] = []
         if emitters is not None:
             sources.append(("emitters", self._emitter_samples, emitters.sample_uniforms(self._emitter_samples)))

@@ -34,8 +34,7 @@ class RasterGather(Gather):
     """Draws what records see of the world's geometry: hemicubes ("raster") or planes ("plane") of `side` texels.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
-    with has a surface cache, too. light_samples: shadow rays of a record to emitters; the paper's planes take none. With
-    emitters_apart, emitters do not count, however they are found.
+    with has a surface cache, too. light_samples: shadow rays of a record to emitters; the paper's planes take none.
     """
 
     def __init__(
@@ -47,7 +46,6 @@ class RasterGather(Gather):
         *,
         surface: bool = False,
         light_samples: int = 0,
-        emitters_apart: bool = False,
     ) -> None:
         super().__init__(world)
         self.ctx = ctx = world.ctx
@@ -63,7 +61,7 @@ class RasterGather(Gather):
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
         samples = 0 if kind == "plane" else light_samples
-        self.search = LightSearch(world, samples, (self.side / 2.0) ** 2, strata=False, apart=emitters_apart)
+        self.search = LightSearch(world, samples, (self.side / 2.0) ** 2, strata=False)
         kinds = {**light_defines(world.scene), **world.material_defines, **self.search.defines}
         self.defines = {**kinds, "SURFACE": int(surface)}
         self.single_draw: SingleDraw | None = None  # either is made when it is first wanted

@@ -29,10 +29,10 @@ class TraceGather(Gather):
     """Traces side² rays a record, in the shader through the world's tree, or with `embree` by that.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
-    with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
+    with has a surface cache, too. hits: the pass only notes which values of that cache light what the rays hit, for the
     method `hits`; met: and where that is, for the method `met`. places: from how many each record looks, see
-    Gather.places. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
-    neither counts. Raises InputError for more triangles than the GPU's textures hold, and where embreex is wanted and missing.
+    Gather.places. light_samples: a record's shadow rays to emitters.
+    Raises InputError for more triangles than the GPU's textures hold, and where embreex is required and missing.
     """
 
     def __init__(
@@ -46,7 +46,6 @@ class TraceGather(Gather):
         met: bool = False,
         places: int = 1,
         light_samples: int = 0,
-        emitters_apart: bool = False,
         embree: bool = False,
     ) -> None:
         super().__init__(world, places)
@@ -64,7 +63,7 @@ class TraceGather(Gather):
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks)
         self.places_of_texels = places_of_texels(self.cell, places)
-        self.search = LightSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart, embree=embree)
+        self.search = LightSearch(world, light_samples, self.share.size / np.pi, strata=True, embree=embree)
         self.program = Program(
             ctx,
             "gather/trace",

@@ -18,7 +18,6 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.composite import CompositePass, NoFilters
-from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
@@ -41,7 +40,6 @@ class FramePasses:
     splat: SplatPass
     direct: DirectPass
     composite: CompositePass
-    emitters: EmitterLightPass | None = None  # None: the records hold their light
 
 
 @dataclass(frozen=True)
@@ -141,12 +139,10 @@ class SampleBuffers(Owner):
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = splat_target(ctx, size)
         self.direct = Target(ctx, size, (4,))
-        self.emitters: Target | None = None  # made when first needed, as is `added`
-        self.added: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.mean, self.other, self.gbuffer, self.splat, self.direct, self.emitters, self.added)
+        return (self.mean, self.other, self.gbuffer, self.splat, self.direct)
 
 
 def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> Iterator[None]:
@@ -162,12 +158,6 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
             passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
             yield
     sums = buffers.splat.textures[0]
-    if passes.emitters is not None:
-        buffers.emitters = buffers.emitters or Target(buffers.gbuffer.ctx, buffers.size, (4,))
-        buffers.added = buffers.added or Target(buffers.gbuffer.ctx, buffers.size, (4,))
-        light = passes.emitters(gbuffer, inputs.world, settings, number, buffers.emitters)
-        sums = passes.composite.with_emitters(sums, light, gbuffer, view.splats.sums, buffers.added)
-        yield
     for band in bands(buffers.size):
         direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp, inputs.casting, band)
         yield

@@ -43,7 +43,6 @@ class CompositePass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.fills = [Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
-        self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
         self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters 2 or 3
             (filters, emissive, sky): Program(
                 ctx,
@@ -60,15 +59,14 @@ class CompositePass(Owner):
         self.no_filters = NoFilters(ctx)
         self.mipmapped = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
         self.fill_target: Target | None = None
-        self.added_target: Target | None = None
         self.meter_block = -(-size[0] // _METER), -(-size[1] // _METER)
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
         self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = *self.fills, self.add, *self.blends.values(), self.meter, self.display
-        targets = self.target, self.fill_target, self.added_target, self.meter_target
+        programs = *self.fills, *self.blends.values(), self.meter, self.display
+        targets = self.target, self.fill_target, self.meter_target
         return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
 
     def __call__(
@@ -79,18 +77,12 @@ class CompositePass(Owner):
         backdrop: Backdrop,
         camera: Camera,
         settings: Settings,
-        emitters: moderngl.Texture | None = None,
-    ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
-        """Return the image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E.
-
-        emitters: irradiance by emitters that was sampled at the pixels, W/m².
+    ) -> tuple[moderngl.Texture, moderngl.Texture]:
+        """Return the image before exposure, and its alpha.
 
         Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
         filters before.
         """
-        if emitters is not None:
-            self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
-            sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
         filtered = gbuffer.filters is not None
         sky = (2 if backdrop.maps is None else 3) if filtered else backdrop.sky_terms
         behind: Uniforms = self.no_filters.uniforms(gbuffer) if filtered else {}
@@ -100,7 +92,7 @@ class CompositePass(Owner):
             self.target, **gbuffer.material_uniforms, direct=direct, sums=sums, blend=settings.mix, **behind
         )
         image, alpha = self.target.textures
-        return image, alpha, sums
+        return image, alpha
 
     def filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
         """The sums (Σ k·E, Σ k), in a texture of this pass's own, where pixels that have none take the light of those around, at
@@ -118,21 +110,6 @@ class CompositePass(Owner):
             fill(self.fill_target, scissor=band, levels=levels, **light, **seen, **sky)
             stop_for_input(self.target.ctx)
         return self.fill_target.textures[0]
-
-    def with_emitters(
-        self,
-        sums: moderngl.Texture,
-        emitters: moderngl.Texture,
-        gbuffer: GBuffer,
-        centre: moderngl.Texture,
-        target: Target,
-    ) -> moderngl.Texture:
-        """(E, 1), in the target's texture: what the records' sums (Σ k·E, Σ k) say, and the irradiance of emitters.
-
-        Where no record reaches, those beside it count, or else `centre`, the sums at the pixels' centres.
-        """
-        self.add(target, position=gbuffer.position, sums=sums, centre=centre, emitters=emitters)
-        return target.textures[0]
 
     def exposure(self, image: moderngl.Texture, gbuffer: GBuffer) -> float:
         """Return the stops of image.tonemap.exposure_of for the image of what this g-buffer holds."""

@@ -42,13 +42,12 @@ def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
     gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 24  # summed: by the filter in time, or with holes filled
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
-    emitters = 32 if settings.emitters_apart else 0
     if settings.samples > 1:
-        return 2 * (gbuffer + splats + direct + emitters) + summed + image + 68
+        return 2 * (gbuffer + splats + direct) + summed + image + 68
     refined = 64 if settings.quality else 0  # two more splat buffers, and what they are compared by
     if picture_alone and not refined:
-        return max(gbuffer + splats + summed, gbuffer + summed + direct + image + emitters)
-    return gbuffer + splats + refined + summed + direct + image + emitters
+        return max(gbuffer + splats + summed, gbuffer + summed + direct + image)
+    return gbuffer + splats + refined + summed + direct + image
 
 
 @dataclass(frozen=True)

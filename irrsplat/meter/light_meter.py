@@ -136,8 +136,8 @@ class LightMeter(Tenant):
 def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings:
     """The settings that a meter uses for these; raises InputError for what does not exist."""
     settings = {"light_samples": _LIGHT_SAMPLES, **settings}
-    # gradients, and where records lie, are for places between them; emitters sampled at pixels would be missing
-    return replace(preset(name, **settings), gradients=False, placement="tiles", pixel_light_samples=0)
+    # gradients, and where records lie, are for places between them
+    return replace(preset(name, **settings), gradients=False, placement="tiles")
 
 
 def touching_distance(scene: Scene) -> float:

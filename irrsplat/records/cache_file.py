@@ -83,7 +83,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     return CacheKey(
         geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),
         lights=_hash(json.dumps(lights).encode()),
-        settings={name: getattr(settings, name) for name in names} | {"pixel_light_samples": int(settings.emitters_apart)},
+        settings={name: getattr(settings, name) for name in names},
     )
 
 

@@ -19,7 +19,6 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import View
@@ -27,7 +26,6 @@ from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.lighting.direct import DirectPass
-from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
@@ -71,13 +69,6 @@ class Stages(Owner):
     def _casting(self, state: State, hurried: bool = False) -> World | None:
         """Return the world of shadow rays, as `shadow_caster` has it. hurried: None also where their tree is not built yet."""
         return shadow_caster(self.world, state.settings, 0.0 if hurried else None)
-
-    def _emitter_pass(self, state: State) -> EmitterLightPass | None:
-        """Samples the light of emitters at pixels; None where the records hold it, or there are none."""
-        if not state.settings.emitters_apart or not state.settings.most_bounces or emitter_table(self.world) is None:
-            return None
-        size, defines = state.size, self.world.material_defines
-        return self._passes.get("emitters", size, lambda: EmitterLightPass(self.ctx, size, defines))
 
     def splats(self, state: State) -> ViewSplats:
         """Keeps the splat buffer of the present view."""
@@ -149,13 +140,11 @@ class Stages(Owner):
         settings, gbuffer, summed, shadows, camera = state.settings, done.gbuffer, done.splats, done.shadows, done.camera
         assert gbuffer is not None and summed is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
-        by_surface = filling and not settings.emitters_apart and not done.frozen
-        surface = self.scheduler.gatherer.surface_now if by_surface else None
+        surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
         backdrop, headlamp = backdrop_of(state.scene, settings, sky_maps(self.world)), state.headlamp_of(camera)
-        emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result
         lit_by = shadows, self._casting(state, hurried), headlamp
-        subject = gbuffer, lit_by, summed, settings.blend, filling, held, backdrop, sampled_by
+        subject = gbuffer, lit_by, summed, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not fading:
             temporal_filter.forget()
@@ -167,11 +156,6 @@ class Stages(Owner):
                     direct = self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp, world=lit_by[1], band=band)
                     stop_for_input(self.ctx)
                 return direct
-
-        def sample_emitters() -> moderngl.Texture:
-            assert emitter_pass is not None
-            with self.timers("emitters"):
-                return emitter_pass(gbuffer, self.world, settings)
 
         def compose() -> View:
             stop_for_input()
@@ -186,13 +170,12 @@ class Stages(Owner):
             if done.sparing:
                 self._spare(state, splats if sums is summed.sums else None)
             direct = self._memo.get("direct", (gbuffer, lit_by), light)
-            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
                 if filling and surface is None:
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 stop_for_input()
-                image, alpha, sums = composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
+                image, alpha = composite_pass(sums, direct, gbuffer, backdrop, camera, settings)
             return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
 
         return self._memo.get("picture", (subject, left), compose)
@@ -204,7 +187,6 @@ class Stages(Owner):
             self.splats(state).splat_pass,
             self._direct_pass(state),
             self.composite_pass(state),
-            self._emitter_pass(state),
         )
         headlamp = state.headlamp_of(view.camera)
         lit_by = self.draw_shadows(state), self._casting(state)

@@ -61,7 +61,6 @@ class State:
             settings.asking,
             settings.placement,
             settings.warmup,
-            settings.emitters_apart,
         )
         return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
 

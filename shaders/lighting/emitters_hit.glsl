@@ -1,5 +1,4 @@
-// Of what rays find by chance of emitters: the share that counts. Light samples look for them as well; or, with
-// EMITTERS_APART, their light is sampled at the pixels, and none of it counts here.
+// Of what rays find by chance of emitters: the share that counts, since next-event estimation samples them, too.
 #include "lighting/emitters.glsl"
 
 uniform sampler2D emitter_numbers;  // a texel a triangle: the density of samples among those of its cluster, m⁻² (0: no light); the cluster
@@ -9,9 +8,6 @@ uniform sampler2D emitter_numbers;  // a texel a triangle: the density of sample
 float ray_share(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
 {
     vec2 found = texelFetch(emitter_numbers, table_texel(triangle), 0).rg;
-#if EMITTERS_APART
-    return found.x > 0.0 ? 0.0 : 1.0;
-#else
     // a loop, since software renderers run it only where a ray needs it
     int clusters = found.x > 0.0 ? emitter_cluster_count : 0;
     float all_of_them = 0.0;
@@ -20,5 +16,4 @@ float ray_share(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
     float samples = WORTH * emitter_samples * found.x * cluster_importance(int(found.y), eye) / all_of_them;  // m⁻²
     float cosine = abs(dot(g, d));
     return rays * cosine / max(rays * cosine + samples * t * t, 1e-30);
-#endif
 }

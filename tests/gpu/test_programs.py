@@ -20,7 +20,6 @@ from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
 from irrsplat.indirect.splat import SplatPass
@@ -80,7 +79,6 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     yield ExaminePass(ctx)
     for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
-    yield EmitterLightPass(ctx, SIZE, {})
     yield TemporalFilter(ctx, SIZE)
 
 

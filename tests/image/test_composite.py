@@ -42,7 +42,7 @@ def test_blend(ctx: moderngl.Context, blend: float, weights: tuple[float, float]
     normal = np.broadcast_to((0.0, 0.0, 1.0), position.shape)
     gbuffer = gbuffer_of(ctx, position, normal, depth, albedo=albedo, emission=emission)
     sums, lit, behind = texture(ctx, k[..., None] * E, k), texture(ctx, direct, seen), Backdrop("sky", Scene((), (), (), SKY))
-    made, _, sums = CompositePass(ctx, SIZE)(sums, lit, gbuffer, behind, CAMERA, Settings(blend=blend))
+    made, _ = CompositePass(ctx, SIZE)(sums, lit, gbuffer, behind, CAMERA, Settings(blend=blend))
     image, total = pixels(made)[..., :3], pixels(sums)
     irradiance = total[..., :3] / np.where(total[..., 3:] > 0.0, total[..., 3:], 1.0)
     E[k == 0.0] = 0.0

@@ -48,7 +48,7 @@ def cells(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ({"bounces": "all", "max_rounds": 1}, 128),
         ({"bounces": 0, "max_rounds": 1}, 160),
-        ({"samples": 2, "pixel_light_samples": 1, "backdrop": "sky"}, 100),
+        ({"samples": 2, "backdrop": "sky"}, 100),
     ],
     ids=str,
 )

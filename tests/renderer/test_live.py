@@ -143,7 +143,7 @@ CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
     (SPLAT, RENEW, {"radius_min": 2.0, "radius_max": 10.0, "coarse": False}),
     (SPLAT, RENEW, {"gradients": False}),  # the radii may leave no pixel uncovered
     (SPLAT | {"gbuffer", "direct"}, set(), {"texture_memory": 64}),
-    (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather_size": 16, "warmup": 10, "pixel_light_samples": 4}),
+    (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather_size": 16, "warmup": 10}),
     (RENEW | {"direct"}, set(), {"gather": "plane"}),  # pixels take shadow rays by all others
     (RENEW | {"shadow", "direct"}, set(), {"shadow_size": 128}),
     (RENEW | {"surface"}, set(), {"bounces": 2}),

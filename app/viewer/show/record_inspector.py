@@ -75,7 +75,7 @@ class RecordInspector(Owner):
             return None
         kind, more = kinds.kind(self.ctx, settings), settings.most_bounces > 1
         made_for = world, kind, more, settings.gather_size, light_defines(world.scene)
-        plain = replace(settings, light_samples=0, pixel_light_samples=0)  # what is seen, emitters as bright as they are
+        plain = replace(settings, light_samples=0)  # rays find emitters at their full radiance
         gather = self._made.get("gather", made_for, lambda: kinds.gather_pass(world, plain, capacity=1))
         picture = self._made.get("picture", gather.cell, lambda: self.ctx.texture(gather.cell, 4))
         target = self._made.get("target", picture, lambda: Target(self.ctx, gather.cell, textures=[picture]))

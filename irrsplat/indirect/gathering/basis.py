@@ -52,7 +52,7 @@ class Basis:
         """What a record at its place says, and how well, depends on these."""
         settings = self.settings
         rays = settings.gather_size, settings.ray_noise, settings.light_samples
-        return self.kind, *rays, settings.emitters_apart, self.wants_surface
+        return self.kind, *rays, self.wants_surface
 
     @property
     def wants_surface(self) -> bool:

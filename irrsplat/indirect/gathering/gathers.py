@@ -90,4 +90,4 @@ class Gathers(Owner):
 
     def _emitters(self, settings: Settings) -> bool:
         """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
-        return (settings.light_samples > 0 or settings.emitters_apart) and emitter_table(self.world) is not None
+        return settings.light_samples > 0 and emitter_table(self.world) is not None

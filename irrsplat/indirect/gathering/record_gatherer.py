@@ -112,7 +112,7 @@ class RecordGatherer(Owner):
         places where rays of lamps end."""
         settings, lamps = self._basis.settings, self.world.scene.lights
         lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
-        return self._basis.kind != "embree" or lit or settings.emitters_apart or bool(self.world.material_defines["CUT_OUTS"])
+        return self._basis.kind != "embree" or lit or bool(self.world.material_defines["CUT_OUTS"])
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """What lights the surfaces that records see."""
