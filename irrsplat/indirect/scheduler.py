@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -146,28 +147,25 @@ class RecordScheduler(Owner):
 
         side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
         """
-        if self.settings.placement == "scan" and not side:
-            return self._after(state, *self._scan(state, screen, shadows, camera, budget), screen, shadows, budget, side)
-        if state.queue is None:
+        scan = self.settings.placement == "scan" and not side
+        close = partial(self._close, screen=screen, shadows=shadows, budget=budget, spots=not (scan or side))
+        before, result = state, NOTHING_ASKED
+        if scan:
+            state, result = self._scan(state, screen, shadows, camera, budget)
+        elif state.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
-        if state.check is not None:
-            return self._check(state, screen, shadows, budget, side), replace(NOTHING_ASKED, complete=False)
-        if state.closing and state.queue is None:
-            state, ended, _ = self._close(state, screen, shadows, budget, side)
-            return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
-        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, shadows, budget, side)
+            if state.check is not None:
+                return self._check(state, screen, shadows, budget, True), replace(NOTHING_ASKED, complete=False)
+            if state.closing:
+                state, ended, _ = close(state)
+                return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
+            state = self._requested(state, screen, camera, budget, side)
+        if state.queue is not None:
+            self.gatherer.resume(shadows, budget)
+            done = self.gatherer.gather(shadows, _asked_by(state.queue, camera, screen.size), budget, side, state.near)
+            state = replace(state, queue=state.queue[done:] if done < len(state.queue) else None)
+            result = RoundResult(done, state.queue is None)
 
-    def _after(
-        self,
-        before: ViewState,
-        state: ViewState,
-        result: RoundResult,
-        screen: Screen,
-        shadows: ShadowMaps,
-        budget: Budget,
-        side: int,
-    ) -> tuple[ViewState, RoundResult]:
-        """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
@@ -175,7 +173,7 @@ class RecordScheduler(Owner):
         state = replace(state, crowded=not few, closing=state.closing or (few and state.crowded))
         settled = False
         if not result.new:
-            state, ended, settled = self._close(state, screen, shadows, budget, side)
+            state, ended, settled = close(state)
             if not ended:
                 return state, replace(result, complete=False)
         gained = state.coverage > before.coverage or state.holes < before.holes_before
@@ -184,19 +182,28 @@ class RecordScheduler(Owner):
             rounds=state.rounds + 1,
             stalled_rounds=0 if gained else state.stalled_rounds + 1,
             holes_before=state.holes,
+            settled=(screen.sums, self.settings.asking) if settled else state.settled,
         )
-        if settled:
-            state = replace(state, settled=(screen.sums, self.settings.asking))
         return state, replace(result, complete=result.new > 0 or settled)
 
+    def _requested(self, state: ViewState, screen: Screen, camera: Camera, budget: Budget, side: int) -> ViewState:
+        """Return the view with the queue of a new round, coarse to fine; None if there is nothing to gather."""
+        state, sites = self._select(state, screen)
+        if budget.limited and not side:
+            sites = sites[self.flight_order(sites.position, camera, screen.size)]
+        room = self.room if side else self._room(len(sites), camera, screen.size)
+        return replace(state, queue=sites[:room] or None, full=room < len(sites))
+
     def _close(
-        self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int
+        self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
     ) -> tuple[ViewState, bool, bool]:
-        """Go on with what waits until hardly any tile asks, as far as the budget goes: the spot check and the reach of old
-        records. It makes many ask again, and so it doesn't wait until none does: the last few would take rounds of their own,
-        over and over. Returns whether one of these is done, and whether that was the last one and nothing has come of it."""
+        """Continue the work that waits until hardly any tile requests records: the spot check, then the reach of old records.
+
+        That work makes many tiles request records again. So it does not wait until none does: the last few would take rounds of
+        their own, over and over. Return whether one part is done, and whether that was the last one and changed nothing.
+        """
         if not (state.checked or state.pixel_stride > 1):
-            state = self._check(state, screen, shadows, budget, side)
+            state = self._check(state, screen, shadows, budget, spots)
             if not state.checked or state.queue is not None:
                 return state, state.checked, False
         if not self.adaptation.compare(self.settings, budget):
@@ -205,46 +212,20 @@ class RecordScheduler(Owner):
         unchanged = not limited and state.pixel_stride == 1  # else others may be missing
         return replace(state, pixel_stride=1, closing=False), True, unchanged
 
-    def _ask(
-        self,
-        state: ViewState,
-        screen: Screen,
-        shadows: ShadowMaps,
-        camera: Camera,
-        budget: Budget,
-        side: int,
-    ) -> tuple[ViewState, RoundResult]:
-        """Gather where tiles of the view ask, coarse to fine."""
-        if state.queue is None:
-            state, sites = self._select(state, screen, refining=side > 0)
-            if budget.limited and not side:
-                sites = sites[self.flight_order(sites.position, camera, screen.size)]
-            room = self.room if side else self._room(len(sites), camera, screen.size)
-            state = replace(state, queue=sites[:room], full=room < len(sites))
-        queue = state.queue
-        assert queue is not None
-        if not len(queue):
-            return replace(state, queue=None), NOTHING_ASKED
-        self.gatherer.resume(shadows, budget)
-        done = self.gatherer.gather(shadows, _asked_by(queue, camera, screen.size), budget, side, state.near)
-        state = replace(state, queue=queue[done:] if done < len(queue) else None)
-        return state, RoundResult(done, state.queue is None)
-
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
         """The places of a view, or of the part of it that `camera` draws, for a spot check, as SpotPass has them."""
         size = gbuffer.position.size
         with self.timers("examine"):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
 
-    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, side: int) -> ViewState:
+    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
         """Go on with the spot check of a view that asks for no more, as far as the budget goes: records are to be gathered next
         where what the others say is far off. None where there is little room for further ones, nor where the settings let
         records contradict each other."""
         check, gatherer = state.check, self.gatherer
         if check is None:
             roomy = self.room > _ROOMY * self.settings.max_records
-            scan = self.settings.placement == "scan"
-            if side or scan or not self.settings.spread or not roomy or not gatherer.may_glance:
+            if not (spots and roomy and self.settings.spread and gatherer.may_glance):
                 return replace(state, checked=True)
             check = SpotCheck.of(self._checked.left(screen.spots()))
         while True:
@@ -279,7 +260,7 @@ class RecordScheduler(Owner):
         """What the examination finds; part: of the picture, which these are of, where it is not the whole."""
         return self._passes.get("examine", (), lambda: ExaminePass(self.ctx))(gbuffer, splats, settings, part)
 
-    def _select(self, state: ViewState, screen: Screen, refining: bool) -> tuple[ViewState, Sites]:
+    def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
         # while some are stale, records contradict each other for that alone
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings

@@ -58,7 +58,7 @@ class Frames(Owner):
             return self.moving(self.state, camera, budget, gather)
         start, other = now(), camera != self.state.view.camera
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
-        done = self.next_round(camera, budget, gather, picture=shown is None)
+        self.state, done = self.rounds(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
         surface = self.scheduler.gatherer.surface_now
@@ -77,11 +77,6 @@ class Frames(Owner):
             self.moving.note(self.state.costs.splat + self.state.costs.picture, seconds)
         self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
         return view, replace(done.progress, fading=view.fading)
-
-    def next_round(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:
-        """A round without its picture, as Rounds has it."""
-        self.state, done = self.rounds(self.state, camera, budget, gather, picture)
-        return done
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by

@@ -84,7 +84,7 @@ class WholeRenders:
         if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
             view, _ = frames.scheduler.limit_radii(frames.rounds.view_state(frames.state, camera), last=True)
             frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
-            done = frames.next_round(camera, Budget(None), gather=False)
+            frames.state, done = frames.rounds(frames.state, camera, Budget(None), gather=False)
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
@@ -100,7 +100,7 @@ class WholeRenders:
         complete, ended, done = cache.count + cache.evicted, False, None
         try:
             while not ended and stats["rounds"] < settings.max_rounds and not frames.state.view.stalled:
-                done = frames.next_round(camera, Budget(None))
+                frames.state, done = frames.rounds(frames.state, camera, Budget(None))
                 now = done.progress
                 complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete
                 stats["rounds"] += 1
