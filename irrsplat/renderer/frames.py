@@ -22,7 +22,7 @@ from irrsplat.renderer.moving import MovingViews
 from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
-from irrsplat.renderer.state import Round, Shown, State
+from irrsplat.renderer.state import Shown, State
 from irrsplat.scene.model import Camera
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -232,7 +233,7 @@ class RecordGatherer(Owner):
             with RecordCache(self.ctx) as scratch:
                 rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
                 for light in lights:
-                    self._look(look, light, scratch, rows)
+                    self._reduced(light, scratch)(look, numbers=rows)
                     found.append(scratch.gathered(*LINEAR))
             held = self.cache.gathered(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
@@ -353,7 +354,7 @@ class RecordGatherer(Owner):
             return self.regather(shadows, numbers, budget)
         self._basis, done, look = replace(self._basis, changing=False), 0, self.gathers.at(self._basis, self._fewer)
         for some in self.gathers.batches(look, len(numbers), budget):
-            self._look(look, self.light(shadows), self.cache, numbers[some])
+            self.atlas = self._reduced(self.light(shadows), self.cache)(look, numbers=numbers[some])
             self.cache.mark_refreshed(numbers[some], self.cache.gather_sizes[numbers[some]], rough=True)
             done = some.stop
         return done
@@ -375,14 +376,16 @@ class RecordGatherer(Owner):
         Returns (N,) the side of each one's gather; 0: the settings'.
         """
         sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
+        gathered = self._reduced(self.light(shadows), self.cache)
         if few and near.any():
             (tried,) = np.nonzero(near)
-            self._look(self.gathers.at(self._basis, few), self.light(shadows), self.cache, numbers[tried])
+            self.atlas = gathered(self.gathers.at(self._basis, few), numbers=numbers[tried])
             assert self.atlas is not None
             even = self.gathers.reduction(self.settings).noise(self.atlas) <= 0.01 * self.settings.ray_noise
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
-        self._look(self.gathers.at(self._basis, size), self.light(shadows), self.cache, numbers)
+        if len(numbers):
+            self.atlas = gathered(self.gathers.at(self._basis, size), numbers=numbers)
         return sizes
 
     @property
@@ -392,13 +395,11 @@ class RecordGatherer(Owner):
         may = settings.ray_noise > 0.0 and settings.gradients and self._basis.kind in ("trace", "embree")
         return side if may and side >= _FEWEST else 0
 
-    def _look(self, look: Gather, light: HitLight, records: RecordCache, numbers: np.ndarray) -> None:
-        """Gather the records of these numbers by `look`, where `records` have them."""
+    def _reduced(self, light: HitLight, records: RecordCache) -> partial[Atlas | None]:
+        """Return gather_records for `records` by this light, which takes a gather and the records' numbers."""
         settings = self.settings
         reduction = self.gathers.reduction(settings)
-        atlas = gather_records(look, reduction, light, records, numbers, settings.seed, self.timers)
-        if records is self.cache and atlas is not None:
-            self.atlas = atlas
+        return partial(gather_records, reduce=reduction, light=light, cache=records, seed=settings.seed, timers=self.timers)
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
