@@ -42,8 +42,10 @@ class Rounds:
         view = self.view_state(state, camera)
 
         bounces = settings.most_bounces > 0
-        idle = view.settled is not None and not len(self.cache.stale)
+        idle, dark = view.settled is not None and not len(self.cache.stale), scheduler.gatherer.surface_now is None
         ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), idle)
+        if dark and budget.limited and scheduler.gatherer.surface_now is not None and budget.left <= 0.0:
+            ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make
         renewed = 0
         if ready:  # 2.1, records whose light has changed
             part = budget.part(1.0 if view.coverage == 1.0 else _RENEWAL, costs.splat + later if picture else 0.0)
