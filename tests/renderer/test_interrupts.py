@@ -104,7 +104,7 @@ def test_what_counts_as_current_is(
 
 
 def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise MemoryError
 
     with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "gather": "trace", "bounces": 1}) as renderer:
