@@ -183,7 +183,7 @@ def rooms(fine: bool) -> Scene:
     return scene(walls, between, *parts, lights=(lamp((-1, 1.2, 0.2), 5.0),), camera=eye)
 
 
-@pytest.mark.parametrize(("kind", "fine"), [("trace", False), pytest.param("embree", True, marks=LONG)])
+@pytest.mark.parametrize(("kind", "fine"), [("trace", False), pytest.param("trace", True, marks=LONG)])
 def test_a_room_that_no_light_enters_stays_black(ctx: moderngl.Context, kind: str, fine: bool) -> None:
     chance = np.random.default_rng(1).uniform(0.0, 1.0, (40, 2))
     with made(ctx, rooms(fine), gather=kind, gather_size=16, shadow_size=512) as renderer:
