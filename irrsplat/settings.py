@@ -91,7 +91,8 @@ class Declaration:
                 return self.check(int(word) if self.kind == "int" else float(word))
             except ValueError:
                 pass
-        raise InputError(f"{self.flag} takes {self.range}, not '{text}'{did_you_mean(word, self.words)}")
+        hint = _removed_choice(self.name, word) or did_you_mean(word, self.words)
+        raise InputError(f"{self.flag} takes {self.range}, not '{text}'{hint}")
 
     def check(self, value: object) -> Value:
         """`value` as this setting's type; raises InputError where it is of another type or out of range."""
@@ -110,7 +111,7 @@ class Declaration:
                 return int(value)
         elif isinstance(value, numbers.Real) and self.kind == "float" and math.isfinite(value) and self._in_range(float(value)):
             return float(value)
-        raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}")
+        raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}{_removed_choice(self.name, value)}")
 
     def _in_range(self, value: float) -> bool:
         return self.low is None or self.high is None or self.low <= value <= self.high
@@ -148,15 +149,15 @@ class Settings:
         word="all",
     )
     gather: str = _declare(
-        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or rays traced by "
-        "shaders or by Embree; auto: rays, by Embree where OpenGL is software",
-        choices=("auto", "plane", "raster", "trace", "embree"),
+        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, or rays traced by shaders or by "
+        "Embree; auto: rays, by Embree where OpenGL is software",
+        choices=("auto", "plane", "trace", "embree"),
     )  # fmt: skip
     gather_size: int = _declare(
         64,
         "int",
         "gather",
-        "side of a record's front face, or as many rays squared; 128 is near exact",
+        "side of a record's plane, or as many rays squared; 128 is near exact",
         low=4,
         high=256,
         unit="pixels",
@@ -322,6 +323,15 @@ REMOVED = {  # settings of earlier versions: why they are gone
     "smooth": "it raised the error",
     "walls": "inter-record variance finds the same pixels",
 }
+
+
+REMOVED_CHOICES = {("gather", "raster"): "rays see the whole hemisphere in less time"}
+
+
+def _removed_choice(name: str, value: object) -> str:
+    """Return the hint at a choice of an earlier version; empty for any other value."""
+    why = REMOVED_CHOICES.get((name, value)) if isinstance(value, str) else None
+    return f"; '{value}' was removed: {why}" if why else ""
 
 
 def removed(name: str) -> str | None:

@@ -26,7 +26,7 @@ IMAGES = ROOT / "docs" / "images" / "tutorial"
 LADDER: tuple[tuple[str, str, SettingValues], ...] = (  # from the preset paper to the default: name, words, what it switches on
     ("published", "as published, its radiometry mended", {}),
     ("tiles", "placement coarse to fine, not in scan order", {"placement": "tiles"}),
-    ("hemisphere", "the whole hemisphere, not one plane", {"gather": "raster"}),
+    ("hemisphere", "the whole hemisphere, not one plane", {"gather": "trace"}),
     ("kernel", "weights that fall to 0 at the rim", {"kernel": "smooth"}),
     ("front", "records in front or behind say nothing", {"in_front": True}),
     ("gradients", "irradiance vector and translation gradient", {"gradients": True}),

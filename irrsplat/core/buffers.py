@@ -234,20 +234,18 @@ class Sites:
 
 @dataclass(frozen=True)
 class LightSamples:
-    """How light of one kind is looked for beside what a gather's rays find of it by chance.
+    """The next-event estimation of one kind of light by a batch of records, besides the rays of a gather.
 
-    of: what is sampled: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: of a record. rows:
-    (5, N, 4) float32, of the batch's records, what Atlas.frames holds. uniforms: those of
-    shaders/gather/light_samples/sum.frag that do not depend on the batch. strata: whether the gather's rays are strata, or
-    else a hemicube's. materials: World.material_defines. free: tells of lines from points (N, 3) to others (N, 3), metres,
-    which of them nothing crosses; None: that is for the shader to find out.
+    of: the sampled sources: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: samples of a record.
+    rows: (5, N, 4) float32, of the batch's records, as Atlas.frames has them. uniforms: those of
+    shaders/gather/light_samples/sum.frag that do not depend on the batch. materials: World.material_defines. free: returns
+    which lines from points (N, 3) to others (N, 3), metres, are free; None: the shader traces the lines.
     """
 
     of: Literal["emitters", "virtual lights"]
     count: int
     rows: np.ndarray
     uniforms: Uniforms
-    strata: bool
     materials: Mapping[str, int]
     free: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
@@ -259,7 +257,7 @@ class Atlas:
     radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
     planes: RGBA32F texture, the plane of what was hit: 1/distance in the unit direction w is xyz·w, 1/m (0 where nothing was).
     table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
-    edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
+    edges: RGBA32F texture of two texels a texel, see gather.plane.plane_edges.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
     that frame and, w, its number in the cache; (i, 4) is its eye and, w, the distance of the eyes in a circle about that,
     from which further shadow rays give derivatives, metres.

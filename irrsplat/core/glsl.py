@@ -10,8 +10,7 @@ from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, SRGB
 from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
-NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
-VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster/views.glsl
+NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/plane.py)
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
 WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain
@@ -34,7 +33,6 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "TABLE_COLUMNS": TABLE_COLUMNS,
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
-    "VIEW_ROWS": VIEW_ROWS,
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
     "EYES_BESIDE": EYES_BESIDE,
     "WORTH": WORTH,

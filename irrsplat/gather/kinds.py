@@ -6,7 +6,7 @@ import moderngl
 
 from irrsplat.core.errors import InputError
 from irrsplat.gather.look import Gather
-from irrsplat.gather.raster import RasterGather
+from irrsplat.gather.plane import PlaneGather
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import context
 from irrsplat.gpu.world import World
@@ -15,7 +15,7 @@ from irrsplat.settings import Settings
 
 
 def kind(ctx: moderngl.Context, settings: Settings) -> str:
-    """Return how records are gathered: "plane", "raster", "trace" or "embree"; auto is rays.
+    """Return how records are gathered: "plane", "trace" or "embree"; auto is rays.
 
     Raises InputError where Embree is requested and missing.
     """
@@ -49,14 +49,13 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     Raises InputError where rays are to go through more triangles than the GPU can hold.
     """
     how, surface = kind(world.ctx, settings), settings.most_bounces > 1
-    samples = settings.light_samples
     if how in ("trace", "embree"):
         return TraceGather(
             world,
             settings.gather_size,
             capacity,
             surface=surface,
-            light_samples=samples,
+            light_samples=settings.light_samples,
             embree=how == "embree",
         )
-    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples)
+    return PlaneGather(world, settings.gather_size, capacity, surface=surface)

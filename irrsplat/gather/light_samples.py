@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from itertools import product
 from typing import Any, Literal
 
 import moderngl
@@ -25,16 +24,15 @@ Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
 
 class LightSearch:
-    """How a gather of `world` looks for what is small and bright: by so many `samples` a record for emitters, and by at most as
-    many for what lamps light close by (irrsplat/lighting/virtual_lights.py); 0: by rays alone.
+    """The next-event estimation of a gather of `world`, for small bright sources.
 
-    rays: the density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else
-    they are a hemicube's texels. embree: that tells which samples are seen, but where something is cut out, which only shaders
-    know.
+    samples: shadow rays of a record to emitters, and at most as many to virtual lights
+    (irrsplat/lighting/virtual_lights.py); 0: none. rays: the number of the record's own rays over π, which are
+    cosine-stratified. embree: True if Embree traces the samples, apart from scenes with cut-outs, which only shaders know.
     """
 
-    def __init__(self, world: World, samples: int, rays: float, strata: bool, embree: bool = False) -> None:
-        self.world, self.rays, self.strata = world, rays, strata
+    def __init__(self, world: World, samples: int, rays: float, embree: bool = False) -> None:
+        self.world, self.rays = world, rays
         self.embree = embree and not world.material_defines["CUT_OUTS"]
         self._emitter_samples = samples if samples > 0 and emitter_table(world) is not None else 0
         # rays bring noise of their own, which more of these do not mend
@@ -55,19 +53,17 @@ class LightSearch:
     @property
     def defines(self) -> dict[str, int]:
         """What the gather's shaders are compiled for; nothing is compiled where there are neither emitters nor lamps."""
-        known, virtual = self._emitter_samples > 0, self._may_be_virtual
-        return {"EMITTERS": int(known), "VIRTUAL_LIGHTS": int(virtual), "STRATA": int(self.strata)}
+        return {"EMITTERS": int(self._emitter_samples > 0), "VIRTUAL_LIGHTS": int(self._may_be_virtual)}
 
     @property
     def ray_uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters_hit.glsl, of virtual_lights/hit.glsl, and of ray_density.glsl where its rays
-        are strata."""
+        """The uniforms of shaders/lighting/emitters_hit.glsl, of virtual_lights/hit.glsl, and of ray_density.glsl."""
         emitters, virtual, found = self._emitters, self._virtual, dict[str, Any]()
         if emitters is not None:
             found |= emitters.ray_uniforms(self._emitter_samples)
         if self._may_be_virtual:
             found["virtual_lights"] = np.zeros((len(self.world.scene.lights), 4)) if virtual is None else virtual.reach
-        return {**found, "rays": self.rays} if found and self.strata else found
+        return {**found, "rays": self.rays} if found else found
 
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
         """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them, lit by this."""
@@ -80,7 +76,7 @@ class LightSearch:
         free = self.world.caster.free if sources and self.embree else None
         common: Uniforms = {**self.world.seen_uniforms(self.embree), "rays": self.rays} if sources else {}
         return tuple(
-            LightSamples(of, count, rows, {**common, **uniforms}, self.strata, self.world.material_defines, free)
+            LightSamples(of, count, rows, {**common, **uniforms}, self.world.material_defines, free)
             for of, count, uniforms in sources
         )
 
@@ -96,8 +92,8 @@ class LightSamplePass(Owner):
             Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of, "PLACES": places}) for of in (0, 1)
         ]
         self._targets = Workshop()
-        for strata, virtual in product((0, 1), (0, 1)):
-            self._program({"STRATA": strata, "VIRTUAL": virtual, "SEEN": 0})
+        for virtual in (0, 1):
+            self._program({"VIRTUAL": virtual, "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -122,7 +118,7 @@ class LightSamplePass(Owner):
         """Add those of one kind."""
         materials = {name: on for name, on in samples.materials.items() if on}
         known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
-        kind = {"STRATA": int(samples.strata), "VIRTUAL": _virtual(samples), "SEEN": int(bool(known))}
+        kind = {"VIRTUAL": _virtual(samples), "SEEN": int(bool(known))}
         program = self._program({**kind, **materials})
         step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
         for first in range(0, samples.count, step):

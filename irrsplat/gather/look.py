@@ -1,6 +1,6 @@
 """The gather as everybody else sees it: from places in a world to what they see, and on to values of records.
 
-Rasters (raster.py) and rays (trace.py) are two of its kinds; `gather_records` is the one loop that makes records by either.
+The paper's plane (plane.py) and rays (trace.py) are its kinds; `gather_records` is the one loop that makes records by either.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SCREEN = 0.25  # of the scene's diagonal: the image's height where it is not kn
 class Gather(Owner):
     """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
 
-    kind: "raster", "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
+    kind: "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
     of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, in turn
     (shaders/gather/places.glsl); an atlas's `frames` then has so many columns for each record.
     """

@@ -8,7 +8,7 @@ others along more and more rays decide whether a record is wanted, since few ray
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -113,68 +113,45 @@ class SpotPass(Owner):
 
 @dataclass(frozen=True, eq=False)
 class SpotCheck:
-    """How far the check of a view has come: one value, replaced whole. whole: the places that it began with. spots: those that
-    are looked from now, the first len(found) of them already. found: (K,) W/m² luminances. stage: which of LOOKS
-    these are."""
+    """The progress of the check of a view: one value, replaced whole.
+
+    whole: the places at its begin. spots: the places of the present looks. found: (K,) W/m² luminances at the first K of `spots`.
+    stage: the number of the present looks in LOOKS.
+    """
 
     whole: Spots
     spots: Spots
-    found: np.ndarray
+    found: np.ndarray = field(default_factory=lambda: np.zeros(0))
     stage: int = 0
-
-    @classmethod
-    def of(cls, spots: Spots) -> SpotCheck:
-        """The check of these places, none of which has been looked from."""
-        return cls(spots, spots, np.zeros(0))
-
-    @property
-    def looked(self) -> bool:
-        """Whether all looks of its kind are taken."""
-        return len(self.found) == len(self.spots)
-
-    @property
-    def last(self) -> bool:
-        """Whether its looks are of the last kind."""
-        return self.stage == len(LOOKS) - 1
 
     @property
     def contradicting(self) -> Spots:
-        """Where these looks contradict the records; before the last ones, without those so close to others that one may do for
-        both."""
+        """The places where these looks disagree with the records; before the last looks, only the worst of close ones."""
         off = self.spots.off(self.found)
         there = off > _DOUBT[self.stage]
         left = self.spots[there]
         return left[left.worst(off[there])] if self.stage == len(LOOKS) - 2 else left
 
-    @property
-    def next(self) -> SpotCheck:
-        """Looks of the next kind, from there."""
-        return SpotCheck(self.whole, self.contradicting, np.zeros(0), self.stage + 1)
 
-
+@dataclass(eq=False)
 class PlacesChecked:
-    """Where checks have looked from, so that none looks again: cells of space, two to four times as wide as the pixels were
-    apart, since another view's pixels lie between these.
+    """The places of earlier looks, so that no check repeats a look: cells of space, two to four times as wide as the distance of
+    pixels, since another view's pixels lie between these. A loss of records makes them void.
 
-    That holds while all records are there that were when it was noted, or were to be gathered by it.
+    cells: (K,) ascending. records: the number of records when the places were noted, with the records that they brought.
     """
 
-    def __init__(self) -> None:
-        self.forget()
+    cells: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    records: int = 0
 
     def forget(self) -> None:
-        """Nowhere."""
-        self.cells = np.zeros(0, np.int64)  # (K,) ascending
-        self._records = 0
+        """Forget all places."""
+        self.cells, self.records = np.zeros(0, np.int64), 0
 
     def forget_if_fewer(self, records: int) -> None:
-        """Nowhere, if there are so many `records` now that some must have gone."""
-        if records < self._records:
+        """Forget all places if so few `records` remain that some were lost."""
+        if records < self.records:
             self.forget()
-
-    def restore(self, cells: np.ndarray, records: int) -> None:
-        """Go on from these cells, with so many records."""
-        self.cells, self._records = cells, records
 
     def left(self, spots: Spots) -> Spots:
         """Those that no check has looked from, as closely or more so."""
@@ -183,7 +160,7 @@ class PlacesChecked:
     def note(self, spots: Spots, records: int) -> None:
         """These are looked from now; records: how many there are once those are gathered that this brings. Of more than can be
         remembered, the others are forgotten."""
-        self._records = records
+        self.records = records
         wide = [_cells(spots.sites, _CELLS * spots.distance * 2.0**doublings) for doublings in range(_COARSER + 1)]
         cells = np.unique(np.concatenate([self.cells, *wide]))
         self.cells = cells if len(cells) <= _MOST else np.unique(np.concatenate(wide))

@@ -1,7 +1,7 @@
 """The hemisphere that a record's rays sample, cut into strata of equal cosθ·dω: M elevations by N azimuths, E = π/(MN)·ΣL.
 
 A cell has a row for each elevation, from the zenith down, and a column for each azimuth. The tables have the form of those in
-hemicube.py, so that one reduction serves both gathers.
+plane.py, so that one reduction serves both gathers.
 """
 
 from __future__ import annotations
@@ -78,10 +78,10 @@ def stratum_table(side: int) -> np.ndarray:
 def stratum_edges(side: int) -> np.ndarray:
     """(M, 2N, 4) float64: at (y, 2x + j) stratum (x, y)'s edge to the next azimuth (j = 0) or elevation (j = 1).
 
-    In the form of hemicube.edge_table, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
+    In the form of plane.plane_edges, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
     and Heckbert (1992), equation 3: along û_k, the azimuth's middle, cos²θ·sinθ·2π/N for an edge between elevations, and along
     v̂_k, an edge's own azimuth turned by a right angle, the difference of sinθ between its ends. xyz is ∫cosθ·m dl with m
-    across the edge, so that it says what a step along the normal does, too: -sin²θ·cosθ·2π/N.
+    across the edge, which includes the part along the normal: -sin²θ·cosθ·2π/N.
     """
     theta, phi = _edges(side)
     m, n = len(theta) - 1, len(phi) - 1

@@ -1,7 +1,7 @@
 """The gather by rays: what many records see along cosine-stratified directions.
 
 A fragment is a ray. It goes through a tree of the scene's triangles, or Embree has found what it hits (scene/ray_caster.py). Its
-radiance and distance go into an atlas like that of a raster gather, which the same reduction sums.
+radiance and distance go into an atlas like that of the plane gather, which the same reduction sums.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class TraceGather(Gather):
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks)
         self.places_of_texels = places_of_texels(self.cell, places)
-        self.search = LightSearch(world, light_samples, self.share.size / np.pi, strata=True, embree=embree)
+        self.search = LightSearch(world, light_samples, self.share.size / np.pi, embree=embree)
         self.program = Program(
             ctx,
             "gather/trace",

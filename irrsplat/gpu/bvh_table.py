@@ -100,6 +100,4 @@ def _largest_table(ctx: moderngl.Context) -> int:
 
 def _too_many(triangles: int) -> InputError:
     """What is wrong where a GPU's tables cannot hold so many."""
-    return InputError(
-        f"{triangles} triangles are too many for rays in shaders here: use --gather embree, or --gather raster --light-samples 0"
-    )
+    return InputError(f"{triangles} triangles are too many for rays in shaders here: use --gather embree")

@@ -7,57 +7,11 @@ import numpy as np
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.vectors import triangle_normals
-from irrsplat.core.vertex_layout import WIDTH, vertex_column, vertex_texels
+from irrsplat.core.vertex_layout import WIDTH, vertex_column
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
-from irrsplat.scene.meshlets import Meshlets, cut, joined
 from irrsplat.scene.seen_by_light import FaceCounts
-
-
-class MeshletGeometry(Owner):
-    """The triangles of a Geometry that light sees, in another order, meshlet by meshlet, to be drawn in its place.
-
-    The first `solid` meshlets are of what light sees all of, the others of what is cut out.
-    triangle_table: RGBA32F table, a texel a triangle in this order: its three vertices' numbers, and its own in the Geometry.
-    vertex_table: RGBA32F table of the vertices' rows, as generated/vertex_table.glsl reads it.
-    """
-
-    def __init__(
-        self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray, counts: FaceCounts
-    ) -> None:
-        self.vertices, self.counts = vertices, counts
-        self.indices = ctx.buffer(reserve=max(faces.size, 3) * 4)
-        self.triangle_table = table_texture(ctx, table_rows(np.zeros((counts.lit, 1, 4))))
-        self.vertex_table = table_texture(ctx, table_rows(vertex_texels(rows)))
-        self._cut(rows, faces)
-
-    def update(self, rows: np.ndarray, faces: np.ndarray) -> None:
-        """Follow the Geometry, whose triangles have moved."""
-        self.vertex_table.write(table_rows(vertex_texels(rows)).astype("f4").tobytes())
-        self._cut(rows, faces)
-
-    def repaint(self, rows: np.ndarray) -> None:
-        """Follow the Geometry, whose vertices have other materials at the same places."""
-        self.vertex_table.write(table_rows(vertex_texels(rows)).astype("f4").tobytes())
-
-    def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
-        corners, solid = vertex_column(rows, "position")[faces], self.counts.solid
-        parts = cut(corners[:solid]), cut(corners[solid : self.counts.lit])
-        self.solid = len(parts[0])
-        self.meshlets: Meshlets = joined(*parts)
-        order = self.meshlets.order
-        self.indices.write(np.ascontiguousarray(faces[order], "i4").tobytes())
-        self.triangle_table.write(table_rows(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
-
-    @property
-    def uniforms(self) -> Uniforms:
-        """The uniforms by which shaders/gather/raster/shade.frag finds the triangle that a texel sees."""
-        return {"triangle_table": self.triangle_table, "vertex_table": self.vertex_table}
-
-    def owned(self) -> tuple[Resource, ...]:
-        """What this frees: all but the vertices, which are the Geometry's."""
-        return (self.indices, self.triangle_table, self.vertex_table)
 
 
 class Geometry(Owner):
@@ -76,7 +30,6 @@ class Geometry(Owner):
         self.ctx = ctx
         self.corners = vertex_column(vertices, "position")[faces]
         self.planes = table_texture(ctx, _planes(self.corners))
-        self._meshlet_geometry: MeshletGeometry | None = None
         self.counts = counts or FaceCounts(0, len(faces))
         self.parts = {
             "all": (0, 3 * len(faces)),
@@ -96,15 +49,6 @@ class Geometry(Owner):
         """The number of triangles."""
         return self.parts["all"][1] // 3
 
-    @property
-    def meshlet_geometry(self) -> MeshletGeometry:
-        """Those that light sees, meshlet by meshlet; made when a gather first draws them."""
-        if self._meshlet_geometry is None:
-            rows = np.frombuffer(self.vertices.read(), "f4").reshape(-1, WIDTH)
-            faces = np.frombuffer(self.indices.read(), "i4").reshape(-1, 3)[: self.triangles]
-            self._meshlet_geometry = MeshletGeometry(self.ctx, self.vertices, rows, faces, self.counts)
-        return self._meshlet_geometry
-
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """Move the triangles: as many vertices and faces as before, in the same order."""
         if not len(faces):
@@ -113,20 +57,16 @@ class Geometry(Owner):
         self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
         self.corners = vertex_column(vertices, "position")[faces]
         self.planes.write(_planes(self.corners).tobytes())
-        if self._meshlet_geometry is not None:
-            self._meshlet_geometry.update(vertices, faces)
 
     def repaint(self, vertices: np.ndarray) -> None:
         """Give the vertices other materials: as many as before, at the same places."""
         if not len(vertices):
             return
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
-        if self._meshlet_geometry is not None:
-            self._meshlet_geometry.repaint(vertices)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._meshlet_geometry, self.vertices, self.indices, self.planes)
+        return (self.vertices, self.indices, self.planes)
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:

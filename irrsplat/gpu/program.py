@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
 from irrsplat.gpu import context, self_test, shader_source
-from irrsplat.gpu.geometry import Geometry, MeshletGeometry
+from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 
@@ -127,7 +127,7 @@ class Program:
         target: Target,
         *,
         state: DrawState = DrawState(),
-        geometry: Geometry | MeshletGeometry | None = None,
+        geometry: Geometry | None = None,
         draws: Sequence[Draw] | None = None,
         instances: int = 1,
         numbers: moderngl.Buffer | None = None,
@@ -161,7 +161,6 @@ class Program:
                 self._give(draw.uniforms, given)
                 array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first, instances=draw.instances)
         else:
-            assert isinstance(geometry, Geometry)
             first, count = geometry.parts[part]
             if count:
                 array.render(moderngl.TRIANGLES, vertices=count, first=first, instances=instances)
@@ -213,7 +212,7 @@ class Program:
         for i in range(state.clip_planes):
             ctx.enable_direct(CLIP_DISTANCE0 + i)
 
-    def _array(self, geometry: Geometry | MeshletGeometry | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
+    def _array(self, geometry: Geometry | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
         key = id(geometry), id(numbers)
         if key not in self._arrays:
             content: list[Any] = []

@@ -101,7 +101,7 @@ def _holds(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -
 @contextmanager
 def _drawing(
     ctx: moderngl.Context, fragment: str, *formats: tuple[int, str], vertex: str = _COVERS, geometry: str | None = None
-) -> Iterator[tuple[moderngl.Framebuffer, moderngl.VertexArray, ExitStack]]:
+) -> Iterator[tuple[moderngl.Framebuffer, moderngl.VertexArray]]:
     """A cleared framebuffer with textures of such (components, dtype) and depth, and a program for it; all are freed."""
     with ExitStack() as stack:
 
@@ -119,7 +119,7 @@ def _drawing(
         ctx.enable_only(moderngl.NOTHING)
         array = kept(ctx.vertex_array(program, []))
         stack.callback(lambda: ctx.detect_framebuffer(0).use())  # moderngl would go on to bind a framebuffer that is gone
-        yield target, array, stack
+        yield target, array
 
 
 def _read(target: moderngl.Framebuffer, attachment: int = 0, dtype: str = "f4") -> np.ndarray:
@@ -129,24 +129,12 @@ def _read(target: moderngl.Framebuffer, attachment: int = 0, dtype: str = "f4") 
     return np.frombuffer(texture.read(), dtype).reshape(*_SIZE[::-1], texture.components)
 
 
-def _float_targets(ctx: moderngl.Context) -> bool:
-    values = np.array((16777215.0, 1e-30, -3e30, 0.1), "f4")
-    fragment = """
-    layout(location = 0) out vec4 a; layout(location = 1) out vec2 b; layout(location = 2) out float c;
-    void main() { a = vec4(16777215.0, 1e-30, -3e30, 0.1); b = a.xw; c = a.w; }"""
-    with _drawing(ctx, fragment, (4, "f4"), (2, "f4"), (1, "f4")) as (target, array, _):
-        array.render(vertices=3)
-        found = [_read(target, i) for i in range(3)]
-    return all(np.array_equal(f[y, x], v) for f, v in zip(found, (values, values[[0, 3]], values[3:]), strict=True)
-               for y in range(4) for x in range(4))  # fmt: skip
-
-
 def _float_blending(ctx: moderngl.Context) -> bool:
     fragment = """
     flat in int v_instance;
     layout(location = 0) out vec4 a; layout(location = 1) out vec2 b;
     void main() { a = vec4(1e6, 1e-6, -1.0, 0.1) * float(v_instance + 1); b = a.xw; }"""
-    with _drawing(ctx, fragment, (4, "f4"), (2, "f4")) as (target, array, _):
+    with _drawing(ctx, fragment, (4, "f4"), (2, "f4")) as (target, array):
         ctx.enable(moderngl.BLEND)
         ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         ctx.blend_func = moderngl.ONE, moderngl.ONE
@@ -154,33 +142,6 @@ def _float_blending(ctx: moderngl.Context) -> bool:
         sums, others = _read(target, 0), _read(target, 1)
     six = 6.0 * np.array((1e6, 1e-6, -1.0, 0.1))
     return np.allclose(sums, six, rtol=1e-5, atol=0.0) and np.allclose(others, six[[0, 3]], rtol=1e-5, atol=0.0)
-
-
-def _least_blending(ctx: moderngl.Context) -> bool:
-    fragment = "flat in int v_instance; out float a; void main() { a = abs(float(v_instance) - 1.0) - 2.0; }"
-    with _drawing(ctx, fragment, (1, "f4")) as (target, array, _):
-        ctx.enable(moderngl.BLEND)
-        ctx.blend_equation = moderngl.MIN  # type: ignore[assignment]
-        ctx.blend_func = moderngl.ONE, moderngl.ONE
-        array.render(vertices=3, instances=3)
-        ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-        return bool((_read(target) == -2.0).all())
-
-
-def _instances(ctx: moderngl.Context) -> bool:
-    """Each of four instances fills a column of its own."""
-    vertex = """#version 330 core
-    flat out int v_instance;
-    void main()
-    {
-        v_instance = gl_InstanceID;
-        vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
-        gl_Position = vec4((corner.x + float(gl_InstanceID)) * 0.5 - 1.0, corner.y * 2.0 - 1.0, 0.0, 1.0);
-    }"""
-    fragment = "flat in int v_instance; out float a; void main() { a = float(v_instance + 1); }"
-    with _drawing(ctx, fragment, (1, "f4"), vertex=vertex) as (target, array, _):
-        array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=4)
-        return bool((_read(target)[..., 0] == np.arange(1.0, 5.0)).all())
 
 
 def _clip_distances(ctx: moderngl.Context) -> bool:
@@ -193,7 +154,7 @@ def _clip_distances(ctx: moderngl.Context) -> bool:
         for (int i = 0; i < 4; ++i) gl_ClipDistance[i] = 1.0;
         gl_ClipDistance[4] = gl_Position.x;
     }"""
-    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array, _):
+    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array):
         for i in range(5):
             ctx.enable_direct(_CLIP_DISTANCE0 + i)
         array.render(vertices=3)
@@ -205,80 +166,13 @@ def _clip_distances(ctx: moderngl.Context) -> bool:
 def _depth_clamp(ctx: moderngl.Context) -> bool:
     """What lies before the near plane is drawn."""
     vertex = _COVERS.replace("0.0, 1.0);", "-3.0, 1.0);")
-    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array, _):
+    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array):
         ctx.enable(moderngl.DEPTH_TEST)
         ctx.depth_func = "<"
         ctx.enable_direct(_DEPTH_CLAMP)
         array.render(vertices=3)
         ctx.disable_direct(_DEPTH_CLAMP)
         return bool((_read(target) == 1.0).all())
-
-
-def _depth_by_shader(ctx: moderngl.Context) -> bool:
-    """Of three instances the second is nearest by the depth that its fragments write, and stays."""
-    fragment = """
-    flat in int v_instance;
-    out float a;
-    void main() { a = float(v_instance); gl_FragDepth = abs(float(v_instance) - 1.0) * 0.25 + 0.25; }"""
-    with _drawing(ctx, fragment, (1, "f4")) as (target, array, _):
-        ctx.enable(moderngl.DEPTH_TEST)
-        ctx.depth_func = "<"
-        array.render(vertices=3, instances=3)
-        return bool((_read(target) == 1.0).all())
-
-
-def _samplers(ctx: moderngl.Context) -> bool:
-    """Shadow samplers compare; tables of floats, integers and depths are fetched as they were written."""
-    fragment = """
-    uniform sampler2DShadow shadow;
-    uniform sampler2D table, depths;
-    uniform isampler2D numbers;
-    out vec4 a;
-    void main()
-    {
-        ivec2 here = ivec2(gl_FragCoord.xy);
-        a.x = texture(shadow, vec3(0.5, 0.5, 0.4)) - texture(shadow, vec3(0.5, 0.5, 0.6));
-        a.y = texelFetch(table, here, 0).w;
-        a.z = float(texelFetch(numbers, here, 0).r);
-        a.w = texelFetch(depths, here, 0).r;
-    }"""
-    numbers = np.arange(16, dtype="i4") * 1000003 % 16777213
-    table = np.linspace(-1e9, 1e9, 64).astype("f4")
-    half = np.full(16, 0.5, "f4")
-    with _drawing(ctx, fragment, (4, "f4")) as (target, array, stack):
-        given = {
-            "shadow": ctx.depth_texture(_SIZE, half.tobytes()),
-            "table": ctx.texture(_SIZE, 4, table.tobytes(), dtype="f4"),
-            "numbers": ctx.texture(_SIZE, 1, numbers.tobytes(), dtype="i4"),
-            "depths": ctx.depth_texture(_SIZE, half.tobytes()),
-        }
-        given["shadow"].compare_func, given["depths"].compare_func = "<=", ""
-        given["numbers"].filter = given["depths"].filter = moderngl.NEAREST, moderngl.NEAREST
-        for unit, (name, texture) in enumerate(given.items()):
-            stack.callback(texture.release)
-            texture.use(unit)
-            array.program[name].value = unit  # type: ignore[union-attr]
-        array.render(vertices=3)
-        found = _read(target).reshape(16, 4)
-    return bool(
-        (found[:, 0] == 1.0).all()
-        and np.array_equal(found[:, 1], table[3::4])
-        and np.array_equal(found[:, 2], numbers.astype("f4"))
-        and np.allclose(found[:, 3], 0.5, atol=1e-4)
-    )
-
-
-def _texture_arrays(ctx: moderngl.Context) -> bool:
-    """A level of the second layer of an array of half floats is the mean of the level below it."""
-    fragment = "uniform sampler2DArray layers; out vec4 a; void main() { a = textureLod(layers, vec3(0.5, 0.5, 1.0), 2.0); }"
-    texels = np.concatenate([np.zeros(64), np.tile((1.0, 2.0, 3.0, 4.0), 16)]).astype("f2")
-    with _drawing(ctx, fragment, (4, "f4")) as (target, array, stack):
-        layers = ctx.texture_array((*_SIZE, 2), 4, texels.tobytes(), dtype="f2")
-        stack.callback(layers.release)
-        layers.build_mipmaps()
-        layers.use(0)
-        array.render(vertices=3)
-        return bool((_read(target) == (1.0, 2.0, 3.0, 4.0)).all())
 
 
 _TWO_TRIANGLES = """#version 330 core
@@ -311,7 +205,7 @@ def _numbered_triangles(ctx: moderngl.Context, behind_geometry_shader: bool = Fa
     if behind_geometry_shader:
         geometry, fragment = numbering_triangles(_TWO_TRIANGLES, _NUMBER, {})
     formats = (1, "f4"), (4, "f4"), (4, "f4")
-    with _drawing(ctx, fragment, *formats, vertex=_TWO_TRIANGLES, geometry=geometry) as (target, array, _):
+    with _drawing(ctx, fragment, *formats, vertex=_TWO_TRIANGLES, geometry=geometry) as (target, array):
         array.render(vertices=6)
         found, corner, constant = _read(target)[..., 0], _read(target, 1), _read(target, 2)
     below = np.add.outer(np.arange(4), np.arange(4))
@@ -326,15 +220,9 @@ def _numbered_by_geometry_shader(ctx: moderngl.Context) -> bool:
 
 
 FEATURES: tuple[tuple[str, Callable[[moderngl.Context], bool]], ...] = (
-    ("float framebuffers", _float_targets),
     ("blending of floats", _float_blending),
-    ("GL_MIN blending", _least_blending),
-    ("instanced draws", _instances),
     ("gl_ClipDistance", _clip_distances),
     ("GL_DEPTH_CLAMP", _depth_clamp),
-    ("gl_FragDepth", _depth_by_shader),
-    ("samplers of shadows, depths and integers", _samplers),
-    ("texture arrays of half floats", _texture_arrays),
 )
 
 

@@ -227,15 +227,16 @@ class RecordScheduler(Owner):
             roomy = self.room > _ROOMY * self.settings.max_records
             if not (spots and roomy and self.settings.spread and gatherer.may_glance):
                 return replace(state, checked=True)
-            check = SpotCheck.of(self._checked.left(screen.spots()))
+            spots = self._checked.left(screen.spots())
+            check = SpotCheck(spots, spots)
         while True:
             more = gatherer.glance(shadows, check.spots.sites[len(check.found) :], budget, LOOKS[check.stage])
             check = replace(check, found=np.concatenate([check.found, more]))
-            if not check.looked:
+            if len(check.found) < len(check.spots):
                 return replace(state, check=check)
-            if check.last:
+            if check.stage == len(LOOKS) - 1:
                 break
-            check = check.next
+            check = SpotCheck(check.whole, check.contradicting, stage=check.stage + 1)
             if budget.left <= 0.0:
                 return replace(state, check=check)
         sites = check.contradicting.sites[: self.room]
@@ -328,7 +329,7 @@ class RecordScheduler(Owner):
         """Go on with the records of a file, in place of those that there are."""
         self.cache.restore(state.records)
         self.adaptation.restore(state.adapted, self.settings)
-        self._checked.restore(state.checked, self.cache.count)
+        self._checked = PlacesChecked(state.checked, self.cache.count)
         self.gatherer.go_on_with(cast(BounceStatistics, dict(state.bounces)))
 
 

@@ -8,19 +8,16 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.timing.clock import now
-from irrsplat.gather.look import Gather, gather_records
-from irrsplat.gather.raster import RasterGather
+from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.model import Scene
 
-SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
+SIDE = 128  # of a square of rays: 16 thousand directions
 _LIGHT_SAMPLES = 1024  # a pixel's shadow rays to emissive surfaces, which few directions find where they are small
-_RASTER_TRIANGLES = 1000  # up to which rasters are used, else rays
 _BATCH = 32  # pixels gathered at once
 
 
@@ -50,7 +47,7 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
     sites = Sites(seen.position[at], normal[at], seen.geometric[at], triangle)
     with (
         ShadowPass(ctx) as shadow,
-        _fine(world) as gather,
+        TraceGather(world, SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES) as gather,
         ReducePass(ctx, gradients=False) as reduce,
         RecordCache(ctx) as cache,
     ):
@@ -60,19 +57,3 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
             gather_records(gather, reduce, light, cache, cache.append(batch) + np.arange(len(batch)), seed=0)
             ctx.finish()
         return Truth(pixels[: cache.count], cache.read()["irradiance"])
-
-
-def _fine(world: World) -> Gather:
-    if rasters(world.scene):
-        return RasterGather(world, "raster", SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES)
-    return TraceGather(world, SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES)
-
-
-def rasters(scene: Scene) -> bool:
-    """Whether the reference of this scene is gathered by rasters."""
-    return scene.triangles <= _RASTER_TRIANGLES  # not by timing, so that a reference is the same each time
-
-
-def directions(scene: Scene) -> int:
-    """How many directions are gathered from for a pixel."""
-    return 6 * SIDE**2 // 2 if rasters(scene) else SIDE**2

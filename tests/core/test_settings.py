@@ -88,6 +88,8 @@ def test_former_names_of_settings_still_work(former: str, present: str, value: o
 def test_unknown_names() -> None:
     with pytest.raises(InputError, match=r"setting 'walls' was removed: .*; leave it out"):
         Settings().with_values({"walls": True})
+    with pytest.raises(InputError, match=r"takes auto\|plane\|trace\|embree, not 'raster'; 'raster' was removed: rays see"):
+        preset(gather="raster")
     with pytest.raises(InputError, match="unknown preset 'fast'; the presets are default"):
         preset("fast")
     with pytest.raises(InputError, match="unknown setting 'alpha'"):

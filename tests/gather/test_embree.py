@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
 from irrsplat.core.errors import InputError
 from irrsplat.gather import kinds
 from irrsplat.gpu import context
@@ -17,10 +15,9 @@ from irrsplat.scene import ray_caster
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Texture
 from irrsplat.settings import Settings
-from irrsplat.surface_cache import site_rays
 from tests.gather.test_analytic import room
 from tests.gather.test_textures import UP, checker, image
-from tests.support.worlds import ABOVE, Lit, box, floor, lamp, material, quad, scene, sites
+from tests.support.worlds import Lit, box, lamp, material, quad, scene, sites
 
 pytest.importorskip("embreex")
 
@@ -58,23 +55,6 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
         truth, found = (lit.gather(where, 32, kind).E[:, 0] for kind in ("trace", "embree"))
     assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there is a fence"
     assert np.allclose(found, truth, rtol=2e-3)
-
-
-@pytest.mark.few_sites
-def test_all_bounces_are_the_same(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sites of the surface cache, of 16 rays along a side, and the records that it lights, in a closed room."""
-    monkeypatch.setattr(site_rays, "SIDES", (16, 16))
-    inside = scene(box((-2, -1, -2), (2, 5, 2), material(0.7), outward=False), floor(0.5), lights=(lamp((0.3, 1.5, 0.2), 5.0),))
-    pictures = []
-    for kind in ("trace", "embree"):
-        settings: Any = {"gather": kind, "gather_size": 8, "shadow_size": 64, "light_samples": 512}
-        frame = irrsplat.render(inside, (16, 16), ABOVE, **settings)
-        assert frame.stats["gathered_by"] == kind
-        pictures.append(frame.irradiance)
-    off = np.abs(pictures[1] - pictures[0]) / pictures[0].mean()
-    assert pictures[0].mean() > 0.1
-    # a shadow ray that grazes an edge may be free by one and not by the other
-    assert off.max() < 0.1 and off.mean() < 0.003
 
 
 def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:

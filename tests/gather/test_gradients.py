@@ -62,31 +62,28 @@ def relative(found: np.ndarray, truth: np.ndarray) -> float:
 
 
 @pytest.fixture(scope="module")
-def gathered() -> dict[tuple[str, int], Gathered]:
-    """What gathers make of `places`, by kind and side; filled as it is asked for."""
+def gathered() -> dict[int, Gathered]:
+    """Return what gathers make of `places`, by their side; each test adds what it needs."""
     return {}
 
 
-def at_side(ctx: moderngl.Context, cache: dict[tuple[str, int], Gathered], side: int, kind: str = "raster") -> Gathered:
-    if (kind, side) not in cache:
-        cache[kind, side] = gather(ctx, world(), sites(*places()), side, kind)
-    return cache[kind, side]
+def at_side(ctx: moderngl.Context, cache: dict[int, Gathered], side: int) -> Gathered:
+    if side not in cache:
+        cache[side] = gather(ctx, world(), sites(*places()), side)
+    return cache[side]
 
 
 def test_the_exact_scene_is_what_is_gathered(ctx: moderngl.Context) -> None:
-    """E of 128² faces is that of Lambert's formula, so that what follows compares the same things."""
+    """E of 128² rays is that of Lambert's formula, so that what follows compares the same things."""
     p, n = places(8)
     found = gather(ctx, world(), sites(p, n), 128)
     assert np.allclose(found.E[:, 0], (vector(p) * n).sum(1), rtol=0.01)
 
 
-@pytest.mark.parametrize(("kind", "side", "limit"), [("raster", 32, 0.03), ("raster", 64, 0.012), ("trace", 64, 0.03)])
-def test_irradiance_vector(
-    ctx: moderngl.Context, gathered: dict[tuple[str, int], Gathered], kind: str, side: int, limit: float
-) -> None:
+def test_irradiance_vector(ctx: moderngl.Context, gathered: dict[int, Gathered], limit: float = 0.03) -> None:
     """M of what lies above the record's horizon, and E = n_k·M exactly; for normals 15° off, n·M is E there too."""
     p, n = places()
-    found = at_side(ctx, gathered, side, kind)
+    found = at_side(ctx, gathered, 64)
     assert relative(found.M[:, 0], vector(p)) < limit
     assert np.allclose((found.M * n[:, None, :]).sum(-1), found.E, rtol=2e-3, atol=1e-3)
     other = n + 0.26 * np.cross(n, (0.3, 0.1, 0.9))
@@ -94,21 +91,16 @@ def test_irradiance_vector(
     assert np.median(np.abs((found.M[:, 0] * other).sum(1) / (vector(p) * other).sum(1) - 1.0)) < limit
 
 
-@pytest.mark.parametrize(
-    ("kind", "limits", "finest"),
-    [("raster", {16: 0.067, 32: 0.028, 64: 0.013}, 64), ("trace", {32: 0.054, 64: 0.025, 128: 0.011}, 128)],
-)
-def test_translation_gradient(
-    ctx: moderngl.Context, gathered: dict[tuple[str, int], Gathered], kind: str, limits: dict[int, float], finest: int
-) -> None:
+def test_translation_gradient(ctx: moderngl.Context, gathered: dict[int, Gathered]) -> None:
     """∇E against central differences of the exact E: finer gathers have less error, and over many places and directions no share
     of the gradient is missing or counted twice."""
+    limits = {32: 0.054, 64: 0.025, 128: 0.011}
     p, n = places()
     truth = gradient(p, n)
-    error = {side: relative(at_side(ctx, gathered, side, kind).gradient[:, 0], truth) for side in limits}
+    error = {side: relative(at_side(ctx, gathered, side).gradient[:, 0], truth) for side in limits}
     assert all(error[side] < limit for side, limit in limits.items()), error
     assert list(error.values()) == sorted(error.values(), reverse=True), error
-    found = at_side(ctx, gathered, finest, kind).gradient[:, 0]
+    found = at_side(ctx, gathered, 128).gradient[:, 0]
     assert (found * truth).sum() / (truth * truth).sum() == pytest.approx(1.0, abs=0.01)
     tangential = [v - (v * n).sum(1, keepdims=True) * n for v in (found, truth)]
     assert (tangential[0] * tangential[1]).sum() / (tangential[1] ** 2).sum() == pytest.approx(1.0, abs=0.01)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
-from irrsplat.gather.hemicube import PLANE_FIELD, edge_table, hemisphere_table
+from irrsplat.gather.plane import FIELD, plane_edges, plane_table
 from irrsplat.gather.record_frame import tangent_frames
 
 
@@ -22,17 +22,16 @@ def share_of_plane(field: float) -> float:
 
 
 @pytest.mark.parametrize("side", [4, 16, 32, 64])
-@pytest.mark.parametrize(("kind", "share"), [("raster", 1.0), ("plane", share_of_plane(PLANE_FIELD))])
-def test_the_table_covers_the_hemisphere(kind: str, share: float, side: int) -> None:
-    """∫ cosθ dω over the hemisphere is π; texels are integrated by 8×8 points, whose error shrinks with their size squared."""
-    table = hemisphere_table(kind, side)
-    assert table[..., 3].sum() == pytest.approx(np.pi * share, rel=0.05 / side**2 + (0.4 / side**2 if kind == "plane" else 0.0))
+def test_the_table_covers_the_plane(side: int) -> None:
+    """∫ cosθ dω is π times the form factor; texels are integrated by 8×8 points, whose error shrinks with their size squared."""
+    table = plane_table(side)
+    assert table[..., 3].sum() == pytest.approx(np.pi * share_of_plane(FIELD), rel=0.45 / side**2)
     assert (table[..., 3] > 0.0).all()
 
 
-def edges(kind: str, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def edges(side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The edges as texel numbers a and b and their vectors (E, 3), of those that have a neighbour."""
-    table = edge_table(kind, side)
+    table = plane_edges(side)
     height, width = table.shape[0], table.shape[1] // 2
     owner = np.arange(height * width).reshape(height, width, 1).repeat(2, 2).ravel()
     rows = table.reshape(-1, 4)
@@ -62,18 +61,18 @@ def test_edges_give_the_gradient_of_smooth_radiance(side: int) -> None:
     """∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) against central differences of E = ∫ L cosθ dω under a ceiling with a bright spot.
 
     The record moves along the surface and off it. The limit is relative to the gradient's length: the midpoint rule's error is of
-    second order in the texels' size, and that of min(r_a, r_b) in the place of the edge's own distance of first, 1 % at 32².
+    second order in the texels' size, and that of min(r_a, r_b) in the place of the edge's own distance of first, 3 % at 32².
     """
     height, step = 1.3, 1e-3
     truth = np.array(
         [(irradiance_under_bump(d, height) - irradiance_under_bump(-d, height)) / (2 * step) for d in step * np.eye(3)]
     )
-    directions = hemisphere_table("raster", side)[..., :3].reshape(-1, 3)
+    directions = plane_table(side)[..., :3].reshape(-1, 3)
     r = height / directions[:, 2]
     L = bump(*(directions[:, :2] * r[:, None]).T)
-    a, b, vector = edges("raster", side)
+    a, b, vector = edges(side)
     found = ((L[b] - L[a]) / np.minimum(r[a], r[b])) @ vector
-    assert np.linalg.norm(found - truth) < 0.5 / side * np.linalg.norm(truth), (found, truth)
+    assert np.linalg.norm(found - truth) < 1.9 / side * np.linalg.norm(truth), (found, truth)
 
 
 def test_frames_are_orthonormal_right_handed_and_turned() -> None:

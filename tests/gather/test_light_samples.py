@@ -52,7 +52,7 @@ def hessian(f: Callable[[np.ndarray], float], p: np.ndarray, axes: np.ndarray, s
     return np.array(corners) / (4.0 * step * step)
 
 
-@pytest.mark.parametrize("kind", ["trace", "raster"])
+@pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: moderngl.Context, kind: str) -> None:
     """Under a slanting panel, which takes up 1 to 6 % of the hemisphere: errors far below those of the rays alone, and nothing
     is counted twice or left out; also below a panel that the horizon cuts nowhere."""
@@ -102,7 +102,7 @@ def half_hidden(p: np.ndarray) -> np.ndarray:
     return 5.0 * polygon_vector(corners, p)[:, 1]
 
 
-@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+@pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_record_in_the_dark_knows_that_light_is_near(ctx: moderngl.Context, kind: str) -> None:
     """In a full shadow, as far from the penumbra as other eyes look beside a record, which then sees nothing itself: it reaches
     about as far as that, and not on into the light. Farther inside it reaches as far as there is."""
@@ -116,7 +116,7 @@ def test_a_record_in_the_dark_knows_that_light_is_near(ctx: moderngl.Context, ki
     assert (found.E == 0.0).all() and (radii[:-1] < 0.05).all() and radii[-1] > 1.0, radii
 
 
-@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+@pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -> None:
     """Lambert's formula of the part of a panel that is seen from a penumbra, and its differences from place to place."""
     rng = np.random.default_rng(6)

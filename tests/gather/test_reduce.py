@@ -8,7 +8,7 @@ import pytest
 
 from irrsplat.core.buffers import Atlas
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
-from irrsplat.gather.hemicube import edge_table, hemisphere_table
+from irrsplat.gather.plane import plane_edges, plane_table
 from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.target import table_texture
@@ -22,10 +22,10 @@ COLUMNS, ROWS = 3, 4  # of cells in the atlas
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 
 
-def cells(count: int, kind: str, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def cells(count: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """(N, h, w, 4) random radiance over four orders of magnitude and distances, a third of them misses; and the table."""
     rng = np.random.default_rng(seed)
-    table = hemisphere_table(kind, side)
+    table = plane_table(side)
     seen = np.empty((count, *table.shape[:2], 4))
     seen[..., :3] = 10.0 ** rng.uniform(-2, 2, seen[..., :3].shape)
     seen[..., 3] = np.where(rng.random(seen.shape[:3]) < 0.33, 0.0, 10.0 ** rng.uniform(-1, 1, seen.shape[:3]))
@@ -45,7 +45,6 @@ def planes_of(seen: np.ndarray, table: np.ndarray, frame: np.ndarray, seed: int)
 def atlas_of(
     ctx: moderngl.Context,
     seen: np.ndarray,
-    kind: str,
     side: int,
     frame: np.ndarray,
     geometric: np.ndarray,
@@ -67,8 +66,8 @@ def atlas_of(
     return Atlas(
         table_texture(ctx, sheet),
         table_texture(ctx, planar),
-        table_texture(ctx, hemisphere_table(kind, side)),
-        table_texture(ctx, edge_table(kind, side)),
+        table_texture(ctx, plane_table(side)),
+        table_texture(ctx, plane_edges(side)),
         table_texture(ctx, rows),
         len(seen),
         COLUMNS,
@@ -78,10 +77,10 @@ def atlas_of(
 
 
 def reduced(
-    seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric: np.ndarray, planes: np.ndarray | None = None
+    seen: np.ndarray, side: int, frame: np.ndarray, geometric: np.ndarray, planes: np.ndarray | None = None
 ) -> tuple[np.ndarray, ...]:
     """E (N, 3), R (N,), M and ∇E (N, channel, 3), and the Hessian of luminance in the tangent plane (N, 2, 2), in float64."""
-    table, edges = hemisphere_table(kind, side), edge_table(kind, side)
+    table, edges = plane_table(side), plane_edges(side)
     height, width = table.shape[:2]
     below = np.einsum("nij,nj->ni", frame, geometric)  # the geometric normal in the record's frame
     above = np.einsum("hwk,nk->nhw", table[..., :3], below) > 0.0
@@ -137,23 +136,23 @@ def bends_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("first", [0, 5, 1019])  # 1019: the batch runs over the end of a row of the cache
-@pytest.mark.parametrize(("kind", "side"), [("raster", 8), ("plane", 16)])
-def test_reduction_equals_numpy(ctx: moderngl.Context, kind: str, side: int, first: int) -> None:
+@pytest.mark.parametrize("side", [8, 16])
+def test_reduction_equals_numpy(ctx: moderngl.Context, side: int, first: int) -> None:
     count = 10  # of 12 cells
     rng = np.random.default_rng(first)
     normal = rng.normal(size=(count, 3))
     where = sites(rng.normal(size=(count, 3)), normal)
     frame = tangent_frames(where.normal, np.arange(count), 0)
-    seen, table = cells(count, kind, side, seed=first + 1)
+    seen, table = cells(count, side, seed=first + 1)
     planes = planes_of(seen, table, frame, seed=first + 2)
     cache = RecordCache(ctx)
     if first:
         cache.append(sites(np.zeros((first, 3)), (0, 1, 0)), np.full((first, 4), 42.0, "f4"))
     cache.append(where)
     numbers = first + np.arange(count)
-    reduce(ctx, atlas_of(ctx, seen, kind, side, frame, where.geometric, planes, numbers), cache)
+    reduce(ctx, atlas_of(ctx, seen, side, frame, where.geometric, planes, numbers), cache)
 
-    E, R, M, gradient, hessian = reduced(seen, kind, side, frame, where.geometric, planes)
+    E, R, M, gradient, hessian = reduced(seen, side, frame, where.geometric, planes)
     found = cache.read()
     assert np.allclose(found["irradiance"][first:], E, rtol=2e-5)
     assert np.allclose(found["radius"][first:], R, rtol=2e-5)
@@ -187,13 +186,13 @@ def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) 
     """No light, or the same from all sides: radii as great as there are, an axis all the same, and no NaN."""
     where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
     frame = tangent_frames(where.normal, np.arange(4), 0)
-    seen, table = cells(4, "raster", 8, seed=3)
+    seen, table = cells(4, 8, seed=3)
     seen[..., :3] = 0.0 if light == "black" else 2.0
     seen[..., 3] = np.maximum(seen[..., 3], 0.1)  # no sky
     planes = planes_of(seen, table, frame, 1)
     cache = RecordCache(ctx)
     cache.append(where)
-    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, where.geometric, planes), cache)
+    reduce(ctx, atlas_of(ctx, seen, 8, frame, where.geometric, planes), cache)
     axis, bend = bends_of(cache)
     assert np.allclose(np.linalg.norm(axis, axis=1), 1.0, atol=1e-5) and not bend.any()
     assert not vectors_of(cache)[1].any()
@@ -204,9 +203,9 @@ def test_radius_stays_finite_and_within_its_limits(ctx: moderngl.Context, distan
     """Every direction misses: R is the greatest there is; every distance the same: R is that."""
     where = sites(np.zeros((1, 3)), (0, 1, 0))
     frame = tangent_frames(where.normal, np.arange(1), 0)
-    seen, _ = cells(1, "raster", 8, seed=5)
+    seen, _ = cells(1, 8, seed=5)
     seen[..., 3] = distance
     cache = RecordCache(ctx)
     cache.append(where)
-    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, where.geometric), cache)
+    reduce(ctx, atlas_of(ctx, seen, 8, frame, where.geometric), cache)
     assert cache.read()["radius"][0] == pytest.approx(radius, rel=1e-5)

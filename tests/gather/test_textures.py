@@ -1,4 +1,4 @@
-"""What gathers see of textures and of what is cut out, by rays and by rasters, against means and form factors."""
+"""Textures and cut-outs in gathers by rays and by planes, against means and form factors."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from irrsplat.core.color import linear_from_srgb
+from irrsplat.gather.plane import FIELD
 from irrsplat.scene.model import Image, Material, Mesh, Texture
+from tests.gather.test_hemisphere import share_of_plane
 from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
-WAYS = ("trace", "raster")
-DRAWS = (("trace", 1), ("raster", 1), ("raster", 9))  # and into how many strips what is seen is cut: meshlets are drawn otherwise
+SEEN = {"trace": 1.0, "plane": share_of_plane(FIELD)}  # of the cosine-weighted hemisphere
 
 
 def image(values: Any, alpha: Any = 255) -> Image:
@@ -32,15 +33,12 @@ def checker(count: int, texels: int = 1) -> np.ndarray:
     return np.kron((i + j) % 2, np.ones((texels, texels), int))
 
 
-def ceiling(paint: Material, half: float = 1.0, height: float = 1.0, grid: int = 1, uv: float = 1.0) -> Mesh:
-    """A horizontal square that faces down, of 2·grid² triangles, with u along x and v along z from 0 to `uv`."""
-    step = np.linspace(-half, half, grid + 1)
-    z, x = (a.ravel() for a in np.meshgrid(step, step, indexing="ij"))
-    positions = np.stack([x, np.full_like(x, height), z], -1).astype("f4")
+def ceiling(paint: Material, half: float = 1.0, height: float = 1.0, uv: float = 1.0) -> Mesh:
+    """A horizontal square that faces down, with u along x and v along z from 0 to `uv`."""
+    x, z = half * np.array([-1, 1, -1, 1]), half * np.array([-1, -1, 1, 1])
+    positions = np.stack([x, np.full(4, height), z], -1).astype("f4")
     coordinates = uv * np.stack([x + half, z + half], -1) / (2 * half)
-    i, j = (a.ravel() for a in np.meshgrid(np.arange(grid), np.arange(grid), indexing="ij"))
-    a, b, c, d = (p * (grid + 1) + q for p, q in ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)))
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).astype("i4")
+    faces = np.array([[0, 1, 3], [0, 3, 2]], "i4")
     uvs = np.concatenate([coordinates, np.zeros_like(coordinates)], -1).astype("f4")
     return Mesh(positions, np.tile(np.array([0.0, -1.0, 0.0], "f4"), (len(positions), 1)), faces, paint, uvs=uvs)
 
@@ -60,12 +58,12 @@ def rectangle(x0: float, x1: float, z0: float, z1: float, y: float = 1.0) -> np.
     return np.array([[x0, y, z0], [x1, y, z0], [x1, y, z1], [x0, y, z1]])
 
 
-@pytest.mark.parametrize("kind, grid", DRAWS)
-def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str, grid: int) -> None:
+@pytest.mark.parametrize("kind", SEEN)
+def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str) -> None:
     """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: π·F of each, below another quarter's middle too."""
     colours = np.array([[[255, 255, 255], [188, 188, 188]], [[0, 0, 0], [255, 0, 188]]])
     texture = Texture(image(np.kron(colours, np.ones((32, 32, 1), int))))
-    world = scene(ceiling(glowing(texture), grid=grid))
+    world = scene(ceiling(glowing(texture)))
     places = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, -0.5], [-0.6, 0.0, 0.5]])
     found = gather(ctx, world, sites(places, UP), 64, kind).E
     half = linear_from_srgb(np.array(188 / 255.0))
@@ -76,18 +74,17 @@ def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Co
     assert np.allclose(found, truth, rtol=0.02, atol=0.02)
 
 
-@pytest.mark.parametrize("kind", WAYS[:1])
-def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Context, kind: str) -> None:
+def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Context) -> None:
     """Only the half with z > 0 shines: u of the image is v of the second set, which here is that of the first, mirrored in x."""
     texture = Texture(image([[0] * 64 + [255] * 64] * 128), uv_set=1, transform=(0, 1, 0, 1, 0, 0))
     mesh = ceiling(glowing(texture))
     assert mesh.uvs is not None
     mesh = replace(mesh, uvs=np.column_stack([np.zeros((4, 2)), 1 - mesh.uvs[:, 0], mesh.uvs[:, 1]]).astype("f4"))
-    found = gather(ctx, scene(mesh), sites((0, 0, -0.5), UP), 64, kind).E[0, 0]
+    found = gather(ctx, scene(mesh), sites((0, 0, -0.5), UP), 64).E[0, 0]
     assert found == pytest.approx(form(rectangle(-1, 1, 0, 1), (0, 0, -0.5)), rel=0.02)
 
 
-@pytest.mark.parametrize("kind, count", [("trace", 64), ("raster", 512)])
+@pytest.mark.parametrize("kind, count", [("trace", 64), ("plane", 512)])
 def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context, kind: str, count: int) -> None:
     """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of what a plain half brings, everywhere."""
     texture = Texture(image(255 * checker(count)))
@@ -97,16 +94,15 @@ def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context
     assert np.allclose(fine, plain, rtol=0.01)
 
 
-@pytest.mark.parametrize("kind", WAYS[:1])
-def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context, kind: str) -> None:
+def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context) -> None:
     """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_lamp from each of its points."""
     texture = Texture(image(np.tile([255, 255, 188], (4, 4, 1))))
     lights = (lamp((0, 0.5, 0), 3.0),)
     paint = Material((0.5, 0.5, 0.5), albedo_texture=texture)
     mesh = ceiling(paint, 3.0)
     mesh = replace(mesh, colors=np.tile(np.array([0.8, 0.4, 0.8], "f4"), (4, 1)))
-    found = gather(ctx, scene(mesh, lights=lights), sites((0, 0, 0), UP), 32, kind).E[0]
-    plain = gather(ctx, scene(ceiling(material(1.0), 3.0), lights=lights), sites((0, 0, 0), UP), 32, kind).E[0]
+    found = gather(ctx, scene(mesh, lights=lights), sites((0, 0, 0), UP), 32).E[0]
+    plain = gather(ctx, scene(ceiling(material(1.0), 3.0), lights=lights), sites((0, 0, 0), UP), 32).E[0]
     half = linear_from_srgb(np.array(188 / 255.0))
     assert np.allclose(found, plain * (0.8, 0.4, 0.8 * half), rtol=2e-3)
 
@@ -122,26 +118,25 @@ def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material
     )
 
 
-@pytest.mark.parametrize("kind, grid", DRAWS)
-def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind: str, grid: int) -> None:
+@pytest.mark.parametrize("kind", SEEN)
+def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind: str) -> None:
     """E of a sky of radiance 1 is π less the form factors of the bars: of a single one, and of 16."""
-    one, many = ceiling(fence(1), grid=grid), ceiling(fence(16), grid=grid)
+    one, many = ceiling(fence(1)), ceiling(fence(16))
     aside = replace(many, positions=many.positions + np.array([10, 0, 0], "f4"))
     found = gather(ctx, scene(one, aside, sky=1.0), sites([(0.4, 0, 0), (10.4, 0, 0)], UP), 96, kind).E[:, 0]
     for bars, seen in zip((1, 16), found, strict=True):
         edges = np.linspace(-1, 1, 2 * bars + 1)
         each = (form(rectangle(a, b, -1, 1), (0.4, 0, 0)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
-        truth = np.pi - sum(each)
+        truth = np.pi * SEEN[kind] - sum(each)
         assert seen == pytest.approx(truth, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", WAYS[:1])
-def test_a_fine_fence_in_a_large_image_does_not_vanish(ctx: moderngl.Context, kind: str) -> None:
+def test_a_fine_fence_in_a_large_image_does_not_vanish(ctx: moderngl.Context) -> None:
     """Wires of one texel in eight of an image of 4096 texels, finer than any layer: they hold back an eighth."""
     alpha = np.zeros((8, 4096))
     alpha[:, ::8] = 255
     paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
-    found = gather(ctx, scene(ceiling(paint), sky=1.0), sites((0, 0, 0), UP), 96, kind).E[0, 0]
+    found = gather(ctx, scene(ceiling(paint), sky=1.0), sites((0, 0, 0), UP), 96).E[0, 0]
     assert found == pytest.approx(np.pi - form(rectangle(-1, 1, -1, 1)) / 8, rel=0.03)
 
 
@@ -153,24 +148,23 @@ PASSED = {
 }
 
 
-@pytest.mark.parametrize("kind, grid", DRAWS)
-def test_panes_change_no_light(ctx: moderngl.Context, kind: str, grid: int) -> None:
+@pytest.mark.parametrize("kind", SEEN)
+def test_panes_change_no_light(ctx: moderngl.Context, kind: str) -> None:
     """Of all kinds, to the last bit: records below them have what they have without them, and so has what is behind."""
     room = quad((-2, -0.5, -2), (4, 0, 0), (0, 0, 4)), box((0.3, -0.5, 0.3), (0.6, 0.6, 0.6), material(0.7))
     lit: dict[str, Any] = {"lights": (lamp((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
     where = sites([(0, 0, 0), (0.5, 0.2, 0.0)], [UP, (0, 0, 1)])
     far = ceiling(material(), 3.0, 4.0)  # so that the scene's size is the same
-    panes = [ceiling(pane, 1.0 + i / 8, 0.9 + i / 8, grid=grid) for i, pane in enumerate(PASSED.values())]
+    panes = [ceiling(pane, 1.0 + i / 8, 0.9 + i / 8) for i, pane in enumerate(PASSED.values())]
     without = gather(ctx, scene(*room, far, **lit), where, 16, kind)
     assert np.array_equal(gather(ctx, scene(*room, *panes, far, **lit), where, 16, kind).E, without.E)
 
 
-@pytest.mark.parametrize("kind", WAYS[:1])
-def test_opacities_of_vertices_decide_too(ctx: moderngl.Context, kind: str) -> None:
+def test_opacities_of_vertices_decide_too(ctx: moderngl.Context) -> None:
     """An opacity that falls off from 1 to 0 along x, of what blends: light sees the half where it is more than one half."""
     mesh = ceiling(Material((0.0, 0.0, 0.0), alpha_mode="blend"))
     mesh = replace(mesh, opacities=(0.5 - 0.5 * mesh.positions[:, 0]).astype("f4"))
-    found = gather(ctx, scene(mesh, sky=1.0), sites((0.2, 0, 0), UP), 64, kind).E[0, 0]
+    found = gather(ctx, scene(mesh, sky=1.0), sites((0.2, 0, 0), UP), 64).E[0, 0]
     assert found == pytest.approx(np.pi - form(rectangle(-1, 0, -1, 1), (0.2, 0, 0)), rel=0.01)
 
 

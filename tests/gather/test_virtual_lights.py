@@ -45,7 +45,7 @@ def gradients(where: np.ndarray, normal: np.ndarray, axes: np.ndarray) -> np.nda
     return np.stack(change, axis=-1) / 2e-3
 
 
-@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+@pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind: str) -> None:
     """Its light counts once, whichever way it comes; records at the wall, which see it at a low angle, know it far better than by
     few rays alone, and how it changes."""

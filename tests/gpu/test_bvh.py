@@ -180,19 +180,17 @@ def test_no_ray_slips_through_an_edge(ctx: moderngl.Context, tmp_path: Path) -> 
 
 
 def test_tables_follow_moves_and_paint_and_have_an_end(ctx: moderngl.Context) -> None:
-    """The meshlets that a gather has drawn follow, too. More triangles than a texture holds are refused by their number."""
+    """More triangles than a texture holds are refused by their number."""
     rows = np.zeros((6, WIDTH), "f4")
     rows[:, :3] = np.random.default_rng(1).uniform(size=(6, 3))
     faces = np.arange(6, dtype="i4").reshape(2, 3)
     with Geometry(ctx, rows, faces) as some, Geometry(ctx, rows[:0], faces[:0]) as none:
-        meshlets = some.meshlet_geometry
         some.update(2.0 * rows, faces[::-1])
         some.repaint(3.0 * rows)
         none.update(rows[:0], faces[:0])
         none.repaint(rows[:0])
         assert np.array_equal(some.corners, 2.0 * rows[faces[::-1], :3]) and not none.triangles
         assert np.frombuffer(some.vertices.read(), "f4").max() == pytest.approx(3.0 * rows.max())
-        assert some.meshlet_geometry is meshlets
     small: Any = SimpleNamespace(info={"GL_MAX_TEXTURE_SIZE": 1})
     for make in (lambda: TriangleTable(small, rows, faces), lambda: BvhTable(small, build(np.zeros((3000, 3, 3))))):
         with pytest.raises(InputError, match="triangles"):

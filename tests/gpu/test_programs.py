@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core import paths
-from irrsplat.gather.raster import MeshletDraw, SingleDraw
+from irrsplat.gather.plane import PlaneGather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
@@ -41,9 +41,7 @@ from tests.support.worlds import Lit, floor, scene
 
 LIT = {
     "lighting/direct",
-    "gather/raster/draw",
-    "gather/raster/triangle",
-    "gather/raster/shade",
+    "gather/plane",
     "gather/trace",
     "gather/sky_share",
     "lighting/site_light",
@@ -58,8 +56,7 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     defines = light_defines(world.scene)
     yield DirectPass(ctx, SIZE, defines)
     for surface, samples in product((False, True), (0, 16)):
-        for gather in (SingleDraw, MeshletDraw):
-            yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface), "VIRTUAL_LIGHTS": int(samples > 0)})
+        yield PlaneGather(world, 8, 1, surface=surface)
         yield TraceGather(world, 8, 1, surface=surface, light_samples=samples)
         yield TraceGather(world, 8, 1, surface=True, hits=True, light_samples=samples)
     yield SiteLightPass(ctx, defines, 8)

@@ -61,7 +61,7 @@ def test_triangles_numbered_by_a_geometry_shader_are_the_same(ctx: moderngl.Cont
     pictures = []
     for plain in (True, False):
         monkeypatch.setattr(self_test, "abilities", lambda ctx, plain=plain: Abilities((), plain))
-        with Renderer(room(), (24, 16), ctx=ctx, gather="raster", bounces=1, gather_size=16, shadow_size=64) as renderer:
+        with Renderer(room(), (24, 16), ctx=ctx, gather="plane", bounces=1, gather_size=16, shadow_size=64) as renderer:
             pictures.append(renderer.render())
     for name, tolerance in (("position", 1e-5), ("normal", 1e-5), ("albedo", 1e-6), ("emission", 1e-6), ("irradiance", 2e-2)):
         one, other = (getattr(picture, name) for picture in pictures)  # a driver may begin a triangle at another corner

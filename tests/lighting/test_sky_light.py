@@ -15,7 +15,7 @@ from tests.support.skies import cie, irradiance, mapped, without_lights
 from tests.support.worlds import ABOVE, Lit, floor, gather, material, quad, rays, scene, sites
 
 UP = np.array([0.0, 1.0, 0.0])
-KINDS = ("raster", "trace")
+KINDS = ("trace", "embree")
 SIDE = Camera((0.3, 1.5, 2.0), (0.0, 0.3, 0.0), (0.1, 1.0, 0.0), 50.0)
 TILTS = np.array([(0, 1, 0), (1, 0, 0), (0, 0, -1), (-0.6, 0.0, 0.8), (0.48, 0.6, 0.64), (0, -1, 0)], float)
 
@@ -35,7 +35,7 @@ def test_an_overcast_sky(ctx: moderngl.Context, kind: str) -> None:
     assert gather(ctx, world, sites((0.0, 0.0, 0.0), -UP), 64, kind).E.max() < 0.005 * L
 
 
-@pytest.mark.parametrize(("kind", "turn"), [("raster", 70.0), ("trace", 0.0), ("trace", 70.0)])
+@pytest.mark.parametrize(("kind", "turn"), [("embree", 70.0), ("trace", 0.0), ("trace", 70.0)])
 def test_a_map_lights_from_where_it_is_bright(ctx: moderngl.Context, kind: str, turn: float) -> None:
     """A quarter of the sky to the east is red, one below the horizon to the north-west blue; six planes against the map's own
     sum, turned clockwise with it. Without a turn, the wall that faces east gets most of the red."""

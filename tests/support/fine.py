@@ -67,7 +67,7 @@ def main() -> None:
     with context.shared() as ctx, Lit(ctx, world, Settings().shadow_size) as lit:
         view = seen(ctx, world, SIZE)
         pixels = np.random.default_rng(2).permutation(np.argwhere(view.smooth(0.002 * world.diagonal)))[:PIXELS]
-        E = [lit.gather(sites_at(view, pixels + step), 128, "raster").E @ LUMINANCE for step in np.array(ROUND)]
+        E = [lit.gather(sites_at(view, pixels + step), 222).E @ LUMINANCE for step in np.array(ROUND)]
     arrays = asdict(Bends(scene_hash(world), pixels, np.stack(E)))
     np.savez_compressed(FILE, **{f"Bends/cornell/{key}": value for key, value in arrays.items()})
     print(f"{FILE}: {FILE.stat().st_size / 1000:.0f} kB")

@@ -113,11 +113,11 @@ def look(
 
 
 def truth(ctx: moderngl.Context, world: Scene, views: Sequence[Look], pixels: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """E (N, 3) at pixels (N, 2) of each view, by 12 thousand directions from every one of them, which are within 1 % of
+    """E (N, 3) at pixels (N, 2) of each view, by 12 thousand rays from every one of them, which are within 1 % of
     four times as many: nothing is interpolated."""
     parts = [view.sites(at) for view, at in zip(views, pixels, strict=True)]
     joined = Sites(
         *(np.concatenate([getattr(p, name) for p in parts]) for name in ("position", "normal", "geometric", "triangle"))
     )
-    E = gather(ctx, world, joined, 64, "raster", 32, 1024).E
+    E = gather(ctx, world, joined, 112, "trace", 32, 1024).E
     return np.split(E, np.cumsum([len(p) for p in parts])[:-1])

@@ -241,7 +241,7 @@ def gather(
     world: Scene,
     where: Sites,
     side: int = 32,
-    kind: str = "raster",
+    kind: str = "trace",
     capacity: int | None = None,
     shadow: int = 256,
 ) -> Gathered:

@@ -61,9 +61,7 @@ def values(renderer: Renderer) -> np.ndarray:
 # ---- truths -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kind", "number"), [("trace", "all"), *(pytest.param(*x, marks=LONG) for x in (("trace", 3), ("raster", 2)))]
-)
+@pytest.mark.parametrize(("kind", "number"), [("trace", "all"), pytest.param("embree", 3, marks=LONG)])
 def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
     """Where all surfaces emit L_e and reflect ρ, a bounce brings ρ times the one before: E_N = π·L_e·Σ ρ^k for k < N, and
     π·L_e/(1 − ρ) in the end."""
@@ -153,7 +151,7 @@ def radiosity(where: np.ndarray, normal: np.ndarray, number: int, parts: int = 1
 
 @pytest.mark.parametrize(
     ("kind", "number"),
-    [("trace", "all"), *(pytest.param(*case, marks=LONG) for case in (("trace", 2), ("trace", 4), ("raster", "all")))],
+    [("trace", "all"), *(pytest.param(*case, marks=LONG) for case in (("trace", 2), ("trace", 4), ("embree", "all")))],
 )
 def test_bounces_are_those_of_radiosity(ctx: moderngl.Context, kind: str, number: int | str) -> None:
     """Coloured walls, one of them a source, under a sky: some and all bounces."""
@@ -185,10 +183,7 @@ def rooms(fine: bool) -> Scene:
     return scene(walls, between, *parts, lights=(lamp((-1, 1.2, 0.2), 5.0),), camera=eye)
 
 
-@pytest.mark.parametrize(
-    ("kind", "fine"),
-    [("trace", False), pytest.param("trace", True, marks=LONG), pytest.param("raster", False, marks=LONG)],
-)
+@pytest.mark.parametrize(("kind", "fine"), [("trace", False), pytest.param("trace", True, marks=LONG)])
 def test_a_room_that_no_light_enters_stays_black(ctx: moderngl.Context, kind: str, fine: bool) -> None:
     chance = np.random.default_rng(1).uniform(0.0, 1.0, (40, 2))
     with made(ctx, rooms(fine), gather=kind, gather_size=16, shadow_size=512) as renderer:

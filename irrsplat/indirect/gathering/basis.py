@@ -26,7 +26,7 @@ class BounceStatistics(TypedDict):
 class Basis:
     """Scene and settings by which the records of the cache are gathered, and their changes that are still to be followed.
 
-    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
+    kind: how a record sees the world, "trace", "embree" or "plane". moved: whether something has changed, and which
     records that concerns is still to be found out. changing: whether something has since records were last renewed.
     relit: whether lights or materials have, and the surface cache is not made by these yet.
     swapped: True while records that were gathered by coarse values of the surface cache are compared with its own.

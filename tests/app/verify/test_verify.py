@@ -252,7 +252,7 @@ def test_views_without_a_truth(fake: Any, place: Path, refused: Callable[..., st
 
 
 def test_the_truth_of_a_fine_gather(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the closed furnace each record and each pixel of the truth is π·L_e = π, by the same rasters."""
+    """In the closed furnace each record and each pixel of the truth is π·L_e = π."""
     monkeypatch.setattr(measure, "GATHERED", 40)
     assert cli.main(["verify", "furnace", "--size", "16", "12", "--truth", "gather", "--gather-size", "8", "--bounces", "1"]) == 0
     out, _ = capsys.readouterr()

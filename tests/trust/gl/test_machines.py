@@ -74,7 +74,7 @@ from irrsplat.gpu import context
 with context.create() as ctx:
     found = {"driver": numpy.array(context.describe(ctx)["renderer"])}
 for scene in sys.argv[2:]:
-    for gather in ("raster", "trace"):
+    for gather in ("plane", "trace"):
         frame = irrsplat.render(irrsplat.load(scene), (48, 48), gather=gather, bounces=1, gather_size=16, shadow_size=64)
         for name in ("image", "irradiance", "depth", "albedo", "records_position", "records_irradiance"):
             found[f"{scene} {gather} {name}"] = getattr(frame, name)
@@ -149,7 +149,7 @@ def attach(ctx):
     ctx.enable_direct(0x92E0)  # GL_DEBUG_OUTPUT
     ctx.enable_direct(0x8242)  # GL_DEBUG_OUTPUT_SYNCHRONOUS
 for scene in sys.argv[1:]:
-    for gather in ("raster", "trace"):
+    for gather in ("plane", "trace"):
         settings = dict(gather=gather, samples=2, bounces=1, gather_size=16, shadow_size=64)
         with irrsplat.Renderer(irrsplat.load(scene), (16, 16), **settings) as renderer:
             attach(renderer.ctx)
