@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.common.terminal import OnShare, doing, progress
 from irrsplat.app.farm import work
-from irrsplat.app.farm.waiting import Crew, Task
+from irrsplat.app.farm.waiting import Crew, Task, submit
 from irrsplat.app.farm.work import Job, Part, Rendered
 from irrsplat.app.film.fill import Filled
 from irrsplat.app.film.kept import unwritten
@@ -91,8 +91,8 @@ def render(
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
         crew, send = Crew(client), _sender(client, records)
-        more = flight.outputs, buffers, files, _one_driver(crew)
-        tasks = [_task(client, work.render, send, job, numbers, *more) for numbers in runs(wanted, _PARTS * workers)]
+        more = {"outputs": flight.outputs, "buffers": buffers, "files": files, "drawn_by": _one_driver(crew)}
+        tasks = [_task(client, work.render, send, job, numbers, **more) for numbers in runs(wanted, _PARTS * workers)]
         try:
             for rendered in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
                 _write(rendered, flight, outputs, args.resume)
@@ -200,19 +200,19 @@ def _sender(client: Any, data: bytes | None) -> Task:
     return send
 
 
-def _task(client: Any, what: Callable[..., object], send: Task, job: Job, numbers: range, *more: object) -> Task:
+def _task(client: Any, what: Callable[..., object], send: Task, job: Job, numbers: range, **more: object) -> Task:
     """A task of work.fill or work.render for these frames."""
 
     def begin(workers: list[str] | None) -> Any:
         key = f"{what.__name__}-{secrets.token_hex(8)}"
-        return client.submit(work.attempt, what, job, numbers, send(workers), *more, key=key, workers=workers, pure=False)
+        return submit(client, partial(what, job, numbers, **more), send(workers), key=key, workers=workers)
 
     return begin
 
 
 def _one_driver(crew: Crew) -> str:
     """Return the driver of most workers; the others are left out, since their frames would differ in their bits."""
-    kinds = crew.answers(partial(work.attempt, work.driver))
+    kinds = crew.answers(work.driver)
     chosen: str = max(sorted(set(kinds.values())), key=list(kinds.values()).count)
     for worker, kind in sorted(kinds.items()):
         if kind != chosen:

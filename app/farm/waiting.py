@@ -6,6 +6,8 @@ Dask itself waits without end where a task has no worker to go to: https://distr
 from __future__ import annotations
 
 import asyncio
+import inspect
+import pickle
 import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from concurrent import futures as threads
@@ -20,7 +22,7 @@ _ALONE = 30.0  # seconds without any worker until a farm is given up; one that d
 _SILENT = 60.0  # seconds without a sign of life, which a worker gives some times a minute
 _ROUNDS = 3  # of asking all workers, where all of those that were asked have left
 
-Task = Callable[[list[str] | None], Any]  # begins a task, a future of an Outcome, for one of these workers; None: for any
+Task = Callable[[list[str] | None], Any]  # begins a task by `submit` for one of these workers; None: for any
 
 
 class Outcome(NamedTuple):
@@ -29,6 +31,34 @@ class Outcome(NamedTuple):
     worker: str
     result: Any = None
     error: IrrsplatError | None = None
+
+
+def attempt(call: bytes, data: list[object]) -> tuple[str, object, object]:
+    """Return the address of this worker, what the pickled `call` gives for `data`, and the error that it ends with.
+
+    Workers get the source of this function: Dask ends a worker that cannot import what a task names.
+    """
+    import pickle
+
+    from distributed import get_worker
+
+    here = str(get_worker().address)
+    try:
+        work = pickle.loads(call)
+    except Exception as error:  # no irrsplat, or one that fails to import
+        cause = f"{type(error).__name__}: {error}"
+        return here, None, f"irrsplat cannot be loaded there ({cause}); install the same irrsplat on all machines"
+    try:
+        return here, work(*data), None
+    except Exception as error:  # a full disk, too little memory, a driver that fails
+        ours = type(error).__module__.startswith("irrsplat.")
+        return here, None, error if ours else f"{type(error).__name__}: {error}"
+
+
+def submit(client: Any, call: Callable[..., object], *data: object, **options: object) -> Any:
+    """Return a future of what `attempt` gives for a call and its data. options: Dask's own."""
+    names = {"source": inspect.getsource(attempt), "call": pickle.dumps(call), "data": [*data]}
+    return client.submit(eval, "exec(source) or attempt(call, data)", names, pure=False, **options)
 
 
 class Silence:
@@ -84,7 +114,7 @@ class Crew:
                 done, _ = threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED)
                 for one in done:
                     task, _, _ = awaited.pop(one)
-                    outcome: Outcome = _result(one)
+                    outcome = _outcome(one)
                     if outcome.error is None:
                         yield outcome.result
                         continue
@@ -106,7 +136,7 @@ class Crew:
         finally:
             _drop(self._client, {one: future for one, (_, future, _) in awaited.items()})
 
-    def answers(self, question: Callable[[], Outcome]) -> dict[str, Any]:
+    def answers(self, question: Callable[[], object]) -> dict[str, Any]:
         """Return the answer of each worker, by its address; at least one answers. Workers that leave before, fail, or are silent
         for a minute are left out.
 
@@ -116,7 +146,7 @@ class Crew:
         for _ in range(_ROUNDS):
             with suppress(TimeoutError):
                 self._client.wait_for_workers(1, timeout=_ALONE)
-            asked = {worker: self._client.submit(question, workers=[worker], pure=False) for worker in self.well()}
+            asked = {worker: submit(self._client, question, workers=[worker]) for worker in self.well()}
             if not asked:
                 raise failed or _alone()
             awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in asked.items()}
@@ -124,7 +154,7 @@ class Crew:
             try:
                 while awaited:
                     for one in threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED).done:
-                        outcome: Outcome = _result(one)
+                        outcome = _outcome(one)
                         if outcome.error is None:
                             found[awaited.pop(one)] = outcome.result
                         else:
@@ -176,18 +206,18 @@ def _drop(client: Any, awaited: Mapping[threads.Future[Any], Any]) -> None:
             result.cancel()
 
 
-def _result(done: threads.Future[Any]) -> Any:
+def _outcome(done: threads.Future[Any]) -> Outcome:
+    """Return the outcome of a task that ended; raises IrrsplatError where no worker can do it."""
     from distributed import KilledWorker
 
     try:
-        return done.result()
+        worker, result, failure = done.result()
     except KilledWorker as error:
         words = "several workers have died at one task, of too little memory perhaps; their logs say more"
         raise IrrsplatError(f"--on: {words}") from error
-    except ModuleNotFoundError as error:
-        raise IrrsplatError(f"--on: a worker lacks '{error.name}'; install the same irrsplat on all machines") from error
     except threads.CancelledError as error:  # Dask's own, for tasks of a scheduler whose connection is lost
         raise _lost() from error
+    return Outcome(worker, result, IrrsplatError(failure) if isinstance(failure, str) else failure)
 
 
 def _lost() -> IrrsplatError:

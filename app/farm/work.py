@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, TypeVar
 
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.version import software
-from irrsplat.app.farm.waiting import Outcome
 from irrsplat.app.film import fill as filling
 from irrsplat.app.film import frames
 from irrsplat.app.film.flight import Flight
-from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.image.frame import numbered
 from irrsplat.records import cache_file
@@ -86,19 +85,6 @@ def _driver() -> str:
         return context.machine(context.describe(ctx))
     finally:
         ctx.release()
-
-
-def attempt(work: Callable[..., object], *args: object) -> Outcome:
-    """Return what a worker's `work` gives, or the error that it ends with, and which worker this is."""
-    from distributed import get_worker
-
-    here = str(get_worker().address)
-    try:
-        return Outcome(here, work(*args))
-    except IrrsplatError as error:
-        return Outcome(here, error=error)
-    except Exception as error:  # a full disk, too little memory, a driver that fails
-        return Outcome(here, error=IrrsplatError(f"{type(error).__name__}: {error}"))
 
 
 def fill(job: Job, numbers: range, start: bytes | None = None) -> Part:

@@ -20,7 +20,7 @@ from irrsplat.core.errors import GLError
 
 REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
 _made_in: set[int] = set()  # the processes that made contexts, of which a forked one finds its parent's
-_left: list[moderngl.Context] = []  # contexts without a user that could not be freed at once
+_left: list[tuple[moderngl.Context, Callable[[], object]]] = []  # what could not be freed at once, and how it is freed
 _DEVICES = 8  # EGL devices that are tried before giving up
 
 # Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
@@ -49,7 +49,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
             "multiprocessing.get_context('spawn')"
         )
     prepare()
-    _free_left()
+    free_left()
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
@@ -135,26 +135,31 @@ def _signals_held() -> Iterator[None]:
             answers[number](number, None)
 
 
-def leave(ctx: moderngl.Context, handles: tuple[int, ...]) -> None:
-    """Free `ctx`, which `create` made, and all that is in it, as its user has gone without that. handles: what `current` gave.
+def leave(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], object]) -> None:
+    """Free what somebody who has gone had in `ctx`: by `free`. handles: what `current` gave.
 
-    Python may call this at any time and in any thread. Where `ctx` is not the current context, it is freed when its thread next
-    makes a context current.
+    Python may call this at any time and in any thread. Where `ctx` is not the current context, or is a host's, `free` is called
+    when it is next made or found current.
     """
     if is_gone(ctx):
         return
     if ctx.extra == _here() and any(handles) and current() == handles:
-        ctx.release()
+        free()
     else:
-        _left.append(ctx)
+        _left.append((ctx, free))
 
 
-def _free_left() -> None:
-    """Free the contexts of this thread that `leave` could not."""
-    for ctx in [ctx for ctx in _left if ctx.extra == _here()]:
-        _left.remove(ctx)
-        ctx.__enter__()  # type: ignore[no-untyped-call]
-        ctx.release()
+def free_left(found: moderngl.Context | None = None) -> None:
+    """Free what `leave` could not in contexts that `create` made in this thread, or in the one that was found current."""
+    for left in list(_left):
+        ctx, free = left
+        if is_gone(ctx):
+            _left.remove(left)
+        elif ctx is found or (found is None and ctx.extra == _here()):
+            _left.remove(left)
+            if found is None:
+                ctx.__enter__()  # type: ignore[no-untyped-call]
+            free()
 
 
 def check_alive(ctx: moderngl.Context) -> None:
@@ -170,7 +175,7 @@ def make_current(ctx: moderngl.Context) -> None:
         if ctx.extra[0] != os.getpid():
             raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
         raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
-    _free_left()
+    free_left()
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 

@@ -52,13 +52,14 @@ class Owner(ABC):
 
 
 class Tenant(Owner):
-    """Owns what it makes in an OpenGL context: a caller's, who makes it current, or one of its own, which is freed with it, at
-    the latest when nothing refers to its tenant any more."""
+    """Owns what it makes in an OpenGL context: a caller's, who makes it current, or one of its own, which is freed with it.
+    When nothing refers to a tenant any more, what is in its own context is freed, or what it has made at first in a caller's."""
 
     ctx: moderngl.Context
     about: context.Description
     _owns_ctx: bool
     _native: tuple[int, ...]  # a given context, as the system knows it
+    _end: finalize[..., Tenant]
 
     @contextmanager
     def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[ExitStack]:
@@ -67,14 +68,17 @@ class Tenant(Owner):
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self._native = context.current()
+        if not self._owns_ctx:
+            context.free_left(self.ctx)
         with ExitStack() as made:
             if self._owns_ctx:
                 made.callback(self.ctx.release)
             self.about = context.describe(self.ctx)
             yield made
+            free = self.ctx.release if self._owns_ctx else made.pop_all().close
             made.pop_all()
-        if self._owns_ctx:
-            finalize(self, context.leave, self.ctx, self._native).atexit = False
+        self._end = finalize(self, context.leave, self.ctx, self._native, free)
+        self._end.atexit = False
 
     def _use(self) -> None:
         """Make its own OpenGL context the current one; a given one is its owner's to make current. Raises GLError where it has
@@ -84,6 +88,7 @@ class Tenant(Owner):
             context.make_current(self.ctx)
         else:
             context.check_current(self._native)
+            context.free_left(self.ctx)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where it was made for this; twice does no harm."""
@@ -92,6 +97,7 @@ class Tenant(Owner):
         if self.ctx.extra:  # made by context.create, so that it can be made current here, whoever owns it
             context.make_current(self.ctx)
         self._use()
+        self._end.detach()
         if self._owns_ctx:
             self.ctx.release()
         else:

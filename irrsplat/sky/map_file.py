@@ -19,6 +19,8 @@ from irrsplat.core.words import is_number, number, quote
 ENDINGS = (".hdr", ".pic", ".exr")
 MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
 _MOST_PIXELS = 16384 * 8192
+_BAND = 512  # rows that are decoded and halved at a time: 9 halvings at most, of a million rows
+_HEAD = 1 << 20  # bytes of a Radiance header at most
 _FREE, _PER_BYTE = 1 << 20, 512  # pixels that a small file may have, and more for each of its bytes
 _SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
 _REMEDY = "save it again with finite values of 0 or more"
@@ -32,24 +34,33 @@ def read_map(path: Path) -> tuple[np.ndarray, list[str]]:
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise InputError(f"a sky is an image that ends in {' '.join(ENDINGS)}, not in '{path.suffix}'", path)
-    radiance = read_exr(path) if ending == ".exr" else read_hdr(path)
-    height, width = radiance.shape[:2]
-    bad = int(height * width - np.isfinite(radiance).all(-1).sum())
+    pixels, scales = (read_exr(path), None) if ending == ".exr" else read_hdr(path)
+    height, width = pixels.shape[:2]
+    halvings = 0
+    while height >> halvings > MOST_ROWS and (height >> halvings) % 2 == (width >> halvings) % 2 == 0:
+        halvings += 1
+    bad, negative, below, whole, kept = 0, 0, 0.0, 0.0, []
+    for rows in (pixels[start : start + _BAND] for start in range(0, height, _BAND)):
+        radiance = rows if scales is None else _decoded(rows, scales)
+        finite = np.isfinite(radiance)
+        bad += 0 if finite.all() else int((~finite).any(-1).sum())
+        if radiance.min() < 0.0:
+            negative += int((radiance < 0.0).any(-1).sum())
+            below -= float(np.minimum(radiance, 0.0).sum(dtype=float))
+            radiance = np.maximum(radiance, np.float32(0.0))
+        whole += float(radiance.sum(dtype=float))
+        for _ in range(halvings):
+            radiance = radiance[::2] + radiance[1::2]
+            radiance = (radiance[:, ::2] + radiance[:, 1::2]) * np.float32(0.25)
+        kept.append(radiance)
     if bad:
         raise InputError(f"{bad} of its pixels are not finite (NaN or infinity); {_REMEDY}", path)
-    notices = []
-    if radiance.min() < 0.0:
-        below, whole = -float(np.minimum(radiance, 0.0).sum(dtype=float)), float(np.abs(radiance).sum(dtype=float))
-        if below > _SLIGHT * whole:
-            raise InputError(f"{int((radiance < 0.0).any(-1).sum())} of its pixels are negative; {_REMEDY}", path)
-        notices.append(f"{path}: some of its pixels are slightly negative, and count as 0")
-        radiance = np.maximum(radiance, np.float32(0.0))
+    if below > _SLIGHT * (whole + below):
+        raise InputError(f"{negative} of its pixels are negative; {_REMEDY}", path)
+    notices = [f"{path}: some of its pixels are slightly negative, and count as 0"] if negative else []
     if width != 2 * height:
         notices.append(f"{path}: {width}x{height} pixels are not twice as wide as high; they cover the whole sphere all the same")
-    while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
-        height, width = radiance.shape[:2]
-        radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
-    return np.ascontiguousarray(radiance), notices
+    return np.concatenate(kept), notices
 
 
 def read_exr(path: Path) -> np.ndarray:
@@ -117,11 +128,15 @@ def _values(header: dict[str, Any]) -> int:
 # ---- Radiance ------------------------------------------------------------------------------------------------------------
 
 
-def read_hdr(path: Path) -> np.ndarray:
-    """(H, W, 3) float32 of a Radiance picture: value (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE."""
+def read_hdr(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 4) uint8 the mantissas and the exponent of a Radiance picture, and (256,) float32 the scale of each exponent.
+
+    A value is (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE.
+    """
     data = read_bytes(path, MOST_IMAGE)
-    head, found, rest = data.partition(b"\n\n")
-    line, _, pixels = rest.partition(b"\n")
+    head, found, line = data[:_HEAD].partition(b"\n\n")
+    line, _, _ = line.partition(b"\n")
+    start = len(head) + len(found) + len(line) + 1  # of the pixels
     size = re.fullmatch(rb"([+-])Y (\d{1,6}) ([+-])X (\d{1,6})\r?", line)
     if not head.startswith((b"#?RADIANCE", b"#?RGBE")) or not found or size is None:
         raise InputError("this is no Radiance picture with rows from top to bottom; save it again as .hdr", path)
@@ -130,8 +145,9 @@ def read_hdr(path: Path) -> np.ndarray:
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= _most_pixels(len(data)):
         raise InputError(f"{width}x{height} pixels are none, or too many in {len(data)} bytes", path)
+    read = _runs if data[start : start + 2] == b"\2\2" and 8 <= width < 32768 else _old_runs
     try:
-        coded = _runs(pixels, height, width) if pixels[:2] == b"\2\2" and 8 <= width < 32768 else _old_runs(pixels, height, width)
+        coded = read(data, start, height, width)
     except (IndexError, ValueError):
         raise InputError("the picture is cut off or damaged; save it again", path) from None
     exposures = [number(value) for value in re.findall(r"^EXPOSURE=\s*(\S+)", head.decode("latin-1"), re.M) if is_number(value)]
@@ -140,41 +156,48 @@ def read_hdr(path: Path) -> np.ndarray:
         raise InputError(f"its EXPOSURE is {exposure:g}; expected a number above 0; save it again", path)
     scales = np.ldexp(1.0, np.arange(256) - 136).astype(np.float32) / np.float32(exposure)
     scales[0] = 0.0
-    radiance = coded[..., :3] + np.float32(0.5)
-    radiance *= scales[coded[..., 3]][..., None]
-    radiance = radiance[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
+    return coded[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1], scales
+
+
+def _decoded(coded: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """(H, W, 3) float32 the radiance of coded pixels (H, W, 4)."""
+    radiance = np.empty((*coded.shape[:2], 3), np.float32)
+    scale = scales[coded[..., 3]]
+    for i in range(3):
+        np.multiply(coded[..., i] + np.float32(0.5), scale, out=radiance[..., i])
     return radiance
 
 
-def _runs(data: bytes, height: int, width: int) -> np.ndarray:
+def _runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
     """(H, W, 4) uint8: each row has its four components one after the other, each as runs and literals."""
-    out, at = bytearray(), 0
+    out = bytearray()
     start = bytes((2, 2, width >> 8, width & 255))
-    for row in range(height):
+    for _ in range(height):
         if data[at : at + 4] != start:
             raise ValueError("no row begins here")
         at += 4
-        end = len(out)
         for _ in range(4):
-            end += width
-            while len(out) < end:
+            left = width
+            while left > 0:
                 count = data[at]
                 if count > 128:
-                    out += data[at + 1 : at + 2] * (count - 128)
+                    count -= 128
+                    out += data[at + 1 : at + 2] * count
                     at += 2
-                else:
+                elif count:
                     out += data[at + 1 : at + 1 + count]
                     at += 1 + count
-                    if not count:
-                        raise ValueError("an empty run")
-        if len(out) != 4 * width * (row + 1):
-            raise ValueError("a run is longer than its row")
+                else:
+                    raise ValueError("an empty run")
+                left -= count
+            if left:
+                raise ValueError("a run is longer than its row")
     return np.frombuffer(out, np.uint8).reshape(height, 4, width).swapaxes(1, 2)
 
 
-def _old_runs(data: bytes, height: int, width: int) -> np.ndarray:
+def _old_runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
     """(H, W, 4) uint8: pixel by pixel, where 1 1 1 N repeats the one before N times, and each further one 256 times as often."""
-    codes = np.frombuffer(data[: len(data) // 4 * 4], np.uint8).reshape(-1, 4)
+    codes = np.frombuffer(data, np.uint8, (len(data) - at) // 4 * 4, at).reshape(-1, 4)
     repeats = (codes[:, :3] == 1).all(1)
     place = np.arange(len(codes))
     last = np.maximum.accumulate(np.where(repeats, 0, place))  # the pixel that is meant

@@ -42,8 +42,8 @@ def build_mesh(
         usable = np.isfinite(determinant) and determinant != 0.0 and np.isfinite(world.astype(np.float32)).all()
     if not usable:
         raise InputError("the transformed coordinates are beyond what 32-bit floats hold, or all collapse; scale less")
-    normal_from_object = np.linalg.inv(matrix[:3, :3]).T
-    normals = unit(times(normals, normal_from_object))
+    if normals.any():
+        normals = unit(times(normals, np.linalg.inv(matrix[:3, :3]).T))
 
     a, b, c = (world[corners[:, i]] for i in range(3))
     cross = cross_product(b - a, c - a)

@@ -65,10 +65,11 @@ def workers(count: int) -> Iterator[str]:
 
 
 @contextmanager
-def processes(address: str, count: int) -> Iterator[dict[int, subprocess.Popen[bytes]]]:
-    """So many workers, by their process numbers, as a user starts them, but that none is started again when it dies."""
-    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
-    found = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for _ in range(count)]
+def processes(address: str, *befores: str) -> Iterator[dict[int, subprocess.Popen[bytes]]]:
+    """A worker for each of these lines of Python, which it runs first, by their process numbers; a dead one is not restarted."""
+    more = [address, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    start = "; from distributed.cli.dask_worker import main; main()"
+    found = [subprocess.Popen([sys.executable, "-c", line + start, *more], stderr=subprocess.DEVNULL) for line in befores]
     try:
         yield {process.pid: process for process in found}
     finally:
@@ -112,7 +113,7 @@ def test_a_sick_worker_is_named_and_others_do_its_tasks(
     place: Path, address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The disk of one of two is full while it fills; the other draws otherwise. Where all are sick, the command ends."""
-    in_thread, driver, full = work._in_thread, work.driver, list[str]()
+    in_thread, full = work._in_thread, list[str]()
 
     def failing(task: Any) -> Any:
         here = distributed.get_worker().address
@@ -132,10 +133,31 @@ def test_a_sick_worker_is_named_and_others_do_its_tasks(
         assert cli.main([*FILL, "--on", address]) == 1 and "No space left" in capsys.readouterr().err
     assert [frame["coverage"] for frame in stats("a.json")["frames"]] == [1.0] * 6
     first = min(full)
-    monkeypatch.setattr(work, "driver", lambda: "a" if distributed.get_worker().address == first else driver())
-    with distributed.Client(address, set_as_default=False) as client:
+    with monkeypatch.context() as patched, distributed.Client(address, set_as_default=False) as client:
+        patched.setattr(work, "_in_thread", lambda task: "a" if distributed.get_worker().address == first else in_thread(task))
         crew = waiting.Crew(client)
-        assert farm._one_driver(crew) == "a" < driver() and crew.well() == {first}
+        assert farm._one_driver(crew) == "a" < in_thread(work._driver) and crew.well() == {first}
+
+
+def test_a_worker_that_cannot_load_irrsplat_is_named_and_others_do_its_tasks(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One process has no irrsplat, in one it fails to import. Alone they end a command; a third worker does their tasks."""
+    (place / "damaged").mkdir()
+    (place / "damaged/irrsplat.py").write_text("raise RuntimeError('damaged')")
+    causes = {"import sys; sys.modules['irrsplat'] = None": "ModuleNotFound", "import sys; sys.path[0] = 'damaged'": "Runtime"}
+    with cluster(0) as made, processes(made.scheduler_address, *causes):
+        with distributed.Client(made.scheduler_address, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=PATIENCE)
+            assert cli.main([*FILL, "--on", made.scheduler_address]) == 1
+            assert capsys.readouterr().err.splitlines()[-1].endswith("install the same irrsplat on all machines")
+            made.scale(1)
+            client.wait_for_workers(3, timeout=PATIENCE)
+        assert cli.main([*FILL, "--stats", "a.json", "--on", made.scheduler_address]) == 0
+        work.release()
+    notices = capsys.readouterr().err
+    assert [notices.count(f"irrsplat cannot be loaded there ({cause}Error") for cause in causes.values()] == [1, 1]
+    assert [frame["coverage"] for frame in stats("a.json")["frames"]] == [1.0] * 6
 
 
 def test_a_worker_is_silent_that_gives_no_sign_for_a_minute() -> None:
@@ -181,7 +203,7 @@ class Killer(distributed.SchedulerPlugin):  # type: ignore[name-defined]
 def test_a_worker_that_is_killed_loses_nothing(place: Path) -> None:
     """One of three is killed while it fills, and another while it renders. The frames are those of this process."""
     commands = {"fill": [*FILL, "--stats", "fill.json"], "render": [*RENDER, "-o", "b{frame}.exr"]}
-    with cluster(0) as made, processes(made.scheduler_address, 3) as started:
+    with cluster(0) as made, processes(made.scheduler_address, *["pass"] * 3) as started:
         with distributed.Client(made.scheduler_address, set_as_default=False) as client:
             client.wait_for_workers(3, timeout=PATIENCE)
             pids = client.run(os.getpid)

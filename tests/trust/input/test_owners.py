@@ -62,6 +62,20 @@ def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
     assert context.is_gone(second)
 
 
+def test_a_renderer_in_a_context_of_a_host_is_freed_by_the_next_call_there():
+    host = context.create()
+    host.extra = None  # what `create` notes of its own contexts
+    with host:
+        one, two = (irrsplat.Renderer(EMPTY, (8, 8), bounces=1, ctx=host) for _ in range(2))
+        textures = [thing for thing in one.resources() if isinstance(thing, moderngl.Texture)]
+        del one
+        assert textures and not any(isinstance(texture.mglo, moderngl.InvalidObject) for texture in textures)
+        two.frame()
+        assert all(isinstance(texture.mglo, moderngl.InvalidObject) for texture in textures)
+        two.release()
+    host.release()
+
+
 FORKED = """
 import os, signal, irrsplat
 from tests.trust.input.test_owners import EMPTY

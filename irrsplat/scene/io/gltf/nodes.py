@@ -43,12 +43,20 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
     for i, parent in enumerate(parents):
         if parent >= 0:
             below[parent].append(i)
-    waiting = [(i, np.eye(4)) for i, parent in enumerate(parents) if parent < 0]  # nodes in a circle are never met
+    given: dict[int, np.ndarray | list[float]] = {}  # parents before children
+    waiting = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a circle are never met
     while waiting:
-        i, above = waiting.pop()
+        i = waiting.pop()
         with document.part(name(document, i)):
-            found[i] = matrix = above @ _local(document.entry("nodes", i), i, pose)
-            waiting += [(child, matrix) for child in below[i]]
+            given[i] = _given(document.entry("nodes", i), i, pose)
+            waiting += below[i]
+    apart = [i for i, one in given.items() if isinstance(one, list)]
+    columns = np.array([given[i] for i in apart], float).reshape(-1, 10)
+    given |= zip(apart, transforms(*np.split(columns, [3, 7], axis=1)), strict=True)
+    top = np.eye(4)
+    for i, matrix in given.items():
+        above = found[parents[i]] if parents[i] >= 0 else None
+        found[i] = (top if above is None else above) @ matrix
     return found
 
 
@@ -93,17 +101,15 @@ def name(document: Document, index: int) -> str:
     return f"node '{shown(named)}'" if named else f"node {index}"
 
 
-def _local(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray:
-    """(4, 4) parent_from_node."""
+def _given(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
+    """(4, 4) parent_from_node, or the ten numbers of its translation, rotation and scale."""
     moved = {path: pose[index, path] for path in _TRS if (index, path) in pose}
     if "matrix" in entry and not moved:
         matrix: np.ndarray = np.reshape(numbers(entry, "matrix", tuple(np.eye(4).reshape(-1))), (4, 4)).T
         if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-4):
             raise Damaged("its matrix is not affine")
         return matrix
-    values = {path: np.asarray(moved.get(path, numbers(entry, path, default))) for path, default in _TRS.items()}
-    made: np.ndarray = transforms(*(values[path][None] for path in _TRS))[0]
-    return made
+    return [value for path, default in _TRS.items() for value in moved.get(path, numbers(entry, path, default))]
 
 
 def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Takes docs/images/baking.png: a scene by irrsplat, and its lightmap by three.js; and tells how far the two differ.
 
-    .venv/bin/python docs/programs/baking.py FOLDER [SCENE …]
+    .venv/bin/python docs/programs/baking/baking.py FOLDER [SCENE …]
 
 FOLDER has what `npm install three gltf-validator puppeteer-core` puts there; Chromium is /usr/bin/chromium, or what CHROMIUM
 names. The picture is of the first scene (default: cornell). Ends with status 1 where a mean differs by more than 3 %.
@@ -21,7 +21,7 @@ from irrsplat.app.bake import bake_lightmap
 from irrsplat.core.files import eight_bits
 from irrsplat.image.tonemap import tonemap
 
-DOCS = Path(__file__).resolve().parents[1]
+DOCS = Path(__file__).resolve().parents[2]
 SIDE, TEXELS = 400, 512
 MOST = 0.03  # of the mean
 
@@ -29,7 +29,7 @@ MOST = 0.03  # of the mean
 def shown(folder: Path, glb: Path) -> np.ndarray:
     """(SIDE, SIDE, 4) linear radiance and alpha of the file's first camera, by three.js."""
     raw = glb.with_suffix(".f32")
-    program = DOCS / "programs" / "baking.mjs"
+    program = Path(__file__).with_name("baking.mjs").resolve()
     subprocess.run(["node", str(program), str(glb), str(SIDE), str(SIDE), str(raw)], cwd=folder, check=True)
     return np.fromfile(raw, "<f4").reshape(SIDE, SIDE, 4)[::-1]
 

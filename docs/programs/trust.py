@@ -1,0 +1,110 @@
+"""Tries the rows of docs/about/trust.md again: `python docs/programs/trust.py [-k TEXT] [--limit SECONDS]`.
+
+For each row: its status, the seconds and the most memory that its command took, and the lines with numbers that it printed. `not
+tried` is a row whose command skips all that it has here, or that is done by hand. The exit status is that of the worst row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "about" / "trust.md"
+LATE = 124  # the exit status of a command that took too long, as `timeout` has it
+MOST_LINES = 8  # of what a command printed
+
+
+class Row(NamedTuple):
+    """A row of a table: what was tried, how often, what came of it, and the command's words and environment; none by hand."""
+
+    tried: str
+    often: str
+    result: str
+    words: list[str]
+    environment: Mapping[str, str]
+
+
+def rows(text: str) -> list[Row]:
+    """Return the rows of a page whose last column is a command."""
+    found = []
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+        if len(cells) != 4 or cells[3] == "command" or set(cells[3]) == {"-"}:
+            continue
+        words = shlex.split(cells[3].strip("`")) if cells[3].startswith("`") else []
+        first = next((i for i, word in enumerate(words) if "=" not in word), 0)
+        found.append(Row(*cells[:3], words[first:], dict(word.split("=", 1) for word in words[:first])))
+    return found
+
+
+def run(row: Row, limit: float) -> tuple[int, int, str]:
+    """Execute a row's command; returns its exit status, the most bytes of memory it had, and what it printed."""
+    program, *more = row.words
+    command = [sys.executable if program == "python" else str(Path(sys.executable).with_name(program)), *more]
+    if "pytest" in command:
+        command += ["-q", "-rs", "-p", "no:cacheprovider"]
+    with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "printed", "w+b") as printed:
+        environment = {**os.environ, **row.environment}
+        place = ROOT if program == "python" else folder
+        child = subprocess.Popen(
+            command, cwd=place, env=environment, stdout=printed, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        signal.signal(signal.SIGALRM, lambda *_: os.killpg(child.pid, signal.SIGKILL))
+        signal.setitimer(signal.ITIMER_REAL, limit)
+        try:
+            _, status, used = os.wait4(child.pid, 0)
+        except KeyboardInterrupt:
+            os.killpg(child.pid, signal.SIGKILL)
+            raise
+        late = signal.setitimer(signal.ITIMER_REAL, 0.0)[0] == 0.0
+        child.returncode = LATE if late else os.waitstatus_to_exitcode(status)
+        printed.seek(0)
+        return child.returncode, 1024 * used.ru_maxrss, printed.read().decode(errors="replace")
+
+
+def verdict(status: int, printed: str) -> str:
+    """Return the word for what came of a command."""
+    if status:
+        return "out of time" if status == LATE else "fails"
+    skipped = re.search(r"\d+ skipped", printed)
+    if skipped and not re.search(r"\d+ passed", printed):
+        return "not tried"
+    return f"holds, {skipped[0]}" if skipped else "holds"
+
+
+def main() -> int:
+    """Try the chosen rows; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Tries the rows of docs/about/trust.md again.")
+    parser.add_argument("-k", metavar="TEXT", default="", help="only rows with this text in what was tried, or in the command")
+    parser.add_argument("--limit", metavar="SECONDS", type=float, default=3600.0, help="for each row (default: 3600)")
+    args = parser.parse_args()
+    worst = 0
+    for row in rows(PAGE.read_text(encoding="utf-8")):
+        if args.k.lower() not in f"{row.tried} {shlex.join(row.words)}".lower():
+            continue
+        print(f"{row.tried}\n  stated: {row.often}: {row.result}", flush=True)
+        if not row.words:
+            print("  not tried, since it is done by hand")
+            continue
+        begun = time.monotonic()
+        status, memory, printed = run(row, args.limit)
+        print(f"  {verdict(status, printed)}, {time.monotonic() - begun:.1f} s, {memory / 1e9:.2f} GB", flush=True)
+        numbers = [line for line in printed.splitlines() if re.search(r"\d", line) and "[100%]" not in line]
+        print(*(f"    {line.strip()[:160]}" for line in numbers[-MOST_LINES:]), sep="\n", flush=True)
+        worst = max(worst, abs(status))
+    return worst
+
+
+if __name__ == "__main__":
+    sys.exit(main())
