@@ -227,8 +227,8 @@ class RecordScheduler(Owner):
             roomy = self.room > _ROOMY * self.settings.max_records
             if not (spots and roomy and self.settings.spread and gatherer.may_glance):
                 return replace(state, checked=True)
-            spots = self._checked.left(screen.spots())
-            check = SpotCheck(spots, spots)
+            left = self._checked.left(screen.spots())
+            check = SpotCheck(left, left)
         while True:
             more = gatherer.glance(shadows, check.spots.sites[len(check.found) :], budget, LOOKS[check.stage])
             check = replace(check, found=np.concatenate([check.found, more]))
