@@ -38,7 +38,7 @@ class LightSearch:
         # rays bring noise of their own, which more of these do not mend
         self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))
         # whether there may be virtual lights, wherever the world's lamps are; shaders are compiled for it
-        self._may_be_virtual = samples > 0 and any(not light.directional for light in world.scene.lights)
+        self._may_be_virtual = samples > 0 and bool(world.scene.lights)
 
     @property
     def _emitters(self) -> EmitterTable | None:
@@ -62,7 +62,10 @@ class LightSearch:
         if emitters is not None:
             found |= emitters.ray_uniforms(self._emitter_samples)
         if self._may_be_virtual:
-            found["virtual_lights"] = np.zeros((len(self.world.scene.lights), 4)) if virtual is None else virtual.reach
+            none = np.zeros((len(self.world.scene.lights), 4))
+            found["virtual_lights"] = none if virtual is None else virtual.reach
+            if any(light.directional for light in self.world.scene.lights):
+                found["virtual_windows"] = none if virtual is None else virtual.windows
         return {**found, "rays": self.rays} if found else found
 
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:

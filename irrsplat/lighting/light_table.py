@@ -60,16 +60,21 @@ def _is_square(light: Light) -> bool:
     return not light.directional and (light.physical or not any(light.attenuation[:2]))
 
 
+def parallel_frame(light: Light, scene: Scene) -> tuple[np.ndarray, float, np.ndarray]:
+    """Return rows (3, 4) right, up and forward of a directional light, the radius of the scene's bounding box, and half its sides
+    (2,) across the light, metres. The rows are dotted with (p, 1), and are 0 in the middle of the box."""
+    axes = _axes(-_unit(np.asarray(light.position, float)))
+    rows = np.concatenate([axes, -(axes @ scene.bounds.mean(0))[:, None]], axis=1)
+    return rows, 0.5 * scene.diagonal * 1.001, np.abs(axes[:2]) @ (0.5 * np.ptp(scene.bounds, axis=0))
+
+
 def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
     """The light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
     position = np.asarray(light.position, float)
     grow = side / (side - 2 * _GUARD)
     if light.directional:
-        centre, radius = scene.bounds.mean(0), 0.5 * scene.diagonal * 1.001
-        axes = _axes(-_unit(position))
-        reach = float((np.abs(axes[:2]) @ (0.5 * np.ptp(scene.bounds, axis=0))).max())  # of the bounding box, across the light
-        scale = 1.0 / (1.001 * max(reach, _NARROWEST * radius) * grow)
-        rows = np.concatenate([axes, -(axes @ centre)[:, None]], axis=1)
+        rows, radius, sides = parallel_frame(light, scene)
+        scale = 1.0 / (1.001 * max(float(sides.max()), _NARROWEST * radius) * grow)
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
         return rows[None], scale, 2 * radius

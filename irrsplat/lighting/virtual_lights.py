@@ -1,8 +1,8 @@
-"""Virtual lights: points that lamps light, from which records take what is reflected there (Keller 1997, "Instant radiosity").
+"""Virtual lights: points on lit surfaces, from which records take what is reflected there (Keller 1997, "Instant radiosity").
 
-A lamp close to a wall lights a spot that few of a record's rays hit. Rays from the lamp find that spot for certain, densest where
-it is brightest. A record takes what comes from there along shadow rays, and what its own rays find of it counts the less, by the
-balance heuristic: together they are all of the light.
+A light close to a wall makes a spot that few of a record's rays hit, and the sun through an opening a patch. Rays from the light
+find that spot for certain, densest where it is brightest. A record takes what comes from there along shadow rays, and what its
+own rays find of it counts the less, by the balance heuristic: together they are all of the light.
 """
 
 from __future__ import annotations
@@ -19,29 +19,33 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_defines, near_plane
-from irrsplat.scene.model import Light
+from irrsplat.lighting.light_table import light_defines, near_plane, parallel_frame
+from irrsplat.scene.model import Light, Scene
 
 _LIT = 1e29  # metres: what is farther is nothing that a ray has hit
 _ENDS = 4096  # virtual lights in all sets, about: with one set for all records its error would be theirs
 _SETS = 8, 64  # the least and the most sets
+_FIRST = 64  # sets of as many rays: by these the window of a directional light is found
+_FURTHER = 8  # rays from where each ends: a place from which all of them meet something is inside
+_SEARCHES = 3  # each in the window that the one before has found
+_APART = 4.0  # times as far as these rays lie apart: further rays find a part of what is inside
+_EDGE = 2e-3  # of the scene's width: as much is added to a window, where shadow maps may be off
 _WORTHWHILE = 0.05  # of a lamp's rays: so many have to end at virtual lights
 
 
 class VirtualLights(Owner):
-    """Those of the world's lamps as they are now, in sets of at most `samples`, for records with so many `rays` a steradian.
+    """Virtual lights of the world as it is now, in sets of at most `samples`, for records with so many `rays` a steradian.
 
-    count: of a set. reach: (LIGHTS, 4), the uniform `virtual_lights` of shaders/lighting/virtual_lights/hit.glsl. They depend on
-    where lamps and meshes are, not on how bright those are.
+    count: of a set. reach, windows: (LIGHTS, 4), the uniforms `virtual_lights` and `virtual_windows` of
+    shaders/lighting/virtual_lights/hit.glsl. They depend on where lights and meshes are, not on brightness.
     """
 
     def __init__(self, world: World, samples: int, rays: float) -> None:
         self.world = world
-        kinds = light_defines(world.scene), world.material_defines
-        self._passes = world.derived.get("virtual light passes", kinds, lambda: VirtualLightPasses(world))
-        spots = self._spots(
-            np.array([i for i, light in enumerate(world.scene.lights) if not light.directional], int), samples, rays
-        )
+        self._passes = _passes(world)
+        # they hold for all numbers of samples
+        self._windows = world.derived.get("light windows", _inputs(world), lambda: LightWindows(world))
+        spots = self._spots(np.flatnonzero(self._windows.rooms), samples, rays)
         while not spots.worthwhile.all():  # the others share what there is
             spots = self._spots(spots.lamps[spots.worthwhile], samples, rays)
         columns = spots.columns
@@ -51,6 +55,8 @@ class VirtualLights(Owner):
         self._lit: ShadowMaps | None = None  # the lamps by which they shine
         self.reach = np.zeros((max(len(world.scene.lights), 1), 4))
         self.reach[spots.lamps, 0], self.reach[spots.lamps, 1] = spots.density, spots.reach**2
+        self.windows = np.zeros_like(self.reach)
+        self.windows[spots.lamps] = self._windows.rectangles[spots.lamps]
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -70,33 +76,77 @@ class VirtualLights(Owner):
         if not len(lamps):
             none = np.zeros(0)
             return _Spots(lamps, none, none, np.zeros((0, 1, 1, 3, 4)), np.zeros((0, 1, 1), bool))
-        rows = np.array([_row(scene.lights[lamp]) for lamp in lamps])
-        density = each / (2.0 * np.pi * rows[:, 1, 3])
-        uniforms = {**self.world.trace_uniforms, "rays": float(each), "near": near_plane(scene)}
+        rows = np.array([_row(scene.lights[lamp], scene, self._windows.rectangles[lamp]) for lamp in lamps])
+        parallel, sides = rows[:, 0, 3] > 0.5, 2.0 * self._windows.rectangles[lamps, 2:]
+        density = each / np.where(parallel, sides.prod(1), 2.0 * np.pi * rows[:, 1, 3])
         sets = int(np.clip(_ENDS // samples, *_SETS))
-        place, normal, share = self._passes.find(rows, each, sets, uniforms)
-        far, triangle = place[..., 3].copy(), normal[..., 3].copy()
-        lit = far < _LIT
+        place, normal, share = self._passes.find(rows, each, sets, _find_uniforms(self.world, each))
+        far, triangle, spread = place[..., 3].copy(), normal[..., 3].copy(), share[..., 3].copy()
+        lit = spread > 0.0
         # a room is about as wide as a lamp's rays are long: within reach they lie as densely as those of records across it
         room = np.sqrt((np.where(lit, far, 0.0) ** 2).sum((1, 2)) / np.maximum(lit.sum((1, 2)), 1))
+        room = np.where(parallel, self._windows.rooms[lamps], room)
         reach = 2.0 * room * np.sqrt(WORTH * density / rays)
-        cosine = -((place[..., :3] - rows[:, None, None, 0, :3]) * normal[..., :3]).sum(-1) / far
-        place[..., 3] = density[:, None, None] * cosine / far**2
+        place[..., 3] = density[:, None, None] * spread
         normal[..., 3], share[..., 3] = lamps[:, None, None], triangle
-        near = lit & (far < reach[:, None, None]) & (place[..., 3] > 0.0)
+        # metres of a point light; of a directional light's window, whether all of it is within reach
+        near = lit & (np.where(parallel[:, None, None], 1.0, far) < reach[:, None, None])
         return _Spots(lamps, density, reach, np.stack([place, normal, share], axis=3), near)
 
 
 def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | None:
     """Those of the world's lamps, which the world owns; None where they have none, and for more triangles than rays can go
     through. They hold until lamps or meshes move."""
-    lamps = [replace(light, color=(1.0, 1.0, 1.0)) for light in world.scene.lights]
-    inputs = world.scene.meshes, lamps
     try:
-        found = world.derived.get(f"virtual lights {samples} {rays}", inputs, lambda: VirtualLights(world, samples, rays))
+        found = world.derived.get(f"virtual lights {samples} {rays}", _inputs(world), lambda: VirtualLights(world, samples, rays))
     except InputError:
         return None
     return found if found.count else None
+
+
+class LightWindows(Owner):
+    """The windows of the world's directional lights: rectangles across the light, through which rays find its virtual lights.
+
+    Light through a window lights all places inside, which are lit places from which all further rays meet something. Where no
+    place is inside, light through the window lights all lit places.
+    rectangles: (LIGHTS, 4) middle and half the sides, metres in the light's `parallel_frame`; other lights have 0.
+    rooms: (LIGHTS,) about how many metres surfaces are from the lit places; 0: nothing is lit. Other lights have 1.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.rectangles, self.rooms = np.zeros((len(world.scene.lights), 4)), np.ones(len(world.scene.lights))
+        for i, light in enumerate(world.scene.lights):
+            if light.directional:
+                self.rectangles[i], self.rooms[i] = self._search(world, light)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """Return the resources to be freed."""
+        return ()
+
+    def _search(self, world: World, light: Light) -> tuple[np.ndarray, float]:
+        """Return the light's rectangle (4,) and room."""
+        scene, passes = world.scene, _passes(world)
+        frame, _, half = parallel_frame(light, scene)
+        uniforms, low, high, room = _find_uniforms(world, _FIRST, _FURTHER), -half, half, 0.0
+        for _ in range(_SEARCHES):
+            rows = np.array([_row(light, scene, _rectangle(low, high))])
+            place, _, share = (ends.reshape(-1, 4) for ends in passes.find(rows, _FIRST, _FIRST, uniforms))
+            lit = share[:, 3] > 0.0
+            inside = lit & (place[:, 3] < _LIT)
+            chosen = inside if inside.any() else lit & (room == 0.0)
+            if not chosen.any():
+                break
+            found = place[chosen, :3] @ frame[:2, :3].T + frame[:2, 3]
+            edge = _EDGE * half
+            apart = (_APART if inside.any() else 1.0) * np.sqrt((high - low).prod()) / _FIRST + edge
+            low, high = np.maximum(found.min(0) - apart, low - edge), np.minimum(found.max(0) + apart, high + edge)
+            room = float(np.sqrt((place[inside, 3] ** 2).mean()) if inside.any() else 0.5 * np.linalg.norm(high - low))
+        return _rectangle(low, high), room
+
+
+def _rectangle(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return (4,) the middle and half the sides of a rectangle between these corners (2,)."""
+    return np.concatenate([0.5 * (low + high), 0.5 * (high - low)])
 
 
 @dataclass(frozen=True)
@@ -149,7 +199,7 @@ class VirtualLightPasses(Owner):
 
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
         """Return three of (K, sets, rays, 4) float64, the outputs of shaders/lighting/virtual_lights/find.frag by K lights with
-        these `rows` (K, 2, 4)."""
+        these `rows` (K, 3, 4)."""
         with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
             lamps = table_texture(self.ctx, rows)
             made.callback(lamps.release)
@@ -161,12 +211,35 @@ class VirtualLightPasses(Owner):
         self._shine(target, **self._shine.known(uniforms))
 
 
-def _row(light: Light) -> list[list[float]]:
-    """Its texels of `lamps` in shaders/lighting/virtual_lights/find.frag."""
+def _passes(world: World) -> VirtualLightPasses:
+    """Return the passes for the kinds of lights and materials that the world has now."""
+    kinds = light_defines(world.scene), world.material_defines
+    return world.derived.get("virtual light passes", kinds, lambda: VirtualLightPasses(world))
+
+
+def _inputs(world: World) -> object:
+    """Return what virtual lights depend on: meshes, and lights but for their colours."""
+    return world.scene.meshes, [replace(light, color=(1.0, 1.0, 1.0)) for light in world.scene.lights]
+
+
+def _find_uniforms(world: World, rays: int, further: int = 0) -> Uniforms:
+    """Return the uniforms of shaders/lighting/virtual_lights/find.frag for so many rays a set."""
+    return {**world.trace_uniforms, "rays": float(rays), "further": further, "near": near_plane(world.scene)}
+
+
+def _row(light: Light, scene: Scene, window: np.ndarray) -> list[list[float]]:
+    """Return the texels of a light in shaders/lighting/virtual_lights/find.frag; window: of a directional light."""
+    if light.directional:
+        frame, radius, _ = parallel_frame(light, scene)
+        (right, up, forward), (middle, half) = frame[:, :3], window.reshape(2, 2)
+        x, y = middle - half
+        corner = scene.bounds.mean(0) + x * right + y * up - radius * forward
+        return [[*corner, 1.0], [*(2.0 * half[0] * right), 0.0], [*(2.0 * half[1] * up), 0.0]]
     if light.spot_target is None or not light.has_cone:
-        return [[*light.position, 0.0], [0.0, 1.0, 0.0, 2.0]]
+        return [[*light.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]
     axis = np.subtract(light.spot_target, light.position)
     return [
         [*light.position, 0.0],
         [*(axis / np.linalg.norm(axis)), 2.0 * float(np.sin(np.radians(0.5 * light.spot_cutoff)) ** 2)],
+        [0.0] * 4,
     ]

@@ -114,8 +114,9 @@ void main()
             float spread;
             vec3 part = light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g, FLAT), spread);
 #if VIRTUAL_LIGHTS
-            vec3 way = away + middle;
-            part *= lamp_share(light, receiver.p + middle, spread, way, g, ray_density(way * frame / length(way)));
+            bool parallel = LIGHTS_PARALLEL > 0 && light_table[light * LIGHT_ROWS + LIGHT_POSITION].w > 0.5;
+            vec3 aside = parallel ? vec3(0.0) : middle, way = away + aside;
+            part *= lamp_share(light, receiver.p + aside, spread, way, g, ray_density(way * frame / length(way)));
 #endif
             sum += part;
         }

@@ -9,8 +9,9 @@ from scipy.spatial import KDTree
 
 from irrsplat.lighting.light_table import near_plane
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
+from irrsplat.scene.model import Light
 from tests.gather.test_light_samples import look, relative
-from tests.support.worlds import Lit, box, lamp, material, quad, scene
+from tests.support.worlds import Lit, box, lamp, material, polygon_vector, quad, scene
 
 ALBEDO, POWER = 0.6, 5.0
 BELOW = 0.05  # metres from the ceiling to the lamp
@@ -63,21 +64,13 @@ def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind:
 def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
     """144 is a Fibonacci number: a golden spiral turned by so many of its steps lies on itself, and all sets would be one."""
     with Lit(ctx, scene(DARK, lights=(LAMP,)), 64) as lit, VirtualLightPasses(lit.world) as passes:
-        uniforms = {**lit.world.trace_uniforms, "rays": 144.0, "near": near_plane(lit.world.scene)}
-        rows = np.array([[[*LAMP.position, 0.0], [0.0, 1.0, 0.0, 2.0]]])
+        uniforms = {**lit.world.trace_uniforms, "rays": 144.0, "further": 0, "near": near_plane(lit.world.scene)}
+        rows = np.array([[[*LAMP.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]])
         place, *_ = passes.find(rows, 144, 28, uniforms)
     away = place[0, ..., :3].reshape(-1, 3) - LAMP.position
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     distance, _ = KDTree(away).query(away, 2)
     assert np.quantile(distance[:, 1], 0.1) > 0.4 * np.sqrt(4.0 * np.pi / len(away)), "of the spacing of an even grid"
-
-
-def test_what_stands_in_the_way_hides_them(ctx: moderngl.Context) -> None:
-    """Under a board that hides the spot there is nothing but what comes past it."""
-    board = quad((-1.0, 1.5, -1.0), (2.4, 0, 0), (0, 0, 2.2), material(0.0))
-    where = np.array([(0.2, 0.0, 0.1), (0.3, 0.0, 0.0)])
-    with Lit(ctx, scene(DARK, CEILING, board, lights=(LAMP,)), 1024) as lit:
-        assert (look(lit, where, UP, SAMPLES).E[:, 0] < 0.05 * from_ceiling(where, UP)).all()
 
 
 @pytest.mark.parametrize("half", [5.0, 2.0, 0.5])
@@ -89,3 +82,22 @@ def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, 
         found, h = look(lit, where, UP, SAMPLES).E[:, 0], HEIGHT - 1e-3
     power, d2 = POWER * 2.0 * np.pi * (1.0 - np.cos(np.radians(half))), ((where - (0.2, h, 0.1)) ** 2).sum(-1)
     assert found == pytest.approx(ALBEDO * power / np.pi * h**2 / d2**2, rel=0.01)
+
+
+@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Context, kind: str) -> None:
+    """The patch of 20 cm is a Lambert emitter of ρE_h; the roof that the sun lights from above does not take its samples."""
+    edge, tilt, black = 0.2, 0.25, material(0.0)
+    bars = [(-4, -4, 8, 4), (-4, edge, 8, 4 - edge), (-4, 0, 4, edge), (edge, 0, 4 - edge, edge)]
+    roof = [quad((x, HEIGHT, z), (width, 0, 0), (0, 0, depth), material(ALBEDO)) for x, z, width, depth in bars]
+    walls = [
+        quad((x, 0, z), u, (0, HEIGHT, 0), black) for x, z, u in ((-2, -2, (4, 0, 0)), (-2, 2, (0, 0, -4)), (2, -2, (0, 0, 4)))
+    ]
+    sun = Light((tilt, 1.0, 0.0), (POWER / np.pi,) * 3, directional=True)
+    ground = quad((-2, 0, 2), (4, 0, 0), (0, 0, -4), material(ALBEDO))
+    patch = np.array([(x - tilt * HEIGHT, 0.0, z) for x, z in ((0, 0), (0, edge), (edge, edge), (edge, 0))])
+    where, normal = np.random.default_rng(3).uniform((-1.9, 0.5, -1.5), (-1.5, 2.5, 1.5), (24, 3)), np.array((1.0, 0.0, 0.0))
+    truth = ALBEDO * POWER / np.hypot(1.0, tilt) / np.pi * (polygon_vector(patch, where) @ normal)
+    with Lit(ctx, scene(*roof, *walls, ground, lights=(sun,)), 4096) as lit:
+        found, alone = (look(lit, where, normal, samples, kind, side=32).E[:, 0] for samples in (SAMPLES, 0))
+    assert relative(found, truth) < min(0.01, 0.05 * relative(alone, truth))

@@ -12,4 +12,4 @@ from tests.support.programs import program
 @pytest.mark.parametrize("case", program("cie").CASES, ids=lambda case: f"{case.clause} {case.what}")
 def test_a_case_of_the_cie(case: Any) -> None:
     found, truth = case.find()
-    assert found == pytest.approx(truth, rel=max(case.goal, case.limit))
+    assert found == pytest.approx(truth, rel=case.goal)
