@@ -56,11 +56,10 @@ class SampledTexture:
 
 @dataclass(frozen=True)
 class Draw:
-    """One of several draws of a geometry: `count` indices from number `first` on, so many instances, uniforms of its own."""
+    """One of several draws of a geometry: `count` indices from number `first` on, and uniforms of its own."""
 
     first: int
     count: int
-    instances: int
     uniforms: Mapping[str, Any]
 
 
@@ -159,7 +158,7 @@ class Program:
         elif draws is not None:
             for draw in draws:
                 self._give(draw.uniforms, given)
-                array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first, instances=draw.instances)
+                array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
         else:
             first, count = geometry.parts[part]
             if count:

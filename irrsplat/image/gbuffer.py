@@ -265,4 +265,4 @@ def _defines(look: Look) -> dict[str, int]:
 
 
 def _draw(run: Run, uniforms: Uniforms) -> Draw:
-    return Draw(3 * run.first, 3 * run.count, 1, uniforms)
+    return Draw(3 * run.first, 3 * run.count, uniforms)

@@ -14,7 +14,6 @@ uniform sampler2D emitter_triangles;  // a texel each: its number, the share of 
 struct Emitter
 {
     int triangle;      // its number in the scene
-    int cluster;
     float density;     // of the samples that its cluster gets, m⁻²
     float importance;  // of its cluster
     bool one_sided;
@@ -52,7 +51,7 @@ Emitter choose_emitter(float u, vec3 eye)
     vec4 chosen = texelFetch(emitter_triangles, table_texel(low), 0);
     float before = low > first ? texelFetch(emitter_triangles, table_texel(low - 1), 0).y : 0.0;
     float rest = clamp((u - before) / max(chosen.y - before, 1e-20), 0.0, 1.0);
-    return Emitter(int(chosen.x), cluster, chosen.z, importance, chosen.w > 0.5, rest);
+    return Emitter(int(chosen.x), chosen.z, importance, chosen.w > 0.5, rest);
 }
 
 // A point that is spread evenly over a triangle where u and v are evenly spread over the unit square: its shares of the corners.

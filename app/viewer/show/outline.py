@@ -49,7 +49,7 @@ class Outline(Owner):
             mask.gl.clear()
             first, count = triangles_of(scene, mesh)
             clip = camera.clip_from_view(size[0] / size[1], _NEAR, _FAR) @ camera.view_from_world
-            part, state = Draw(3 * first, 3 * count, 1, {}), DrawState(depth_clamp=True)
+            part, state = Draw(3 * first, 3 * count, {}), DrawState(depth_clamp=True)
             program(mask, geometry=geometry, draws=[part], state=state, clip_from_world=clip)
             return texture
 
