@@ -53,7 +53,6 @@ def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None
         (MESH, "colors", np.ones((2, 3), "f4"), "the colors"),
         (MESH, "material", None, "Material"),
         (SCENE, "meshes", None, "sequence of Mesh"),
-        (SCENE, "meshes", (3,), "Mesh"),
         (SCENE, "environment", 3, "Environment"),
         (SCENE, "up", (0, 0, 0), "0 0 0"),
     ],
