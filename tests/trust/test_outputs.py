@@ -58,21 +58,16 @@ def test_each_output_stands_alone(
     assert written(place) == NAMES - bad
 
 
-def test_a_failed_output_does_not_lose_the_cache(broken: set[str], place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    broken |= {"a.png"}
-    quick = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
-    assert cli.main([*RENDER, *quick, "-o", "a.png", "--cache", "a.cache", "--stats", "s.json"]) == 1
-    assert capsys.readouterr().err == "irrsplat: a.png: cannot write: No space left on device\n"
-    assert written(place) == {"a.cache", "s.json"}
-
-
-def test_a_missing_library_loses_its_own_output(
-    fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_failed_outputs_do_not_lose_the_cache(
+    broken: set[str], place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    broken |= {"a.png"}
     monkeypatch.setitem(sys.modules, "OpenEXR", None)
-    assert cli.main([*RENDER, "-o", "a.exr", "-o", "b.png"]) == 1
-    assert "a.exr: this needs the Python module 'OpenEXR'" in capsys.readouterr().err
-    assert written(place) == {"b.png"}
+    quick = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
+    assert cli.main([*RENDER, *quick, "-o", "a.png", "-o", "a.exr", "--cache", "a.cache", "--stats", "s.json"]) == 1
+    err = capsys.readouterr().err
+    assert "a.png: cannot write: No space left on device" in err and "a.exr: this needs the Python module 'OpenEXR'" in err
+    assert written(place) == {"a.cache", "s.json"}
 
 
 def test_a_path_goes_on_with_the_outputs_that_are_left(
@@ -93,9 +88,7 @@ def test_a_path_goes_on_with_the_outputs_that_are_left(
     ("argv", "words"),
     [
         (["-o", "a.png", "-o", "a.png"], "-o a.png and -o a.png are one file"),
-        (["-o", "a.png", "-o", "b.exr", "-o", "./a.png"], "-o a.png and -o ./a.png are one file"),
         (["-o", "link.png", "-o", "real.png"], "-o link.png and -o real.png are one file"),
-        (["-o", "folder", "-o", "folder/"], "-o folder and -o folder/ are one file"),
         (["-o", "a.npz", "--stats", "a.npz"], "-o a.npz and --stats a.npz are one file"),
         (["-o", "a.png", "--stats", "s", "--cache", "s"], "--stats s and --cache s are one file"),
     ],

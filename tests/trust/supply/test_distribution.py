@@ -67,6 +67,7 @@ def run(*words: str | Path, cwd: Path = ROOT, **environment: str) -> str:
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel, made from the sdist of a clone, as package indices do."""
+    pytest.importorskip("build.__main__", reason="needs: pip install build twine pipx uv")
     folder = tmp_path_factory.mktemp("dist")
     run("git", "clone", "--quiet", ROOT, folder / "source")
     run(sys.executable, "-m", "build", "--outdir", folder, folder / "source")
