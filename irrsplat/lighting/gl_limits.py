@@ -107,7 +107,7 @@ def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_siz
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
     different = photometries(scene.lights)
-    rows = LIGHT_ROWS + (LUMINAIRE_ROWS if different else 0)
+    rows = LIGHT_ROWS + 2 + (LUMINAIRE_ROWS if different else 0)  # 2: of shaders/lighting/virtual_lights/hit.glsl
     most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // rows - 8  # the tables are uniforms; there are others
     if len(scene.lights) > most:
         raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")

@@ -84,7 +84,7 @@ def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, 
     assert found == pytest.approx(ALBEDO * power / np.pi * h**2 / d2**2, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+@pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Context, kind: str) -> None:
     """The patch of 20 cm is a Lambert emitter of ρE_h; the roof that the sun lights from above does not take its samples."""
     edge, tilt, black = 0.2, 0.25, material(0.0)
