@@ -23,7 +23,7 @@ _ABOVE = 1e-4  # of the diagonal
 
 
 class PlaneGather(Gather):
-    """A draw of the world's triangles in the planes of many records, of `side` texels each; it takes no light samples.
+    """A draw of the world's triangles in the planes of many records, of `side` texels each, without next-event estimation.
 
     capacity: records in one call at most (default: what a 96 MiB atlas holds). surface: True if the light of a call includes a
     surface cache.
@@ -52,7 +52,7 @@ class PlaneGather(Gather):
         return _ABOVE * self.world.scene.diagonal
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that this frees."""
         return (self.table, self.edges, self.program, self.target, self.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
