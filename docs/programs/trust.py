@@ -26,7 +26,7 @@ MOST_LINES = 8  # of what a command printed
 
 
 class Row(NamedTuple):
-    """A row of a table: what was tried, how often, what came of it, and the command's words and environment; none by hand."""
+    """A row of a table: the case, how often it was tried, the result, and the command's words and environment; none by hand."""
 
     tried: str
     often: str
@@ -74,7 +74,7 @@ def run(row: Row, limit: float) -> tuple[int, int, str]:
 
 
 def verdict(status: int, printed: str) -> str:
-    """Return the word for what came of a command."""
+    """Return the word for the result of a command."""
     if status:
         return "out of time" if status == LATE else "fails"
     skipped = re.search(r"\d+ skipped", printed)

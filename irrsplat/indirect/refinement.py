@@ -64,14 +64,14 @@ class Base:
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """How far a view's refinement has come: one value, replaced whole.
+    """The progress of a view's refinement: one value, replaced whole.
 
     step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last one
     known. lit: True if the surface cache is as fine as the step needs. changes: (K, 3) W/m², the changes of E of the first K
     records by its last level, None where none is new. lacking: W/m², about the error that is left by it. told: what tests told.
     doublings: of the sides of gathers for the next step.
 
-    The rest is of that step. check: what is done for `error`. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
+    The rest is of that step. check: the pixels that are under test. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
     finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to
     be refined, or nothing more can be.
     """

@@ -153,7 +153,7 @@ def _rectangle(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 class _Spots:
     """The ends of rays from K point lights, in sets of R a light.
 
-    lamps: (K,) the numbers of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
+    lamps: (K,) indices of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
     which the end of a ray is a virtual light. near: (K, SETS, R) whether it is. texels: (K, SETS, R, 3, 4), of each the two that
     `virtual_places` in shaders/gather/light_samples/sample.glsl has, and the shares of its triangle's corners, with the
     triangle's number.

@@ -423,7 +423,7 @@ class SurfaceCache(Owner):
         return SurfaceCache(self.world, self._basis.settings, self.timers, detail, self._basis.unlit)
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the next finer level, as far as the budget goes. Return True if lookups find its values now.
+        """Continue the next finer level, as far as the budget goes. Return True if lookups find its values now.
 
         They hold until the light of the scene changes.
         """

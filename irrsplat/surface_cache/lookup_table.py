@@ -70,7 +70,7 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 class LaidOut(Owner):
     """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
-    places: where they look from; None until that is known."""
+    places: the origins of their rays; None until these are known."""
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
         self.layout = layout

@@ -4,7 +4,7 @@
 uniform sampler2D surface_triangles;  // three texels a triangle: first corner and steps n; edges from it, and its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: something stands on the cell, and w is
-                                      // the number of the item that tells from where which corners are seen
+                                      // the number of the item with the lines beyond which corners are hidden
 uniform sampler2D surface_values;     // rgb E in W/m²
 uniform int surface_known;            // 0: no value is known yet, and the first triangle stands for all
 

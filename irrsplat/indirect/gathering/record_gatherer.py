@@ -348,7 +348,7 @@ class RecordGatherer(Owner):
     def renew(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
         """Gather the stale records of these numbers again in place, as many as the budget has time for. Return how many.
 
-        While the scene goes on changing from tick to tick, records take a quarter of the rays: then more of them are current.
+        While the scene changes from tick to tick, records take a quarter of the rays: then more of them are current.
         """
         if not self.rushes(budget):
             return self.regather(shadows, numbers, budget)
