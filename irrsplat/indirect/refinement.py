@@ -71,7 +71,7 @@ class Refinement:
     records by its last level, None where none is new. lacking: W/m², about the error that is left by it. told: what tests told.
     doublings: of the sides of gathers for the next step.
 
-    The rest is of that step. check: the pixels that are under test. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
+    The rest is of that step. check: the pixels under test. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
     finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to
     be refined, or nothing more can be.
     """

@@ -78,8 +78,8 @@ class State:
 class Round:
     """The result of one round of a view, of which its picture is made.
 
-    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if only the picture is required,
-    so that the splat buffer is freed once it is drawn. frozen: True if pixels without a record take the light of records alone.
+    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if only the picture counts:
+    the splat buffer is freed once it is drawn. frozen: True if pixels without a record take the light of records alone.
     """
 
     camera: Camera

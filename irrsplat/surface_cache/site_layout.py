@@ -84,8 +84,8 @@ class SiteLayout:
 
     sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
     the surface that each stands for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of
-    their corners' values, -1 for none, and 0. Where something stands on the cell, so that not all corners see each other, the last
-    is the number of one of the H further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    their corners' values, -1 for none, and 0. Where something stands on the cell, so that not all corners see each other, the
+    last is the number of one of the H further rows. Such a row has the lines beyond which corners are hidden, see _borders.
     spacing: metres between points, at most.
     """
 
