@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.glsl import GOLDEN
+from irrsplat.core.glsl import GOLDEN, PLASTIC
 from irrsplat.scene.model import Scene
 
 _OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: of a record's eye above its surface, at most
@@ -70,7 +70,7 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
     Numbers that follow each other share the unit square evenly (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
     Sequences").
     """
-    steps = np.array([0.7548776662466927, 0.5698402909980532])
+    steps = np.array([PLASTIC, 0.5698402909980532])
     offsets: np.ndarray = np.modf((number[:, None] + 1.0) * steps + seed * np.sqrt([2.0, 3.0]))[0]
     return offsets
 

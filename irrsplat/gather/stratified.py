@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE
+from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, PLASTIC
 
 
 def shape(side: int) -> tuple[int, int]:
@@ -47,7 +47,7 @@ def closer_rays(side: int, count: int) -> np.ndarray:
     m, n = shape(side)
     row, column, ray = np.indices((m, n, count))
     number = row * n + column
-    square = (row + (ray + np.modf(number * 0.7548776662466927)[0]) / count) / m
+    square = (row + (ray + np.modf(number * PLASTIC)[0]) / count) / m
     azimuth = 2.0 * np.pi * (column + np.modf(ray * GOLDEN + number * 0.5698402909980532)[0]) / n
     return _directions(square, azimuth)
 

@@ -17,7 +17,7 @@ from irrsplat.gpu.target import Region, Target, bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.image.composite import CompositePass, NoFilters
+from irrsplat.image.composite import NoFilters
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
@@ -39,7 +39,6 @@ class FramePasses:
     gbuffer: GBufferPass
     splat: SplatPass
     direct: DirectPass
-    composite: CompositePass
 
 
 @dataclass(frozen=True)

@@ -182,12 +182,7 @@ class Stages(Owner):
 
     def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
         """The picture that was drawn last with more `samples` a pixel, as Renderer.accumulate has it."""
-        passes = FramePasses(
-            self._gbuffer_pass(state),
-            self.splats(state).splat_pass,
-            self._direct_pass(state),
-            self.composite_pass(state),
-        )
+        passes = FramePasses(self._gbuffer_pass(state), self.splats(state).splat_pass, self._direct_pass(state))
         headlamp = state.headlamp_of(view.camera)
         lit_by = self.draw_shadows(state), self._casting(state)
         inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings, headlamp)

@@ -120,17 +120,6 @@ def _place_small(
     made.geometric[at], made.face[at], made.area[at] = facing, faces, area
 
 
-def cell_corners(tessellation: Tessellation) -> np.ndarray:
-    """(C, 3, 3) metres: where the corners of the cells are, in the order of their weights."""
-    face = tessellation.face[tessellation.corners[:, 0]]
-    rows = tessellation.table[face].astype(float)
-    n, first = rows[:, 0, 3].astype(np.intp), rows[:, 1, 3].astype(np.intp)
-    i, j = _corners(np.arange(tessellation.cells) - first, n)
-    u, v = (i / n[:, None])[..., None], (j / n[:, None])[..., None]
-    corners: np.ndarray = rows[:, None, 0, :3] + u * rows[:, None, 1, :3] + v * rows[:, None, 2, :3]
-    return corners
-
-
 def steps(longest: np.ndarray, spacing: float | np.ndarray, most: int | None = None) -> np.ndarray:
     """(F,) the steps n of triangles by their longest edges (F,) in metres, no more than `most`."""
     bound = 1e6 if most is None else most

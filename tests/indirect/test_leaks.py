@@ -52,7 +52,7 @@ DARK = {
     ],
 )
 def test_a_wall_keeps_light_out(ctx: moderngl.Context, wall: float, views: str) -> None:
-    """Nothing in the dark room sees anything lit: E = 0 there, whoever looks from wherever.
+    """No place in the dark room sees a lit surface: E = 0 there, in each pixel and record.
 
     "ceiling": that is taken away, so that both rooms are in view, and nothing above is seen by either. Shadow
     maps are fine, since light that leaks through a coarse one is direct light, and lights the dark room indeed. A sheet's sides
