@@ -125,7 +125,7 @@ class TraceGather(Gather):
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
                 **known,
-                **(self.world.seen_uniforms(self.kind == "embree") | self.world.box_uniforms),
+                **self.world.seen_uniforms(self.kind == "embree"),
                 **(light.uniforms | self.search.ray_uniforms),
             )
         block = (self.side // 4, self.side // 4)

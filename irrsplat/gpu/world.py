@@ -72,12 +72,6 @@ class World(Owner):
         return self.geometry.uniforms | self.materials.light_uniforms | {"closed": self.geometry.counts.closed}
 
     @property
-    def box_uniforms(self) -> Uniforms:
-        """The corners of the scene's bounding box, beyond which nothing is lit."""
-        low, high = (tuple(map(float, corner)) for corner in self._scene.bounds)
-        return {"low": low, "high": high}
-
-    @property
     def hit_uniforms(self) -> Uniforms:
         """What shaders need that look at what rays hit."""
         return self.triangles.uniforms | self.materials.light_uniforms

@@ -55,11 +55,6 @@ def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
     return (axes[2], 1.01 * tangent) if tangent <= np.tan(np.radians(_WIDEST_CONE)) else None
 
 
-def _is_square(light: Light) -> bool:
-    """Whether it falls off by the square of the distance alone."""
-    return not light.directional and (light.physical or not any(light.attenuation[:2]))
-
-
 def parallel_frame(light: Light, scene: Scene) -> tuple[np.ndarray, float, np.ndarray]:
     """Return rows (3, 4) right, up and forward of a directional light, the radius of the scene's bounding box, and half its sides
     (2,) across the light, metres. The rows are dotted with (p, 1), and are 0 in the middle of the box."""
@@ -155,7 +150,6 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_CUBE": int(any(cubes)),
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
-        "LIGHTS_WITH_SQUARE": int(any(_is_square(light) for light in scene.lights)),
         "LIGHTS_WITH_CONE": int(any(light.has_cone for light in scene.lights)),
         "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
         **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),

@@ -1,5 +1,4 @@
 // Radiance that leaves the surface towards the record along the ray of each texel: emission and shadow-mapped direct light.
-#define FOOTPRINT
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
 #include "lib/material_table.glsl"
@@ -25,8 +24,6 @@ layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in me
 layout(location = 1) out vec4 out_plane;     // of the hit triangle: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 on
                                              // the inner side of a closed mesh
 
-const float FARTHEST = 4.0;  // times the centre's depth, where a corner looks past the plane's horizon
-
 void main()
 {
     Vertex point = interpolated_vertex(vec3(0.0));
@@ -50,16 +47,6 @@ void main()
     k = -abs(k);
     float depth = k / min(dot(g, q), -1e-20);
     vec3 away = q * depth;
-
-    // the part of that plane within the texel
-    vec3 x = 0.5 * v_right, y = 0.5 * v_up;
-    vec3 corners[4] = vec3[](q - x - y, q + x - y, q + x + y, q - x + y);
-    for (int i = 0; i < 4; ++i)
-    {
-        float t = k / min(dot(g, corners[i]), -1e-20);
-        footprint[i] = corners[i] * min(t, FARTHEST * depth) - away;
-    }
-    footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
 
     Receiver receiver = Receiver(v_eye + away, shading_normal(point.normal, g), g, FLAT);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));

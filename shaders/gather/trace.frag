@@ -1,5 +1,4 @@
 // Radiance that comes to a record along one ray, and how far it comes: the fragment is the ray's stratum in the record's cell.
-#define FOOTPRINT
 #include "lighting/lights.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material.glsl"
@@ -11,7 +10,6 @@
 #include "lib/rays/bvh.glsl"
 #endif
 #include "gather/places.glsl"
-#include "gather/within_box.glsl"
 #if EMITTERS
 #include "lighting/emitters_hit.glsl"
 #endif
@@ -47,9 +45,6 @@ layout(location = 4) out vec4 out_place;   // where that is, and on which triang
 layout(location = 5) out vec4 out_normal;  // the shading normal there
 #endif
 
-const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
-const int PARTS = 4;         // of a stratum
-
 void main()
 {
     vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
@@ -60,11 +55,6 @@ void main()
     vec3 eye = texelFetch(frames, ivec2(from, 4), 0).xyz;
 
     vec3 ray = texelFetch(directions, ivec2(inside), 0).xyz, d = normalize(frame * ray);
-    // equal steps of azimuth and of sin²θ are equal shares of E: the stratum's sides
-    vec2 azimuth = (inside.x + vec2(-0.5, 0.5)) * (2.0 * PI / float(cell.x));
-    vec2 square = (inside.y + vec2(-0.5, 0.5)) / float(cell.y);
-    vec2 x = cos(azimuth), y = sin(azimuth);
-
 #if KNOWN_HITS
     int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
     Hit hit = known_hit(eye, d, texelFetch(first_hits, table_texel(number), 0).r);
@@ -77,18 +67,7 @@ void main()
     bool inner = dot(g, d) > 0.0 && hit.triangle < closed;
     g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
     vec3 away = d * hit.t;
-
-    // what the stratum sees of the triangle's plane, part by part from the zenith down: where it is seen at a low angle a
-    // stratum reaches far, and its parts of equal share are of very different area
     float k = dot(g, away);
-    vec3 left[PARTS + 1], right[PARTS + 1];
-    for (int i = 0; i <= PARTS; ++i)
-    {
-        float u = mix(square.x, square.y, float(i) / float(PARTS)), s = sqrt(u), c = sqrt(max(1.0 - u, 0.0));
-        vec3 l = frame * vec3(s * x.x, s * y.x, c), r = frame * vec3(s * x.y, s * y.y, c);
-        left[i] = within_box(eye, l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t)) - away;
-        right[i] = within_box(eye, r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t)) - away;
-    }
     Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g, FLAT);
 #if TEXTURES
@@ -104,23 +83,12 @@ void main()
     vec3 E = vec3(0.0);
     for (int light = 0; light < LIGHTS; ++light)
     {
-        vec3 sum = vec3(0.0);
-        for (int i = 0; i < PARTS; ++i)
-        {
-            // each part by the light at its own middle: a lamp may be near to one part and far from the others
-            vec3 middle = 0.25 * (left[i] + right[i] + right[i + 1] + left[i + 1]);
-            footprint = vec3[](left[i] - middle, right[i] - middle, right[i + 1] - middle, left[i + 1] - middle);
-            footprint_area = 0.5 * length(cross(right[i + 1] - left[i], left[i + 1] - right[i])) + 1e-30;
-            float spread;
-            vec3 part = light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g, FLAT), spread);
+        float spread;
+        vec3 part = light_irradiance(light, receiver, spread);
 #if VIRTUAL_LIGHTS
-            bool parallel = LIGHTS_PARALLEL > 0 && light_table[light * LIGHT_ROWS + LIGHT_POSITION].w > 0.5;
-            vec3 aside = parallel ? vec3(0.0) : middle, way = away + aside;
-            part *= lamp_share(light, receiver.p + aside, spread, way, g, ray_density(way * frame / length(way)));
+        part *= lamp_share(light, receiver.p, spread, away, g, ray_density(ray));
 #endif
-            sum += part;
-        }
-        if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
+        if (part.r + part.g + part.b > 0.0) E += part * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }
 #if HITS
     // HITS goes with SURFACE

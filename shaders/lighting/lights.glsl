@@ -222,28 +222,6 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 #endif
 }
 
-#ifdef FOOTPRINT
-// What a texel of a gather sees of the receiver's plane: its four corners in order, relative to r.p, and its area in m².
-vec3 footprint[4];
-float footprint_area;
-
-// The solid angle of a triangle with corners a, b, c as seen from the origin (van Oosterom and Strackee 1983).
-float solid_angle(vec3 a, vec3 b, vec3 c)
-{
-    float x = length(a), y = length(b), z = length(c);
-    float den = x * y * z + dot(a, b) * z + dot(b, c) * x + dot(c, a) * y;
-    return 2.0 * atan(abs(dot(a, cross(b, c))), den);
-}
-
-// The mean of cosθ/d² over the footprint: ∫ cosθ/d² dA is the solid angle of the footprint as seen from the lamp. A lamp close to
-// a wall lights a spot far smaller than a texel, which a single sample at the texel's centre would hit or miss.
-float footprint_mean(vec3 to_lamp)
-{
-    vec3 a = footprint[0] - to_lamp, b = footprint[1] - to_lamp, c = footprint[2] - to_lamp, d = footprint[3] - to_lamp;
-    return (solid_angle(a, b, c) + solid_angle(a, c, d)) / footprint_area;
-}
-#endif
-
 // Unshadowed irradiance of light i at the receiver, and cosθ/d² there, m⁻²: the share of a lamp's steradian that meets a square metre.
 vec3 light_irradiance(int i, Receiver r, out float spread)
 {
@@ -259,14 +237,6 @@ vec3 light_irradiance(int i, Receiver r, out float spread)
     vec3 l = to_light / d;
     float facing = dot(r.g, l), cosine = facing > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
     spread = max(facing, 0.0) / d2;
-#if defined(FOOTPRINT) && LIGHTS_WITH_SQUARE
-    // seen from afar a footprint is as good as a point, and its solid angle would be lost in rounding
-    if (!parallel && falloff.x + falloff.y == 0.0 && facing > 1e-3 && footprint_area > 1e-3 * d2)
-    {
-        spread = footprint_mean(to_light);
-        cosine *= spread * d2 / facing;
-    }
-#endif
     float strength = parallel ? 1.0 : 1.0 / max(dot(falloff.xyz, vec3(1.0, d, d2)), 1e-20);
 #if LIGHTS_WITH_CONE
     if (spot.w > 0.5)

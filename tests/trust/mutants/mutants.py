@@ -56,8 +56,6 @@ tests/gather/test_analytic.py::test_directions_below_the_geometric_surface_count
 tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane
     π left out of what a ray brings: vec3 L = outgoing_radiance(material, « → PI *» E);
     π left out of what a texel brings: vec4(outgoing_radiance(material, « → PI *» E), max(length(away), …));
-tests/gather/test_analytic.py::test_few_rays_bring_as_much_as_many
-    rays that see walls beyond their ends: return «clamp(way, low - eye, high - eye) → way + 0.0 * (low + high)»;
 tests/gpu/test_bvh.py::test_the_shader_finds_the_same
     far corners of boxes with two axes swapped: vec3(n.y >> 16, «n.z & 0xFFFFu, n.z >> 16 → n.z >> 16, n.z & 0xFFFFu»)
     ray enters a box at its nearest face: <= min(min(«t1.x → t0.x», t1.y), min(t1.z, hit.t))
