@@ -23,7 +23,7 @@ from irrsplat.scene.model import Camera, part_drawn
 
 _APART = 0.018  # of the image height: at most about as far do records lie apart that one check brings
 LOOKS = (4, 16, 32)  # sides of the gathers of the first looks, and of those from where the ones before contradict the records
-_DOUBT = (0.55, 0.4, 0.4)  # of the greater of both luminances: what is off by more contradicts them
+_DOUBT = (0.55, 0.25, 0.25)  # of the greater of both luminances: what is off by more contradicts them
 _ROWS = 125  # of squares, of which one pixel each is looked from; of fewer than 1.5 times as many all are
 _FLOOR = 0.1  # of the mean of what records say: what is darker counts as if it were that
 _CELLS = 4.0  # of how far pixels lie apart: at most as wide are the cells of places looked at

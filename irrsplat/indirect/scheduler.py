@@ -111,11 +111,9 @@ class RecordScheduler(Owner):
 
     def renew(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place. Return how many. gbuffer: records with most pixels in it come first."""
-        if not self.gatherer.rushes(budget):
-            self.gatherer.end_rush()
         stale = self.cache.stale
         numbers = stale if gbuffer is None else self.renewal.order(self.cache, gbuffer, camera, self.settings)
-        return self.gatherer.renew(shadows, numbers, budget)
+        return self.gatherer.regather(shadows, numbers, budget)
 
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;

@@ -48,7 +48,6 @@ _COLUMNS: dict[str, _Column] = {
     "id": _Column((), "i8", "name", "what it is known by, whatever number it has"),
     "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
     "gather_size": _Column((), "i8", None, "side of the gather that it comes from; 0: it is as the settings have it"),
-    "rough": _Column((), "?", None, "whether it was gathered along few rays, since the scene went on changing"),
     "screen": _Column((), "f4", "screen", "metres that the image is high there, in the view that asked for it; 0: not known"),
     "probe": _Column((PROBED,), "f4", "probes", "what a few directions say: see change_probe.py; R = 0: not looked yet"),
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
@@ -131,7 +130,7 @@ class RecordCache(Owner):
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
-        columns["gather_size"][new], columns["rough"][new] = 0, False
+        columns["gather_size"][new] = 0
         columns["screen"][new] = 0.0 if sites.screen is None else sites.screen
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
@@ -265,9 +264,9 @@ class RecordCache(Owner):
 
     @property
     def waiting(self) -> int:
-        """How many records are stale, rough, or may be stale by what has changed around them since they were probed."""
+        """How many records are stale, or may be stale by what has changed around them since they were probed."""
         columns = self._columns
-        waits = (columns["epoch"] < self.invalidation_epoch) | columns["rough"] | (columns["due"] > 0.0)
+        waits = (columns["epoch"] < self.invalidation_epoch) | (columns["due"] > 0.0)
         return int(np.count_nonzero(waits[: self.count]))
 
     def age(self, numbers: np.ndarray) -> np.ndarray:
@@ -300,17 +299,10 @@ class RecordCache(Owner):
         """Note the side of the gather that the records of these numbers come from; 0: as the settings have it."""
         self._columns["gather_size"][numbers] = sizes
 
-    @property
-    def rough(self) -> np.ndarray:
-        """The numbers of the records that were gathered along few rays, since the scene went on changing."""
-        return np.flatnonzero(self._columns["rough"][: self.count])
-
-    def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0, rough: bool = False) -> None:
-        """Say that the records of these numbers have been gathered again, and are no longer stale. sizes: as in
-        `set_gather_sizes`. rough: as the property has it."""
+    def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0) -> None:
+        """Mark the records of these numbers as gathered again, no longer stale. sizes: as in `set_gather_sizes`."""
         columns = self._columns
         self.set_gather_sizes(numbers, sizes)
-        columns["rough"][numbers] = rough
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
         columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # it is of the world as it was
@@ -445,7 +437,7 @@ class RecordCache(Owner):
         columns = {name: array.copy() for name, array in self._columns.items()}
         for name, file_name in _FILED.items():
             columns[name][:count] = state[file_name]
-        for name in ("values_read", "gather_size", "rough", "due"):
+        for name in ("values_read", "gather_size", "due"):
             columns[name][:count] = 0
         texels = {"position": columns["position"][:count], "normal": columns["normal"][:count], "limit": state["limit"]}
         texels |= dict(zip(GATHERED, np.moveaxis(state["content"], 1, 0), strict=True))

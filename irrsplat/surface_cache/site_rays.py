@@ -27,7 +27,7 @@ from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
-RAYS = 2_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+RAYS = 1_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 48 bytes of the transport
 _SURVEY = 4  # side² rays a site

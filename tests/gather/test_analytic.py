@@ -219,12 +219,13 @@ def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context, shade: bool) -> N
     A ray's mean over more surface than the ray hits would be lit where the shade casts its shadow.
     """
     walls, high = box((-1, 0, -1), (1, 2, 1), material(0.5), outward=False), 1.4 if shade else 1.9
-    x, z, deep, grey = (0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.0, -0.2, 0.0), material(0.8)
-    sides = [quad((-0.1, 1.5, at), x, deep, grey) for at in (-0.1, 0.1)] + [quad((at, 1.5, -0.1), z, deep, grey) for at in (-0.1, 0.1)]
+    east, south, down, grey = (0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.0, -0.2, 0.0), material(0.8)
+    edges = (-0.1, 0.1)
+    sides = [quad((-0.1, 1.5, z), east, down, grey) for z in edges] + [quad((x, 1.5, -0.1), south, down, grey) for x in edges]
     inward = np.repeat([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0), (0, 0, -1.0), (0, 1.0, 0)], 256, axis=0)
     places = np.random.default_rng(3).uniform((-1, 0, -1), (1, 2, 1), inward.shape)
     places = np.where(inward != 0.0, (0, 1, 0) - inward, places)
-    shades = [*sides, quad((-0.1, 1.3, -0.1), x, z, grey)] if shade else []
+    shades = [*sides, quad((-0.1, 1.3, -0.1), east, south, grey)] if shade else []
     with Lit(ctx, scene(walls, *shades, lights=(lamp((0.0, high, 0.0), 7.0),))) as lit:
         few, many = (lit.gather(sites(places, inward), side).E.mean() for side in (16, 64))
     assert few == pytest.approx(many, rel=0.02)

@@ -81,7 +81,7 @@ def test_a_moving_view_is_smaller_and_its_records_serve_the_whole_view(ctx: mode
     """No tick of TICK has the time for a whole picture (each reading of the clock takes longer): the sides are divided by 4.
 
     Tiles are shares of the picture, so that a moving view requests the records that a whole one would. A whole
-    view of a former camera ends with no more records than a renderer has that never moved.
+    view of a former camera ends with at most a tenth more records than a renderer has that never moved.
     """
     size = (160, 120)
     with Renderer(room(), size, ctx=ctx, **FAST) as direct, Renderer(room(), size, ctx=ctx, **FAST) as moved:
@@ -92,7 +92,7 @@ def test_a_moving_view_is_smaller_and_its_records_serve_the_whole_view(ctx: mode
             assert view.image.size == (40, 30)
         few = moved.cache.count
         ticks(moved, camera=FRONT)
-        assert moved.frame(FRONT)[0].image.size == size and 10 < few < moved.cache.count <= 1.05 * direct.cache.count
+        assert moved.frame(FRONT)[0].image.size == size and 10 < few < moved.cache.count <= 1.1 * direct.cache.count
 
 
 def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:

