@@ -18,7 +18,9 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene import load
 from irrsplat.scene.change import shines
 from irrsplat.scene.image_means import sums_of_four
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.motion_keys import LightKey, Motions
+from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Image, Light, Material, Scene
@@ -39,6 +41,30 @@ def solid(points: Any = POINTS, faces: Any = FACES, material: Any = None, **visu
     if material is not None or visual:
         made.visual = trimesh.visual.TextureVisuals(uv=POINTS[:, :2], material=material, **visual)
     return made
+
+
+def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
+    """A mesh is a function of its part: built with others of all layouts, or alone, it is the same to the last bit."""
+    chance = np.random.default_rng(3)
+    parts = []
+    for i in range(64):
+        points, normals, uvs = chance.normal(size=(9, 3)), chance.normal(size=(5, 3)), chance.random((7, 4)).astype(np.float32)
+        corners, matrix = chance.integers(0, 9, (i % 7, 3)), np.eye(4)  # some corners coincide: no area
+        matrix[:3] = chance.normal(size=(3, 4)) if i != 40 else np.nan
+        part = Part(points, corners, matrix=matrix, name=f"{i}", colors=chance.random((9, 3)) if i % 3 else None)
+        if i % 2:
+            part = replace(part, normals=normals, corner_normals=chance.integers(-1, 5, corners.shape))
+        elif i % 4:
+            part = replace(part, normals=points, opacities=chance.random(9))
+        if i % 5 > 1:
+            part = replace(part, uvs=uvs, corner_uvs=chance.integers(-1, 7, corners.shape))
+        parts.append(replace(part, corners=corners + 9) if i == 41 else part)
+    together, alone = list(build_meshes(parts)), [next(build_meshes([part])) for part in parts]
+    assert [one.part.name for one in together if one.problem] == ["40", "41"] and sum(one.dropped for one in together) > 0
+    for one, other in zip(together, alone, strict=True):
+        assert (one.problem, one.dropped) == (other.problem, other.dropped)
+        for name in ("positions", "normals", "faces", "colors", "uvs", "opacities", "closed", "name"):
+            np.testing.assert_array_equal(getattr(one.mesh, name, None), getattr(other.mesh, name, None), name, strict=True)
 
 
 def test_trimesh_s_units_materials_and_images() -> None:

@@ -121,10 +121,11 @@ class Scene:
     @cached_property
     def bounds(self) -> np.ndarray:
         """(2, 3) float64, world space: the least and greatest corner of the geometry; zeros where there is none."""
-        corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
-        if not corners:
+        boxes = [mesh.bounds for mesh in self.meshes if len(mesh.positions)]
+        if not boxes:
             return np.zeros((2, 3))
-        found = np.array([np.min(corners, 0), np.max(corners, 0)], float)
+        corners = np.stack(boxes)
+        found = np.array([corners[:, 0].min(0), corners[:, 1].max(0)], float)
         return found + self.origin if any(self.origin) else found
 
     @property

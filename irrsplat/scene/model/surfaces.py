@@ -161,6 +161,11 @@ class Mesh:
         check_type(f"the material {mesh}", self.material, Material)
 
     @cached_property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float32: the least and the greatest coordinates of the vertices; only for a mesh with vertices."""
+        return np.stack([self.positions.min(0), self.positions.max(0)])
+
+    @cached_property
     def is_point(self) -> bool:
         """Whether all its vertices lie in one point, so that nothing of it is there to see."""
         return not np.ptp(self.positions, axis=0).any() if len(self.positions) else True

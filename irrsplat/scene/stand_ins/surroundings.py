@@ -9,6 +9,7 @@ import numpy as np
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Scene
 
+_AT_ONCE = 1 << 18  # triangles whose areas are computed together; bounds the temporary memory
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, all of one solid angle
 _SPARSE = 6.4  # spacings of the points: of surfaces nearer than that, not every direction has one
@@ -83,17 +84,12 @@ def surface_points(scene: Scene) -> SurfacePoints:
     meshes = [m for m in scene.meshes if len(m.faces) and m.material.light_cutoff <= m.material.opacity]
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
-    total = np.cumsum(np.concatenate([triangle_areas(mesh.positions[mesh.faces]) for mesh in meshes]), dtype=float)
+    corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
+    areas = [triangle_areas(corners[i : i + _AT_ONCE]) for i in range(0, len(corners), _AT_ONCE)]
+    total = np.cumsum(np.concatenate(areas), dtype=float)
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
-    chosen = np.minimum(chosen, len(total) - 1)
-    first = np.cumsum([0, *(len(m.faces) for m in meshes)])
-    corners = np.concatenate(
-        [
-            mesh.positions[mesh.faces[chosen[np.searchsorted(chosen, low) : np.searchsorted(chosen, high)] - low]]
-            for mesh, low, high in zip(meshes, first[:-1], first[1:], strict=True)
-        ]
-    ).astype(float)  # chosen is sorted
+    corners = corners[np.minimum(chosen, len(total) - 1)].astype(float)
     u, v = chance.random((2, _POINTS, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

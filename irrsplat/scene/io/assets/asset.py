@@ -12,6 +12,7 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.assets.ply import read_ply
 from irrsplat.scene.io.assets.stl import read_stl
 from irrsplat.scene.io.defaults import WORLD, finish
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.asset import read_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Scene
@@ -42,10 +43,9 @@ def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scen
         kind = path.suffix[1:].upper()
         raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
-    for part in parts:
-        mesh, lost = part.mesh(path, origin)
-        meshes.append(mesh)
-        dropped += lost
+    for built in build_meshes(parts, origin):
+        meshes.append(built.mesh_or_error(path))
+        dropped += built.dropped
     files = [file for part in parts for file in part.files]
     up = up_vector(path, options.up_axis)
     return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up, origin)

@@ -26,7 +26,8 @@ from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
-from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.mesh_builder import build_meshes
+from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
 from irrsplat.sky.sky_text import sky_of
@@ -122,8 +123,18 @@ class _Reader:
         self._shared = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
 
     def meshes(self) -> list[Mesh]:
-        """The meshes of the nodes that are shown, one for each primitive with triangles."""
+        """Return the meshes of the visible nodes, one for each primitive with triangles."""
         found = []
+        for built in build_meshes(self._parts(), self.origin):
+            if built.mesh is None:
+                self.document.lose(built.part.source, built.problem)
+            elif len(built.mesh.faces):
+                found.append(built.mesh)
+            self.degenerate += built.dropped
+        return found
+
+    def _parts(self) -> Iterator[Part]:
+        """Yield the triangles of the visible nodes; the source of a part is the name of its node."""
         self._materials.read_images(self._worn())
         for node in self.nodes:
             if "mesh" not in node.entry:
@@ -139,10 +150,7 @@ class _Reader:
                         if other is not None:
                             self.document.unshown[other] = None
                             continue
-                        mesh = self._mesh(node, entry, i, places, called, label)
-                        if len(mesh.faces):
-                            found.append(mesh)
-        return found
+                        yield self._part(node, entry, i, places, called, label)
 
     def encoded(self, index: object) -> tuple[bytes, str]:
         """The bytes of the image at an index, and its name for messages; raises Damaged."""
@@ -170,8 +178,8 @@ class _Reader:
         meshes = len(self.document.entries("meshes"))
         return f"none of the {meshes} meshes in this file is in its scene" if meshes else "there are no meshes in this file"
 
-    def _mesh(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Mesh:
-        """The mesh that the i-th primitive of a node's mesh becomes; raises Damaged."""
+    def _part(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Part:
+        """Return the triangles of the i-th primitive of a node's mesh; raise Damaged where they are."""
         primitive = entry["primitives"][i]
         attributes = self._attributes(node, i, primitive, called)  # before any image, which would be for nothing without
         surface = self._materials.surface(primitive.get("material"))
@@ -189,23 +197,18 @@ class _Reader:
             np.tile(array, (repeat, 1) if array.ndim == 2 else repeat) if array is not None and repeat > 1 else array
             for array in (colors, opacities, shape.uvs if material.textures else None)
         )
-        mesh, dropped = build_mesh(
-            shape.positions.astype(float),
+        return Part(
+            shape.positions,
             shape.corners,
-            np.zeros((len(shape.positions), 3)) if shape.normals is None else shape.normals.astype(float),
-            None,
-            matrix,
-            material,
-            colors,
-            label,
+            shape.normals,
+            matrix=matrix,
+            material=material,
+            colors=colors,
+            name=label,
             uvs=uvs,
             opacities=opacities if material.alpha_mode != "opaque" else None,
-            origin=self.origin,
+            source=called,
         )
-        if np.abs(mesh.positions).max(initial=0.0) > GREATEST:
-            raise Damaged("it lies farther away than 32-bit floats can reckon with")
-        self.degenerate += dropped
-        return mesh
 
     def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], called: str) -> Attributes:
         """The vertices and triangles of the i-th primitive of a node's mesh; raises Damaged."""

@@ -16,6 +16,7 @@ from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.defaults import FarAway, finish
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
@@ -64,7 +65,8 @@ def make_mesh(
         uvs=None if uvs is None else np.tile(_rows(f"the uvs {said}", uvs, 2, len(points)), 2),
     )
     check_type(f"the material {said}", part.material, Material)
-    return smoothed(part, crease_angle).mesh(Path(name or "mesh"), (0.0, 0.0, 0.0))[0]
+    (built,) = build_meshes([smoothed(part, crease_angle)])
+    return built.mesh_or_error(Path(name or "mesh"))
 
 
 def make_scene(

@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.vectors import unit
-from irrsplat.scene.io.mesh_builder import welded
+from irrsplat.scene.io.mesh_builder import build_meshes, welded
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Image, Material, Mesh, Texture
 
@@ -82,8 +82,9 @@ class Surfaces:
             if part is None:
                 continue
             material = self._material(shape)
-            mesh, lost = replace(part, material=material).mesh(Path(part.name or self.remarks.name), (0.0, 0.0, 0.0))
-            dropped += lost
+            (built,) = build_meshes([replace(part, material=material)])
+            mesh = built.mesh_or_error(Path(part.name or self.remarks.name))
+            dropped += built.dropped
             lit = any(material.emission) and len(mesh.faces)
             found.append([mesh, *(self._backing(shape, mesh, diagonal) if lit else [])])
         found.sort(key=lambda meshes: _content(meshes[0]))
@@ -128,7 +129,7 @@ class Surfaces:
         part = Part(
             np.concatenate([front, behind]), corners_of, material=Material((0.0, 0.0, 0.0)), name=f"{mesh.name} back".strip()
         )
-        return [part.mesh(Path(part.name), (0.0, 0.0, 0.0))[0]]
+        return [built.mesh_or_error(Path(part.name)) for built in build_meshes([part])]
 
     def _sample(self, shape: Any) -> tuple[np.ndarray, np.ndarray]:
         """A point of a shape, and the direction in which its front faces there."""

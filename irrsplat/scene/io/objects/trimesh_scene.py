@@ -16,8 +16,9 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.vectors import near_origin
 from irrsplat.core.words import GREATEST
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.objects.arrays import Up, completed, given_sky, smoothed
-from irrsplat.scene.io.part import Part, check_corners
+from irrsplat.scene.io.part import Part, corner_problem
 from irrsplat.scene.model import AlphaMode, Camera, Image, Light, Material, Scene, Texture
 
 if TYPE_CHECKING:
@@ -51,10 +52,9 @@ def from_trimesh(
     cameras = (*cameras, *reader.cameras(source))
     origin = near_origin(*_bounds(parts))
     meshes, dropped = [], 0
-    for part in parts:
-        mesh, lost = part.mesh(Path(part.name or name), origin)
-        meshes.append(mesh)
-        dropped += lost
+    for built in build_meshes(parts, origin):
+        meshes.append(built.mesh_or_error(Path(built.part.name or name)))
+        dropped += built.dropped
     return completed(meshes, lights, cameras, given_sky(sky), up, name, reader.notices, dropped, origin)
 
 
@@ -115,7 +115,8 @@ class _Reader:
         positions, corners = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
         if not (np.abs(positions) <= GREATEST).all():
             raise InputError(f"the vertices of '{name}' must be finite numbers, at most {GREATEST:g}")
-        check_corners(corners, len(positions), name)
+        if problem := corner_problem(corners, len(positions)):
+            raise InputError(problem, name)
         matrix = matrix.copy()
         matrix[:3] *= self._metres(mesh)
         visual = mesh.visual

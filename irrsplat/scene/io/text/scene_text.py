@@ -16,9 +16,10 @@ from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
 from irrsplat.scene.io.lines import Line, lines
-from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.reader import Shape, load_obj
-from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector
 from irrsplat.sky import sky_text
 
@@ -74,9 +75,8 @@ class _Reader:
     cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
-    meshes: list[Mesh] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
     shapes: dict[Path, Shape] = field(default_factory=dict)
-    dropped: Counter[str] = field(default_factory=Counter)
     files: list[Path] = field(default_factory=list)
     lamps: LightReader = field(default_factory=LightReader)
 
@@ -90,8 +90,14 @@ class _Reader:
                 cameras.append(Camera(eye, target, up, self.fov, name))
             except InputError as error:
                 raise line.error(str(error)) from None
+        meshes, dropped = [], Counter[str]()
+        for built in build_meshes(self.parts, self.origin):
+            if built.mesh is None:
+                raise built.part.source.error(built.problem)
+            meshes.append(built.mesh)
+            dropped[str(built.part.files[0])] += built.dropped
         files, sky = [*self.files, *self.lamps.files], self.other_sky or self.sky
-        return finish(path, self.meshes, self.lights, cameras, sky, self.dropped, self.lamps.notices, files, None, self.origin)
+        return finish(path, meshes, self.lights, cameras, sky, dropped, self.lamps.notices, files, None, self.origin)
 
     def _first(self, key: str, line: Line) -> None:
         if key in self.once:
@@ -198,21 +204,20 @@ class _Reader:
         elif not take_copies(len(self.shapes[path].positions)):
             raise line.error(TOO_MANY_COPIES)
         shape = self.shapes[path]
-        try:
-            mesh, dropped = build_mesh(
+        material = Material(self.albedo, self.emission)
+        self.parts.append(
+            Part(
                 shape.positions,
                 shape.corners,
                 shape.normals,
                 shape.corner_normals,
                 self.matrix,
-                Material(self.albedo, self.emission),
+                material,
                 name=path.stem,
-                origin=self.origin,
+                files=(path,),
+                source=line,
             )
-        except InputError as error:
-            raise line.error(str(error)) from None
-        self.meshes.append(mesh)
-        self.dropped[str(path)] += dropped
+        )
 
 
 def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:
