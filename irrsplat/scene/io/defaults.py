@@ -1,4 +1,4 @@
-"""Completes what a loader has read: light where nothing shines, a camera where there is none, and notices that say so."""
+"""Completion of loaded scenes: stand-in light and camera, and notices about them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
 from irrsplat.sky.environment import frame_of
 from irrsplat.sky.sky_text import Sky
 
-WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene that lies near enough to it
+WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene near 0 0 0
 
 
 class FarAway(Exception):
-    """A scene lies too far from its origin for float32; it is read again with this one, in which nothing is lost."""
+    """A scene is too far from its origin for float32; the loader reads it again with this origin, without loss."""
 
     def __init__(self, origin: Vector) -> None:
         super().__init__(f"it lies far from the origin of coordinates, near {origin}")
@@ -43,14 +43,13 @@ def finish(
     origin: Vector = WORLD,
     invent: bool = True,
 ) -> Scene:
-    """The Scene of these parts, the meshes relative to `origin`. `sky` None: none was asked for.
+    """Return the Scene of these parts; meshes are relative to `origin`. `sky` None: none was requested.
 
-    dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
-    from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
-    as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak;
-    beside directional light alone the sky does. invent: False, and nothing stands in beside light that is there, however weak.
-    Raises FarAway where the meshes lie far from 0 0 0 without another origin, and
-    InputError for a file with an `up` that has no triangle with an area.
+    dropped: degenerate triangles left out, by file. remarks: notices so far. files: read apart from `path`. up: the up vector.
+    None: that of the first camera, and a plain sky stands in where there is no light, as for a `.scene`. Otherwise a sky with a
+    gradient and a key light stand in where there is too little light; next to directional light only the sky does. invent: False
+    leaves existing light alone, however weak. Raises FarAway where the meshes are far from 0 0 0 and `origin` is not set, and
+    InputError for a file with an `up` and no triangle with an area.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
@@ -105,7 +104,7 @@ def finish(
 
 
 def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
-    """The scene under a sky, with its suns as lights beside its own. world: (3, 3) rows right, up and front."""
+    """Return the scene under a sky, whose suns are added to the lights. world: (3, 3) rows right, up and front."""
     if sky.environment is None:
         return replace(scene, sky=sky.radiance)
     environment = replace(sky.environment, frame=frame_of(world, sky.turn))

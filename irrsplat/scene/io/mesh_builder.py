@@ -208,11 +208,11 @@ def _global(indices: np.ndarray, parts: Sequence[Part], name: str, face_part: np
 
 
 def _vertices(columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
-    """The different tuples that corners (F, 3) of several indices make, as (M,) each, in ascending order, and (F, 3) into them.
+    """Return the distinct tuples of indices of corners (F, 3), ascending, as one (M,) a column, and (F, 3) indices into them.
 
-    Indices from -1 on.
+    Indices are -1 or more.
     """
-    if len(columns) == 1:  # no need to sort
+    if len(columns) == 1:  # no sort needed
         used = np.zeros(int(columns[0].max(initial=-1)) + 1, bool)
         used[columns[0]] = True
         return [np.flatnonzero(used)], (np.cumsum(used) - 1)[columns[0]]
@@ -226,17 +226,19 @@ def _vertices(columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
 
 
 def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether the triangles (F, 3) over positions (V, 3) bound solids and are wound outward, counter-clockwise seen from outside.
+    """True if the triangles (F, 3) over positions (V, 3) bound solids and are wound counter-clockwise seen from outside.
 
-    Vertices at exactly the same place count as one. True where each edge belongs to exactly two triangles that run through it
-    in opposite directions, and each connected part has a positive signed volume.
+    Vertices at exactly the same place count as one. Each edge must belong to exactly two triangles of opposite directions, and
+    each connected component must have a positive signed volume.
     """
     if len(faces) < 4 or len(faces) % 2:
         return False
     points = positions.astype(float)
     points -= points.mean(0)
     a, b, c = (points[faces[:, i]] for i in range(3))
-    total = np.abs(cross_product(b - a, c - a).sum(0)).max()  # a closed surface's normals cancel out: most open ones end here
+    total = np.abs(
+        cross_product(b - a, c - a).sum(0)
+    ).max()  # a closed surface's area vectors sum to 0: early exit for most open ones
     if total > 1e-12 * len(faces) * np.abs(points).max() ** 2:
         return False
     first, weld = welded(positions)
@@ -255,22 +257,22 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
 
 
 def welded(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One vertex of each place (M,), and the number of each vertex's place (V,); positions (V, 3) float32."""
+    """Return one vertex of each distinct place (M,), and the number of each vertex's place (V,); positions (V, 3) float32."""
     bits = np.ascontiguousarray(positions + np.float32(0.0)).view(np.uint32).astype(np.uint64)  # + 0: no -0
-    hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)  # a number for each place
+    hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)  # a hash of each place
     hashed ^= hashed >> np.uint64(29)
     _, first, weld = np.unique(hashed, return_index=True, return_inverse=True)
-    if not np.array_equal(positions[first][weld], positions):  # two places with one number: the slow way
+    if not np.array_equal(positions[first][weld], positions):  # two places with one hash: the slow way
         _, first, weld = np.unique(positions + np.float32(0.0), axis=0, return_index=True, return_inverse=True)
     return first, weld.reshape(-1).astype(np.int64)
 
 
 def _parts(edges: np.ndarray, count: int) -> np.ndarray:
-    """(count,) the least vertex that each vertex is connected with, by hooking and pointer jumping (Shiloach & Vishkin 1982)."""
+    """Return (count,) the least vertex of each vertex's component, by hooking and pointer jumping (Shiloach & Vishkin 1982)."""
     label = np.arange(count)
     while len(edges):
         a, b = label[edges[:, 0]], label[edges[:, 1]]
-        edges = np.stack([a, b], 1)[a != b]  # what is joined already needs no more looks
+        edges = np.stack([a, b], 1)[a != b]  # edges within a component are done
         least = np.minimum(edges[:, 0], edges[:, 1])
         np.minimum.at(label, edges[:, 0], least)
         np.minimum.at(label, edges[:, 1], least)

@@ -1,4 +1,4 @@
-"""Reads OBJ, PLY and STL files; where a file names no colour, the albedo is 0.5, as in a `.scene`."""
+"""Loading of OBJ, PLY and STL files; the default albedo is 0.5, as in a `.scene`."""
 
 from __future__ import annotations
 
@@ -23,11 +23,10 @@ _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".o
 
 
 def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
-    """The geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
+    """Load the geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
 
-    Vertex normals are the file's; where it has none, they are made by options.crease_angle. Scene.notices say what was dropped or
-    invented. origin: of the scene. Raises FarAway for another one, and InputError, one line with the file's path, for a file that
-    is missing, empty, truncated or garbage.
+    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and stand-ins. origin: of the scene.
+    Raises FarAway for another origin, and InputError, one line with the file's path, for a missing or damaged file.
     """
     notices: list[str] = []
     sky = sky_of(options.sky)
@@ -37,7 +36,7 @@ def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scen
             parts = _READERS[path.suffix.lower()](path, notices, options)
     except InputError:
         raise
-    except Exception as error:  # a damaged file may raise anything anywhere in trimesh
+    except Exception as error:  # trimesh may raise anything for a damaged file
         reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
         said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
         kind = path.suffix[1:].upper()

@@ -1,4 +1,4 @@
-"""Numbers of a glTF file as numpy arrays: strided, sparse, normalised, quantised."""
+"""Accessors of a glTF file as numpy arrays: strided, sparse, normalized, quantized."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from irrsplat.scene.io.gltf.packed import plain_view
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_FREE, _PER_BYTE = 1 << 16, 16  # elements that an accessor may have, and more for each byte of the files: some are packed
+_FREE, _PER_BYTE = (
+    1 << 16,
+    16,
+)  # elements that any accessor may have, and more for each byte of the files, which may be compressed
 
 
 def count(document: Document, index: object) -> int:
-    """Return the number of elements of an accessor.
-
-    Raises Damaged where there is no such accessor, or where the number is far beyond what files of this size have.
-    """
+    """Return the number of elements of an accessor; raise Damaged if it is missing, or the number is implausible for the file's
+    size."""
     number = whole(document.entry("accessors", index), "count")
     if number > _FREE + _PER_BYTE * document.size:
         raise Damaged(f"accessor {index} announces {number} elements in a file of {document.size} bytes")
@@ -29,24 +30,24 @@ def count(document: Document, index: object) -> int:
 def values(
     document: Document, index: object, widths: tuple[int, ...], rows: np.ndarray | None = None, shares: bool = False
 ) -> np.ndarray:
-    """(N, width) float32: an accessor's elements, all or those of `rows`, integers that count as normalised in 0..1 or -1..1.
+    """Return (N, width) float32: an accessor's elements, all or those of `rows`, normalized integers as 0..1 or -1..1.
 
-    widths: how many components an element may have. shares: integers count as normalised whatever the accessor says.
-    Raises Damaged where the accessor is missing or reaches beyond its data.
+    widths: allowed numbers of components. shares: all integers count as normalized.
+    Raises Damaged for a missing accessor, and for one that exceeds its data.
     """
     entry = document.entry("accessors", index)
     return as_floats(_elements(document, entry, index, widths, rows), shares or entry.get("normalized") is True)
 
 
 def as_floats(array: np.ndarray, normalized: bool) -> np.ndarray:
-    """Elements of an accessor as float32, integers in 0..1 or -1..1 if they are normalised."""
+    """Return elements of an accessor as float32, normalized integers as 0..1 or -1..1."""
     if normalized and array.dtype.kind in "iu":
         array = np.maximum(array.astype(np.float32) / np.float32(np.iinfo(array.dtype).max), np.float32(-1.0))
     return np.asarray(array, np.float32)
 
 
 def integers(document: Document, index: object, widths: tuple[int, ...] = (1,), rows: np.ndarray | None = None) -> np.ndarray:
-    """(N, width) int64: an accessor's elements as they are; raises Damaged as `values`, and where they are no integers."""
+    """Return (N, width) int64: an accessor's elements; raise Damaged as `values`, and for other types."""
     array = _elements(document, document.entry("accessors", index), index, widths, rows)
     if array.dtype.kind not in "iu":
         raise Damaged(f"accessor {index} holds no integers")
@@ -78,7 +79,7 @@ def _elements(
 def _bytes(
     document: Document, view: object, offset: int, number: int, width: int, kind: np.dtype[Any], index: object
 ) -> np.ndarray:
-    """(number, width) elements in a buffer view, without a copy; raises Damaged where they reach beyond it."""
+    """Return (number, width) elements in a buffer view, without a copy; raise Damaged where they exceed it."""
     data, stride, name = plain_view(document, view)
     size = width * kind.itemsize
     stride = stride or size
@@ -90,7 +91,7 @@ def _bytes(
 
 
 def _replaced(document: Document, sparse: Mapping[str, Any], array: np.ndarray, index: object) -> np.ndarray:
-    """The elements after a sparse accessor's own values have taken their places."""
+    """Return the elements with those of a sparse accessor replaced."""
     number = whole(sparse, "count")
     at, new = sparse["indices"], sparse["values"]
     places = _bytes(

@@ -1,4 +1,4 @@
-"""The triangles of a glTF primitive in its node's space: indices, attributes, morph targets and skins."""
+"""Triangles of a glTF primitive in its node's space: indices, attributes, morph targets and skins."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STRIP, _FAN = 5, 6
 
 @dataclass(frozen=True)
 class Geometry:
-    """Triangles of a primitive, only those vertices that they use.
+    """Triangles of a primitive, with used vertices only.
 
     positions: (V, 3). corners: (F, 3). normals: (V, 3) or None. uvs: (V, 4) or None. colors: (V, 3 or 4) linear or None.
     """
@@ -31,10 +31,10 @@ class Geometry:
 
 
 class Attributes:
-    """The vertex attributes of one primitive, of those vertices that its triangles use.
+    """Vertex attributes of one primitive, for the vertices that its triangles use.
 
-    rows: (V,) their numbers. corners: (F, 3) into them. beyond: how many triangles refer to vertices that are not there, and are
-    left out. shapes: what was made of it, by morph weights.
+    rows: (V,) their numbers. corners: (F, 3) into them. beyond: number of triangles with invalid vertices, which are left out.
+    shapes: cached geometry by morph weights.
     """
 
     def __init__(self, document: Document, primitive: Mapping[str, Any]) -> None:
@@ -57,7 +57,7 @@ class Attributes:
         self.corners = (np.cumsum(used) - 1)[corners] if corners.size else corners
 
     def _corners(self) -> np.ndarray:
-        """(F, 3) int64: the triangles."""
+        """Return (F, 3) int64: the triangles."""
         packed = extension(self._primitive, DRACO)
         if packed is not None:
             try:
@@ -65,7 +65,7 @@ class Attributes:
                 return faces.astype(np.int64)
             except Damaged:
                 if "bufferView" not in self._document.entry("accessors", self._given["POSITION"]):
-                    raise  # otherwise the file has them unpacked as well
+                    raise  # otherwise the file has them uncompressed as well
         if "indices" in self._primitive:
             indices = accessors.integers(self._document, self._primitive["indices"])[:, 0]
         else:
@@ -75,10 +75,10 @@ class Attributes:
         return triangles(indices, self._primitive.get("mode", 4))
 
     def floats(self, name: str, widths: tuple[int, ...]) -> np.ndarray | None:
-        """(V, n) float32: an attribute, or None where there is none."""
+        """Return (V, n) float32: an attribute, or None if missing."""
         if name not in self._given:
             return None
-        shares = name.startswith(("COLOR", "WEIGHTS"))  # always: some files forget to say so
+        shares = name.startswith(("COLOR", "WEIGHTS"))  # always: some files omit the flag
         if name in self._unpacked:
             array = self._unpacked[name][self.rows]
             if array.shape[1] not in widths:
@@ -88,7 +88,7 @@ class Attributes:
         return accessors.values(self._document, self._given[name], widths, self.rows, shares)
 
     def integers(self, name: str) -> np.ndarray | None:
-        """(V, 4) int64: an attribute, or None where there is none."""
+        """Return (V, 4) int64: an attribute, or None if missing."""
         if name not in self._given:
             return None
         if name in self._unpacked:
@@ -96,7 +96,7 @@ class Attributes:
         return accessors.integers(self._document, self._given[name], (4,), self.rows)
 
     def moves(self, name: str, weights: np.ndarray) -> np.ndarray | float:
-        """What the morph targets add to an attribute: the weighted sum (V, n), or 0."""
+        """Return the displacement of an attribute by morph targets: the weighted sum (V, n), or 0."""
         total: np.ndarray | float = 0.0
         targets = self._document.entries("targets", self._primitive)
         for weight, target in zip(weights.tolist(), targets, strict=False):
@@ -106,7 +106,7 @@ class Attributes:
 
 
 def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
-    """(F, 3): the triangles that indices make as a list, a strip or a fan; what is left over is ignored."""
+    """Return (F, 3): the triangles of a list, a strip or a fan of indices; surplus indices are ignored."""
     if mode == _STRIP:
         i = np.arange(max(len(indices) - 2, 0))
         odd = i % 2
@@ -122,13 +122,13 @@ def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
 
 
 def undrawn(primitive: Mapping[str, Any]) -> str | None:
-    """What the primitive has instead of triangles, in a word; None where it has some."""
+    """Return the kind of a primitive without triangles, in a word; None for one with triangles."""
     mode = primitive.get("mode", 4)
     return _MODES.get(mode) if isinstance(mode, int) else None
 
 
 def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) -> Geometry:
-    """The triangles at the given morph weights (W,), before any skin; raises Damaged."""
+    """Return the triangles at the given morph weights (W,), before any skin; raise Damaged."""
     positions = attributes.floats("POSITION", (3,))
     if positions is None:
         raise Damaged("it has no positions")
@@ -145,7 +145,7 @@ def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) 
 
 
 def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> Geometry:
-    """The triangles in world space after a skin has moved them, wound as before.
+    """Return the triangles in world space, deformed by a skin, with the same winding.
 
     joints: (J, 4, 4) world_from_vertex of each joint, its inverse bind matrix included. Raises Damaged.
     """
@@ -176,9 +176,9 @@ def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> G
 
 
 def cofactors(matrices: np.ndarray) -> np.ndarray:
-    """(N, 3, 3): what turns normals as the matrices (N, 3, 3) turn points, to length and, where one mirrors, to sign.
+    """Return (N, 3, 3): the matrices that transform normals where (N, 3, 3) transform points, up to length, with mirrored signs.
 
-    The transposed inverse times the determinant, which exists for singular matrices, too.
+    They are transposed inverses times determinants, and exist for singular matrices as well.
     """
     a, b, c = (matrices[:, i] for i in range(3))
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)

@@ -1,4 +1,4 @@
-"""Reads `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights, posed at a time."""
+"""Reader of `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights at a time of its animations."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
 from irrsplat.sky.sky_text import sky_of
 
-_READ = {  # extensions that are heeded, or that change nothing that could be seen
+_READ = {  # extensions that are supported, or that have no visible effect
     "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -63,11 +63,11 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
 
 
 def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
-    """The default scene of a `.gltf` or `.glb` file, in metres, y up unless the options have it otherwise.
+    """Load the default scene of a `.gltf` or `.glb` file, in metres, y up unless the options differ.
 
-    Animations pose it at the options' time; None: their first frame. A part that is damaged, or of a kind that is
-    not shown, is left out, and Scene.notices tell of it. origin: of the scene. Raises FarAway for another one, and InputError,
-    one line with the file's path, where the file is no glTF 2.0, is truncated, or has no triangles that can be shown.
+    Animations are evaluated at the options' time; None: their first frame. Damaged and unsupported parts are left out, with
+    Scene.notices. origin: of the scene. Raises FarAway for another origin, and InputError, one line with the file's path, for a
+    truncated file, for no glTF 2.0, and for one without visible triangles.
     """
     sky = sky_of(options.sky)
     document, time = read(path), options.time
@@ -102,7 +102,7 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
 
 @dataclass
 class _Reader:
-    """What a document's meshes become. origin: of the scene. degenerate: how many triangles without an area were dropped."""
+    """Conversion of a document's meshes. origin: of the scene. degenerate: number of dropped triangles without an area."""
 
     document: Document
     pose: Pose
@@ -111,8 +111,8 @@ class _Reader:
     nodes: list[Node] = field(init=False)
     _world: list[np.ndarray | None] = field(init=False)
     _materials: Materials = field(init=False)
-    _shared: Counter[object] = field(init=False)  # how many nodes show a mesh
-    _kept: dict[object, Attributes] = field(default_factory=dict)  # of meshes that several nodes show
+    _shared: Counter[object] = field(init=False)  # number of nodes of each mesh
+    _kept: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
 
     def __post_init__(self) -> None:
         self._world = worlds(self.document, self.pose)
@@ -153,11 +153,11 @@ class _Reader:
                         yield self._part(node, entry, i, places, called, label)
 
     def encoded(self, index: object) -> tuple[bytes, str]:
-        """The bytes of the image at an index, and its name for messages; raises Damaged."""
+        """Return the bytes of the image at an index, and its name for messages; raise Damaged."""
         return self._materials.encoded(index)
 
     def _worn(self) -> Iterator[object]:
-        """The indices of the materials that triangles of the nodes wear."""
+        """Yield the indices of the materials of the nodes' triangles."""
         for node in self.nodes:
             with suppress(*WRONG):
                 mesh = self.document.entry("meshes", node.entry["mesh"])
@@ -166,7 +166,7 @@ class _Reader:
                         yield primitive.get("material")
 
     def instead(self) -> str:
-        """What there is where `meshes` finds none, in words for an error."""
+        """Return the reason why `meshes` finds none, for an error."""
         lost = self.document.lost
         if lost:
             return self.document.loss(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(f"{self.document.path}: ")
@@ -179,9 +179,9 @@ class _Reader:
         return f"none of the {meshes} meshes in this file is in its scene" if meshes else "there are no meshes in this file"
 
     def _part(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Part:
-        """Return the triangles of the i-th primitive of a node's mesh; raise Damaged where they are."""
+        """Return the triangles of the i-th primitive of a node's mesh; raise Damaged."""
         primitive = entry["primitives"][i]
-        attributes = self._attributes(node, i, primitive, called)  # before any image, which would be for nothing without
+        attributes = self._attributes(node, i, primitive, called)  # before any image, which would be decoded in vain
         surface = self._materials.surface(primitive.get("material"))
         shape = self._geometry(node, entry, i, attributes, surface)
         if "skin" in node.entry:
@@ -211,7 +211,7 @@ class _Reader:
         )
 
     def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], called: str) -> Attributes:
-        """The vertices and triangles of the i-th primitive of a node's mesh; raises Damaged."""
+        """Return the vertices and triangles of the i-th primitive of a node's mesh; raise Damaged."""
         key = node.entry["mesh"], i
         found = self._kept.get(key)
         if found is None:
@@ -225,7 +225,8 @@ class _Reader:
         return found
 
     def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
-        """The triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raises Damaged."""
+        """Return the triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raise
+        Damaged."""
         targets = self.document.entries("targets", entry["primitives"][i])
         given = self.pose.get((node.index, "weights"))
         if given is None:
@@ -237,7 +238,7 @@ class _Reader:
         return attributes.shapes[key]
 
     def _joints(self, index: object) -> np.ndarray:
-        """(J, 4, 4) world_from_vertex of a skin's joints; raises Damaged."""
+        """Return (J, 4, 4) world_from_vertex of a skin's joints; raise Damaged."""
         skin = self.document.entry("skins", index)
         joints = [self._world[j] for j in self.document.entries("joints", skin) if self.document.entry("nodes", j) is not None]
         if not joints:
@@ -250,7 +251,7 @@ class _Reader:
         return matrices
 
     def _finite(self, shape: Geometry, called: str) -> Geometry:
-        """The geometry without triangles whose vertices are not finite, or too far away for 32-bit floats; the rest zeros."""
+        """Return the geometry without triangles whose vertices are not finite or exceed float32; other such vertices become 0."""
         good = (np.abs(shape.positions) <= GREATEST).all(1)  # false for NaN
         keep: np.ndarray = good[shape.corners].all(1) if not good.all() else np.ones(len(shape.corners), bool)
         if not keep.all():
@@ -264,20 +265,22 @@ class _Reader:
 
 
 def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """(V, 3) albedo and (V,) opacity of a surface at vertices of these colours; None where the material's own will do."""
+    """Return (V, 3) albedo and (V,) opacity of a surface with vertex colours; None where the material's own suffice."""
     if colors is None or not len(colors):
         return None, None
     albedo = None
     if not (colors[:, :3] == 1.0).all():
-        factor = (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]  # an unlit one's is in its emission
+        factor = (
+            (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]
+        )  # the emission of an unlit material includes its factor
         albedo = np.clip(colors[:, :3] * np.asarray(factor), 0.0, 1.0)
     return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
 
 
 def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
-    """The geometry, and the matrix (4, 4) that brings it to its place; copies at several places (N, 4, 4) are one geometry.
+    """Return the geometry and its matrix (4, 4); copies at several places (N, 4, 4) become one geometry.
 
-    Where a place mirrors, the triangles are wound the other way. A matrix that flattens is applied here, without normals.
+    Mirrored triangles are wound the other way. A singular matrix is applied here, without normals.
     Raises Damaged where the geometry collapses at every place.
     """
     determinants = np.linalg.det(places[:, :3, :3])

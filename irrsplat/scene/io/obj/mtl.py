@@ -1,4 +1,4 @@
-"""Reads the diffuse part of the materials in an OBJ file's `.mtl` library: colours, emission, opacity and their textures."""
+"""Reader of the diffuse part of `.mtl` files: colours, emission, opacity and their textures."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
-_VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # how many numbers each has
+_VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # number of values of each
 _MAPS = {"map_kd": "map_kd", "map_ke": "map_ke", "map_d": "map_d", "norm": "norm", "map_kn": "norm"}
 _HEIGHTS = ("bump", "map_bump", "disp")
-_OPTIONS = {  # of a texture, and the most arguments that each takes; those of -o, -s and -t are numbers, one to three
+_OPTIONS = {  # of a texture, with their greatest number of arguments; those of -o, -s and -t are numbers, one to three
     **dict.fromkeys(("-o", "-s", "-t"), 3),
     **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type"), 1),
     "-mm": 2,
 }
-_GLASS = (4, 6, 7, 9)  # illumination models that let light through, and those that mirror
+_GLASS = (4, 6, 7, 9)  # illumination models with transmission, and with mirror reflection
 _MIRROR = (3, 5, 8)
 
 
 @dataclass(frozen=True)
 class _Map:
-    """A texture as an .mtl names it: the file, and the options before it."""
+    """A texture in an .mtl: file and options."""
 
     file: str
     options: dict[str, list[str]]
 
     def numbers(self, option: str, default: float) -> list[float]:
-        """Three values of -o or -s."""
+        """Return the three values of -o or -s."""
         given = [_finite(word, default) for word in self.options.get(option, [])]
         return (given + [default] * 3)[:3]
 
     def texture(self, image: Image) -> Texture:
-        """`image` where the options put it: a point's (u, v), v upward, shows the image's -s·(u, v) + -o."""
+        """Return the texture of `image` with these options: (u, v), v upward, maps to -s·(u, v) + -o."""
         su, sv, _ = self.numbers("-s", 1.0)
         ou, ov, _ = self.numbers("-o", 0.0)
         wrap: Wrap = "clamp" if self.options.get("-clamp") == ["on"] else "repeat"
@@ -53,7 +53,7 @@ class _Map:
 
 @dataclass
 class _Entry:
-    """What the lines of one material say."""
+    """Values and textures of one material."""
 
     values: dict[str, tuple[float, ...]] = field(default_factory=dict)
     maps: dict[str, _Map] = field(default_factory=dict)
@@ -61,9 +61,9 @@ class _Entry:
 
 @dataclass
 class MaterialFiles:
-    """Reads material files and the images that they name, each once, and remembers what to tell.
+    """Materials of `.mtl` files; each file and image is read once.
 
-    notices: one line each. files: what was read.
+    notices: one line each. files: all files read.
     """
 
     notices: list[str] = field(default_factory=list)
@@ -72,19 +72,19 @@ class MaterialFiles:
     _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
 
     def read(self, path: Path, worn: Iterable[str] | None = None) -> dict[str, Material]:
-        """The materials in the file at `path`, by name; surfaces are double-sided.
+        """Return the materials in the file at `path`, by name; surfaces are double-sided.
 
-        worn: the names of those that surfaces wear; images of no others are read (None: all are worn).
+        worn: the names of used materials; only their images are read (None: all).
 
-        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha (unless that hides a
-        picture), which is a mask where hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in
-        most programs. Glass (by its illum, and with Kd 0 0 0) transmits Tf; a mirror or a metal with Kd 0 0 0 reflects Ks.
-        What can't be read costs a notice. Raises InputError where the whole file can't be.
+        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, unless that hides a
+        picture. An alpha with hardly any values between 0 and 1 is a mask. Kd or Ke 0 0 0 with a map counts as 1 1 1, as in most
+        programs. Glass (by its illum, and with Kd 0 0 0) transmits Tf; a mirror or metal with Kd 0 0 0 reflects Ks. Invalid lines
+        and images are left out with a notice. Raises InputError for an invalid file.
         """
         self.files.append(path)
         entries = self._entries(path)
         invisible = [entry for entry in entries.values() if _opacity(entry) == 0.0]
-        if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque things
+        if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque materials
             for entry in invisible:
                 entry.values["d"] = (1.0,)
             self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
@@ -170,7 +170,7 @@ class MaterialFiles:
         )
 
     def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> None:
-        """Read the images of these materials, all at once; what is wrong with one is told by `_image`."""
+        """Read the images of these materials in parallel; `_image` reports errors."""
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
         encoded: dict[Path, tuple[bytes, str]] = {}
         for file in (find_file(folder, name) for name in names):
@@ -183,7 +183,7 @@ class MaterialFiles:
                 self._images[file] = image
 
     def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
-        """The image that is written so; None, and a reason in `missing`, where there is none."""
+        """Return the image with this name; None, with a reason in `missing`, where it cannot be read."""
         file = find_file(folder, written)
         if file is None:
             missing.append(f"there is no image {quote(written)}")
@@ -198,7 +198,7 @@ class MaterialFiles:
         return self._images[file]
 
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
-        """The texture with the alpha of `cut`, else of its own, and what that alpha means."""
+        """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""
         if cut is None or written is None or (color is not None and cut.image is color.image):
             if color is None or (cut is None and _hides_a_picture(color.image.pixels)):
                 return color, "opaque"
@@ -218,7 +218,7 @@ class MaterialFiles:
 
 
 def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:
-    """The files that an `mtllib` line means, each name with None where there is none: one name with blanks, or several."""
+    """Yield the files of an `mtllib` line, one name with blanks or several, with None for missing files."""
     for name in dict.fromkeys((written, written.replace("\\ ", " "), without_comment(written))):
         whole = find_file(folder, name)
         if whole is not None:
@@ -229,12 +229,12 @@ def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | Non
 
 
 def without_comment(name: str) -> str:
-    """A name up to a # behind a blank; names may have one within them, so look for the whole name first."""
+    """Return a name up to a # after a blank; names may contain this, so look up the whole name first."""
     return re.split(r"\s#", name, maxsplit=1)[0].rstrip()
 
 
 def _numbers(text: str, count: int) -> tuple[float, ...]:
-    """The numbers at the beginning of a line; one stands for three. Raises ValueError where there are fewer, or none."""
+    """Return the numbers at the start of a line; one applies to three. Raise ValueError for other counts."""
     words = text.split("#")[0].split()
     if count == 1 and words[:1] == ["-halo"]:
         words = words[1:]
@@ -247,7 +247,7 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
 
 
 def _map(text: str) -> _Map:
-    """A texture's options and file; raises ValueError where no file is named."""
+    """Return a texture's options and file; raise ValueError without a file."""
     options: dict[str, list[str]] = {}
     rest = text
     while True:
@@ -282,7 +282,7 @@ def _opacity(entry: _Entry) -> float:
 
 
 def _mode(alpha: np.ndarray) -> AlphaMode:
-    """What an alpha channel (H, W) uint8 means: a mask where hardly any of it lies between; all 0 is an unused channel."""
+    """Return the mode of an alpha channel (H, W) uint8: a mask with hardly any intermediate values; all 0 means unused."""
     count = np.bincount(alpha.reshape(-1), minlength=256)
     absent, present = int(count[:16].sum()), int(count[240:].sum())
     between = alpha.size - absent - present
@@ -292,7 +292,7 @@ def _mode(alpha: np.ndarray) -> AlphaMode:
 
 
 def _hides_a_picture(pixels: np.ndarray) -> bool:
-    """Whether colours (H, W, 4) vary where alpha is 0 as they do elsewhere: then it is no opacity, but gloss or the like."""
+    """True if colours (H, W, 4) vary where alpha is 0 as elsewhere; such an alpha is not an opacity, but gloss for example."""
     some = pixels[:: max(1, len(pixels) // 512)]
     change = np.abs(np.diff(some[..., :3].astype(float).sum(2), axis=1))
     alpha = some[..., 3]
@@ -304,7 +304,7 @@ def _hides_a_picture(pixels: np.ndarray) -> bool:
 
 
 def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
-    """(H, W) uint8 of a picture: the channel of -imfchan, else its alpha where that says something, else its brightness."""
+    """Return (H, W) uint8: the channel of -imfchan, else the alpha unless it is constant, else the luminance."""
     if channel in ("r", "g", "b", "m"):
         return np.asarray(pixels[..., "rgbm".index(channel)])
     if channel != "l" and pixels[..., 3].min() < 255:
@@ -313,7 +313,7 @@ def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
 
 
 def _joined(image: Image | None, alpha: np.ndarray, name: str) -> Image:
-    """The image (None: white) with another alpha; both in the larger of their sizes."""
+    """Return the image (None: white) with another alpha; both at the larger of their sizes."""
     import PIL.Image
 
     height, width = alpha.shape

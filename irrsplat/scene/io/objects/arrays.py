@@ -1,4 +1,4 @@
-"""Meshes and scenes from NumPy arrays, completed as those from files are."""
+"""Meshes and scenes from NumPy arrays, with the same stand-ins as those from files."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def make_mesh(
     crease_angle: float = CREASE_ANGLE,
     name: str = "",
 ) -> Mesh:
-    """A Mesh of triangles for `make_scene`.
+    """Return a Mesh of triangles for `make_scene`.
 
-    vertices: (V, 3), metres. faces: (F, 3) whole numbers, rows of vertices, counter-clockwise seen from outside. material: grey
+    vertices: (V, 3), metres. faces: (F, 3) integers, rows of vertices, counter-clockwise seen from outside. material: grey
     of reflectance 0.5, if None. normals: (V, 3), of any length; None: edges between triangles that meet at less than
     `crease_angle` (degrees, 0..180) are smooth. colors: (V, 3) linear reflectance in place of the material's albedo. uvs: (V, 2),
     from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4), affine, world from vertices.
     name: for `Renderer.move` and messages. Triangles without an area are left out.
-    Raises InputError for arrays that do not belong together, numbers that are not finite, and a singular transform.
+    Raises InputError for arrays of different lengths, numbers that are not finite, and a singular transform.
     """
-    LoadOptions(crease_angle=crease_angle)  # which checks it
+    LoadOptions(crease_angle=crease_angle)  # for its check
     said = f"of mesh {name!r:.60}" if name else "of a mesh"
     points = _rows(f"the vertices {said}", vertices, 3)
     corners = _faces(f"the faces {said}", faces, len(points))
@@ -78,13 +78,12 @@ def make_scene(
     up: Up = "y",
     name: str = "scene",
 ) -> Scene:
-    """A Scene of `meshes`, as `irrsplat.load` gives one of a file.
+    """Return a Scene of `meshes`, as `irrsplat.load` does for a file.
 
-    sky: (3,) radiance, the same all around; (H, W, 3) radiance of an equirectangular map, top row first, with north in its
-    middle; or a text as the option `sky` of `irrsplat.load`. up: which axis points up. Where there is no light at all, a sky and
-    a key light stand in, and where there is no camera, one that sees the scene; Scene.notices say so. Nothing is added to light
-    that is there.
-    Raises InputError for meshes without a triangle, and for anything of another kind.
+    sky: (3,) uniform radiance; (H, W, 3) radiance of an equirectangular map, top row first, with north in its middle; or a text
+    as the option `sky` of `irrsplat.load`. up: the vertical axis. A sky and a key light stand in for missing light, and a camera
+    that sees the scene for a missing camera, with Scene.notices. Existing light is never supplemented. Raises InputError for
+    meshes without a triangle, and for values of another kind.
     """
     meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
     for mesh in meshes:
@@ -103,9 +102,9 @@ def completed(
     dropped: int = 0,
     origin: Vector = (0.0, 0.0, 0.0),
 ) -> Scene:
-    """The Scene of these parts, the meshes relative to `origin`, with stand-ins where there is no light or no camera.
+    """Return the Scene of these parts, with meshes relative to `origin`, and stand-ins for missing light or camera.
 
-    Raises InputError where there are no triangles. Of a scene far from 0 0 0 the meshes become relative to an origin near by.
+    Raises InputError for a scene without triangles. Meshes far from 0 0 0 become relative to a nearby origin.
     """
     if up not in ("x", "y", "z"):
         raise InputError(f"up is one of x, y, z, not {up!r:.60}")
@@ -122,7 +121,7 @@ def completed(
 
 
 def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
-    """The sky that a caller has given as a text, as a radiance (3,) or as a map (H, W, 3); raises InputError for others."""
+    """Return the sky of a text, a radiance (3,) or a map (H, W, 3); raise InputError for other values."""
     if sky is None:
         return None
     if isinstance(sky, str):
@@ -142,7 +141,7 @@ def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
 
 
 def sky_map(radiance: np.ndarray) -> Environment:
-    """The Environment of an equirectangular map (H, W, 3) of radiance, its suns apart; of too many rows, means of 2×2 texels."""
+    """Return the Environment of an equirectangular map (H, W, 3) of radiance, without its suns; large maps are halved."""
     while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
         height, width = radiance.shape[:2]
         radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
@@ -152,7 +151,7 @@ def sky_map(radiance: np.ndarray) -> Environment:
 
 
 def smoothed(part: Part, crease_angle: float) -> Part:
-    """The part with normals by the crease angle where it has none; with an angle of 0 each triangle keeps its own."""
+    """Return the part with normals by the crease angle if it has none; with an angle of 0 normals are those of faces."""
     if part.normals is not None or crease_angle <= 0.0 or not len(part.corners):
         return part
     normals, corner_normals = crease_normals(part.positions, part.corners, crease_angle)
@@ -160,7 +159,7 @@ def smoothed(part: Part, crease_angle: float) -> Part:
 
 
 def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = None) -> np.ndarray:
-    """A caller's (rows, columns) float64; raises InputError, which calls them `what`, for anything else."""
+    """Return a caller's (rows, columns) float64; raise InputError, with the name `what`, for other values."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
@@ -175,7 +174,7 @@ def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = Non
 
 
 def _faces(what: str, values: npt.ArrayLike, count: int) -> np.ndarray:
-    """A caller's faces (F, 3) int64 into `count` vertices; raises InputError for anything else."""
+    """Return a caller's faces (F, 3) int64 into `count` vertices; raise InputError for other values."""
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""Reads a `.scene` file, the seed paper's own text format, which maps to OpenGL's matrix commands."""
+"""Reader of `.scene` files, the text format of the seed paper, which maps to OpenGL's matrix commands."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
 def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector = WORLD) -> Scene:  # noqa: B008  # it is frozen
-    """The scene in the `.scene` file at `path`; raises InputError with file and line for whatever is wrong in it.
+    """Load the scene in the `.scene` file at `path`; raise InputError with file and line for an invalid file.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
-    `cam`, else the first named one, else a camera that sees everything. Notices say what was dropped or invented.
-    options: of these only the sky counts, which replaces the file's. origin: of the scene; raises FarAway for another one.
+    `cam`, else the first named one, else a camera that sees everything. Notices list omissions and stand-ins.
+    options: only the sky applies, in place of the file's. origin: of the scene; raises FarAway for another one.
     """
     reader = _Reader(other_sky=sky_text.sky_of(options.sky), origin=origin)
     for line in lines(path):
@@ -58,9 +58,10 @@ def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector =
 
 @dataclass
 class _Reader:
-    """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command.
+    """Interpreter of the commands, one method each: OpenGL's state, and the scene so far.
 
-    other_sky: in place of the file's. origin: of the scene."""
+    other_sky: in place of the file's. origin: of the scene.
+    """
 
     other_sky: sky_text.Sky | None = None
     origin: Vector = WORLD
@@ -70,8 +71,8 @@ class _Reader:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W/(m² sr)
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
-    per_unit: float = 1.0  # W/sr for each unit that lights are given in, and W/(m² sr) for those of emission and sky
-    bright: Line | None = None  # the first that said how bright something is
+    per_unit: float = 1.0  # W/sr per unit of lights, and W/(m² sr) per unit of emission and sky
+    bright: Line | None = None  # the first line with a radiance or intensity
     cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
@@ -133,7 +134,7 @@ class _Reader:
         self.per_unit = 1.0 / LUMINOUS_EFFICACY if line.args == ("photometric",) else 1.0
 
     def _radiance(self, line: Line, r: float, g: float, b: float) -> tuple[float, float, float]:
-        """W/(m² sr) for what a line gives in the file's units."""
+        """Return W/(m² sr) for values in the file's units."""
         self.bright = self.bright or line
         return r * self.per_unit, g * self.per_unit, b * self.per_unit
 
@@ -221,7 +222,7 @@ class _Reader:
 
 
 def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:
-    """(4, 4): a turn by `angle` degrees about `axis` (of any length), as glRotate; Rodrigues' formula."""
+    """Return (4, 4): a rotation by `angle` degrees about `axis` (of any length), as glRotate, by Rodrigues' formula."""
     x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     radians = np.radians(angle)
