@@ -82,7 +82,7 @@ def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
         elif line.word == "light":
             lights.append(light_key(line))
         elif line.word != "frames":
-            raise line.error(f"unknown word {quote(line.word)}; a path knows cam, frames, mesh and light")
+            raise line.error(f"unknown word {quote(line.word)}; expected cam, frames, mesh or light")
         elif frames is not None:
             raise line.error(f"'frames' is given twice; first in line {frames.number}")
         else:

@@ -116,7 +116,7 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     with np.errstate(over="ignore"):
         positions = (times(mesh.positions.astype(float), matrix[:3, :3]) + matrix[:3, 3]).astype(np.float32)
     if not np.isfinite(positions).all():
-        raise InputError("the transform takes the mesh beyond what 32-bit floats hold")
+        raise InputError("the transformed mesh exceeds the range of 32-bit floats")
     normals = unit(times(mesh.normals.astype(float), np.linalg.inv(matrix[:3, :3]).T)).astype(np.float32)
     mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
     return replace(mesh, positions=positions, normals=normals, faces=mesh.faces[:, ::-1].copy() if mirrored else mesh.faces)

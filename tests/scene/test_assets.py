@@ -110,7 +110,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.glb", solid().packed().replace(b"glTF\2", b"glTF\1"), "this is glTF 1.0; expected version 2.0"),
         ("a.gltf", {"asset": {"version": "2.0"}}, "there are no meshes in this file; nothing"),
         ("a.gltf", {**TREE, "scene": 0, "scenes": [{}]}, "none of the 1 meshes in this file is in its scene; nothing"),
-        ("a.gltf", solid(scale=[1, 0, 0]).inline(), "scaled to nothing"),
+        ("a.gltf", solid(scale=[1, 0, 0]).inline(), "its scale is 0"),
         ("a.gltf", {**TREE, "asset": {"version": "1.0"}}, "glTF 1.0"),
         ("a.gltf", {**TREE, "asset": None}, "no glTF"),
         ("a.gltf", {**TREE, "buffers": [{"byteLength": 10, "uri": "gone.bin"}]}, "gone.bin is missing"),

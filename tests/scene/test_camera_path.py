@@ -141,7 +141,7 @@ def test_a_file_s_keys_and_frames(read: Read) -> None:
     [
         ("# nothing\n", "a.path: there is no 'cam' line; expected at least one: cam EX"),
         ("", "empty"),
-        (CAM + "obj a.obj\n", "a.path:3: unknown word 'obj'; a path knows cam, frames, mesh and light"),
+        (CAM + "obj a.obj\n", "a.path:3: unknown word 'obj'; expected cam, frames, mesh or light"),
         ("cam 0 0 5 0 0 0 0 1\n", "a.path:1: 'cam' has 8 values; expected: cam EX EY EZ TX TY TZ UX UY UZ"),
         ("cam a b 0 0 5 0 0 0 0 1 0\n", "a.path:1: 'cam' has 11 values"),
         ("cam 0 0 x 0 0 0 0 1 0\n", "a.path:1: 'x' is not a number; expected: cam EX"),
@@ -152,7 +152,7 @@ def test_a_file_s_keys_and_frames(read: Read) -> None:
         (CAM[10:] + "frames 3 4\n", "a.path:2: expected: frames N"),
         (CAM + "frames 3\n", "a.path:3: 'frames' is given twice; first in line 1"),
         (CAM + "mesh 1 0 1 2\n", "a.path:3: 'mesh' has 4 values; expected: mesh NAME FRAME X Y Z"),
-        (CAM + "mesh 1 0 1 2 3 90 0 0 0\n", "a.path:3: the axis of the turn is 0 0 0"),
+        (CAM + "mesh 1 0 1 2 3 90 0 0 0\n", "a.path:3: the axis of the rotation is 0 0 0"),
         (CAM + "mesh 1 0 1 0 0 0 0 1 0 0 0 0 0 0\n", "a.path:3: the transform is singular"),
         (CAM + "mesh ball 0 1 2 3\n", "a.path:3: there is no mesh 'ball'"),
         (CAM + "mesh 1 21 1 2 3\n", "a.path:3: frame 21: the path's frames are 0 to 20"),

@@ -221,7 +221,7 @@ def test_a_damaged_node_costs_only_itself(file, show):
     file.tree["scenes"] = [{"nodes": [0, 1, 2, 3, 5]}]
     scene = show()
     assert {m.name: len(m.faces) for m in scene.meshes} == {"node 0": 4, "sheet": 2, "torn": 1}
-    assert f"{scene.path}: node 'dot' is left out: it is scaled to nothing" in scene.notices
+    assert f"{scene.path}: node 'dot' is left out: its scale is 0" in scene.notices
     assert f"{scene.path}: not shown: points, lines" in scene.notices
     assert any("3 triangles of node 'torn' is left out: its vertices are not finite" in notice for notice in scene.notices)
     np.testing.assert_array_equal(corners(scene)[-1], POINTS[FACES[0]])
@@ -253,7 +253,7 @@ def test_draco_gives_the_triangles_that_were_packed(file, show):
     assert mesh.closed and len(mesh.faces) == 4
     np.testing.assert_allclose(np.unique(mesh.positions.round(3), axis=0), np.unique(POINTS, axis=0), atol=1e-3)
     file.tree["bufferViews"][-1]["byteLength"] = 20
-    with pytest.raises(InputError, match="its packed data are damaged"):
+    with pytest.raises(InputError, match="its compressed data are damaged"):
         show()
 
 

@@ -220,7 +220,7 @@ def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
     for line in (
         "material 0 is left out: its baseColorFactor is damaged",
         "the camera of node 2 is left out: its perspective is damaged",
-        "the camera of node 'flat' is left out: its node is scaled to nothing",
+        "the camera of node 'flat' is left out: the scale of its node is 0",
         "the light of node 4 is left out: there is no light 5",
         "gone.png and 1 more images are missing; surfaces are shown without them",
         "its image-based light is left out: its specularImages are damaged",

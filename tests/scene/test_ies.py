@@ -141,7 +141,7 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
     ("old", "new", "line", "says"),
     [
         ("TILT=NONE\n", "", None, "no line TILT="),
-        ("TILT=NONE", "TILT=", 2, "TILT= says nothing"),
+        ("TILT=NONE", "TILT=", 2, "TILT= has no value"),
         ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 -1", 6, "TILT factor is negative"),
         ("TILT=NONE", "TILT=no.tlt", 2, "no TILT file 'no.tlt'"),
         ("TILT=NONE", "TILT=INCLUDE\n4\n1\n0\n1", 3, "geometry is 4; expected 1, 2 or 3"),

@@ -150,7 +150,7 @@ def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
         ("map_Kd gone.png\nmap_Ke lost.png", "there is no image 'gone.png' and 1 more"),
         ("map_Kd a.obj", "cannot read the image 'a.obj'"),
         ("bump -bm 2 b.png\nmap_bump c.png", "a.mtl: 2 height maps (bump, disp) not shown"),
-        ("d 0", "every material is transparent altogether"),
+        ("d 0", "every material is fully transparent"),
     ],
 )
 def test_a_strange_line_costs_itself_and_a_notice(mtl, lines, says):

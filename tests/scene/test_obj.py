@@ -79,7 +79,7 @@ def test_corners_of_every_form_may_stand_in_one_face(obj, face):
         ("v 1 2 x\nf 1 2 5", "line 9: one of its vertices can't be read"),
         ("v 1 1e300 2\nf 1 2 5", "line 8: '1e300' is beyond 1e+15"),
         ("vn 0 0\nvt\nf 1/1/1 2 3", "1 'vn' line can't be read"),
-        ("f 1/7 2/8/9 3//9", "4 corners refer to texture coordinates or normals that are not there"),
+        ("f 1/7 2/8/9 3//9", "4 corners refer to texture coordinates or normals that do not exist"),
         ("l 1 2\nl 1 2\np 1", "2 lines and 1 points are not shown"),
     ],
 )  # fmt: skip
@@ -109,7 +109,7 @@ WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
         (WHITE.replace("1 1 1", "0 0 -1") + "f 1 2 3\n", None, ""),  # normals, which some programs write there
         (WHITE.replace("1 1 1", "0 1 0") + "f 1 2 3\n", 1.0, ""),
         (WHITE.replace("1 1 1", "0 1 0") + "usemtl black\nf 1 2 3\n", 1.0, ""),  # a black material hides no colours
-        (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file knows 'gone' and 1 more"),
+        (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file defines 'gone' and 1 more"),
     ],
 )
 def test_colours_and_materials_that_say_nothing(obj, tmp_path, text, green, says):

@@ -141,7 +141,7 @@ def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
     for lights, strength in (suns, 3e5), (suns[:1], 1e5):
         scene = finished(sphere((0, 0, 0), 1.0), lights=lights)
         assert scene.lights == lights and not scene.own_sky
-        assert any("directional light alone" in notice for notice in scene.notices)
+        assert any("only directional light" in notice for notice in scene.notices)
         assert scene.sky == pytest.approx((0.3 * strength,) * 3) and 0.0 < scene.sky_gradient[0] < scene.sky[0]
     assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
 

@@ -208,7 +208,7 @@ def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
         (TRIANGLE + "f 1/1/2 2/1/1 3/1/1\nvn 0 0 1\n", 5, "normal 2, but there are 1"),
         (TRIANGLE + "f 1 2//1 3\n", 5, "different kinds"),
         (TRIANGLE + "f 1 2 99999999999999999999\n", 5, "is no corner"),
-        ("hello\nworld\n", None, "no line of this file is OBJ"),
+        ("hello\nworld\n", None, "no line of this file is an OBJ command"),
         ("", None, "empty"),
     ],
 )  # fmt: skip

@@ -88,11 +88,11 @@ def finish(
         if own == "nothing":
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
-            what = "a sky and a lamp" if inside else "a sky that is brighter above and a key light"
+            what = "a sky and a point light" if inside else "a sky that is brighter above and a key light"
             notices.append(f"{path}: {few}; {what} stand in")
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
         elif own == "sun":
-            notices.append(f"{path}: directional light alone; a sky that is brighter above stands in beside it")
+            notices.append(f"{path}: there is only directional light; a sky that is brighter above is added")
             mean, gradient = light.fill(scene)
             scene = replace(scene, sky=mean, sky_gradient=gradient)
     if sky is not None:

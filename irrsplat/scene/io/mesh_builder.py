@@ -174,7 +174,7 @@ def _problem(part: Part) -> str:
         return problem
     if not np.isfinite(part.positions).all():
         return "a vertex is not finite (NaN or infinity); expected finite coordinates"
-    return "the transformed coordinates are beyond what 32-bit floats hold, or all collapse; scale less"
+    return "the transformed coordinates exceed the range of 32-bit floats, or all collapse; change the scale"
 
 
 def _joined(parts: Sequence[Part], name: str) -> np.ndarray:

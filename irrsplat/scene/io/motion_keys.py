@@ -206,7 +206,7 @@ def mesh_key(line: Line) -> MeshKey:
     if len(given) == 7:
         axis = np.array(given[4:])
         if not axis.any():
-            raise line.error(f"the axis of the turn is 0 0 0; expected: {MESH}")
+            raise line.error(f"the axis of the rotation is 0 0 0; expected: {MESH}")
         half = 0.5 * math.radians(given[3])
         q = np.array([math.cos(half), *(math.sin(half) * axis / np.linalg.norm(axis))])
         return MeshKey(name, frame, given[:3], tuple(_rotation(q).ravel()), line=line)

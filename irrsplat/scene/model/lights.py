@@ -134,7 +134,7 @@ class Light:
         for name, most in (("spot_cutoff", 180.0), ("spot_inner", 180.0), ("spot_exponent", GREATEST)):
             put(self, **{name: checked_number(f"the {name} {light}", getattr(self, name), 0.0, most)})
         if self.directional and not any(self.position):
-            raise InputError(f"the position {light} that is directional says where it comes from, and cannot be 0 0 0")
+            raise InputError(f"the position {light} that is directional is the direction towards it, and cannot be 0 0 0")
         if not self.physical and not any(self.attenuation):
             raise InputError(f"the attenuation {light} is 0 0 0, a division by zero; give at least one number above 0")
         check_type(f"the photometry {light}", self.photometry, Photometry, None)

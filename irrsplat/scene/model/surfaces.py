@@ -156,7 +156,7 @@ class Mesh:
         if self.faces.dtype.kind not in "iu":
             raise InputError(f"the faces {mesh} are whole numbers, not of {self.faces.dtype}")
         if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < count:
-            raise InputError(f"the faces {mesh} refer to vertices that are not there; expected 0 to {count - 1}")
+            raise InputError(f"the faces {mesh} refer to vertices that do not exist; expected 0 to {count - 1}")
         check_type(f"the material {mesh}", self.material, Material)
 
     @cached_property

@@ -83,7 +83,7 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
         if columns is None:
             if tables.keys() >= {"vertex"} and {"face", "tristrips"} & tables.keys() and element.name not in ("vertex", "face"):
                 break  # all drawn elements have been read
-            raise InputError(f"the file is truncated: its header announces {element.length} of '{element.name}'", path)
+            raise InputError(f"the file is truncated: its header declares {element.length} of '{element.name}'", path)
         tables[element.name] = columns
     vertex = tables.get("vertex", {})
     if not {"x", "y", "z"} <= vertex.keys():

@@ -23,7 +23,7 @@ def count(document: Document, index: object) -> int:
     size."""
     number = whole(document.entry("accessors", index), "count")
     if number > _FREE + _PER_BYTE * document.size:
-        raise Damaged(f"accessor {index} announces {number} elements in a file of {document.size} bytes")
+        raise Damaged(f"accessor {index} declares {number} elements in a file of {document.size} bytes")
     return number
 
 
@@ -60,7 +60,7 @@ def _elements(
     width = _WIDTHS.get(str(entry.get("type")))
     kind = _TYPES.get(whole(entry, "componentType"))
     if width not in widths or kind is None:
-        raise Damaged(f"accessor {index} is of a type that is not expected there")
+        raise Damaged(f"accessor {index} has an unexpected type")
     number = count(document, index)
     if "bufferView" in entry:
         array = _bytes(document, entry["bufferView"], whole(entry, "byteOffset", 0), number, width, np.dtype(kind), index)

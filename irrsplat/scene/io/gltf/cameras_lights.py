@@ -103,12 +103,12 @@ def _direction(axis: np.ndarray) -> np.ndarray:
     """Return (3,) unit: a column of a node's matrix; raise Damaged for a scale of 0."""
     length = float(np.linalg.norm(axis[:3]))
     if not (length > 0.0 and math.isfinite(length)):
-        raise Damaged("its node is scaled to nothing")
+        raise Damaged("the scale of its node is 0")
     return np.asarray(axis[:3] / length)
 
 
 def _vector(values: np.ndarray | Sequence[float]) -> _Vector:
     x, y, z = np.asarray(values, float).tolist()
     if not max(abs(x), abs(y), abs(z)) <= GREATEST:
-        raise Damaged("it lies farther away, or is brighter, than 32-bit floats can reckon with")
+        raise Damaged("its place or intensity exceeds the range of 32-bit floats")
     return x, y, z

@@ -52,7 +52,7 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
             said = f"its image-based light has no images that can be read ({error}); its {_COEFFICIENTS} shine, which are smooth"
         radiance = radiance * np.float32(gain)
         if not (np.isfinite(radiance).all() and radiance.max() <= GREATEST):
-            raise Damaged("it is brighter than 32-bit floats can reckon with")
+            raise Damaged("its radiance exceeds the range of 32-bit floats")
         light, suns = split(radiance)
         return Sky(
             environment=Environment(radiance, light, suns, "the file's image-based light"), notices=(f"{document.path}: {said}",)

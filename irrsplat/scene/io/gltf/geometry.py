@@ -82,7 +82,7 @@ class Attributes:
         if name in self._unpacked:
             array = self._unpacked[name][self.rows]
             if array.shape[1] not in widths:
-                raise Damaged(f"its {name} is of a type that is not expected there")
+                raise Damaged(f"its {name} has an unexpected type")
             accessor = self._document.entry("accessors", self._given[name])
             return accessors.as_floats(array, shares or accessor.get("normalized") is True)
         return accessors.values(self._document, self._given[name], widths, self.rows, shares)

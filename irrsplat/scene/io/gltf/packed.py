@@ -33,16 +33,16 @@ def _meshopt(document: Document, packed: Mapping[str, Any]) -> np.ndarray:
     try:
         import meshopt
     except ImportError:
-        raise Damaged(f"it is packed with {MESHOPT[0]}; {_INSTALL}") from None
+        raise Damaged(f"it is compressed with {MESHOPT[0]}; {_INSTALL}") from None
     start, length = whole(packed, "byteOffset", 0), whole(packed, "byteLength")
     count, stride = whole(packed, "count"), whole(packed, "byteStride")
     data = document.buffer(whole(packed, "buffer"))[start : start + length]
     if count * stride > 256 * max(len(data), 1) * 16:  # far above any compression ratio
-        raise Damaged("its packed data are damaged")
+        raise Damaged("its compressed data are damaged")
     try:
         plain = meshopt.decode_gltf_buffer(bytes(data), count, stride, packed["mode"], packed.get("filter"))
     except Exception:  # the decoder raises anything for damaged data
-        raise Damaged("its packed data are damaged") from None
+        raise Damaged("its compressed data are damaged") from None
     return np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
 
 
@@ -51,12 +51,12 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
     try:
         import DracoPy
     except ImportError:
-        raise Damaged(f"it is packed with {DRACO}; {_INSTALL}") from None
+        raise Damaged(f"it is compressed with {DRACO}; {_INSTALL}") from None
     key = packed.get("bufferView")
     data, _, _ = view(document, key)
     try:
         if _announced(data.tolist()) > _FREE + _PER_BYTE * len(data):
-            raise Damaged("its packed data announce more than they can hold")
+            raise Damaged("its compressed data declare more than they can hold")
         mesh = DracoPy.decode(bytes(data))
         faces = np.asarray(mesh.faces).reshape(-1, 3)
         attributes = {
@@ -65,7 +65,7 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
     except Damaged:
         raise
     except Exception:  # the decoder raises anything for damaged data
-        raise Damaged("its packed data are damaged") from None
+        raise Damaged("its compressed data are damaged") from None
     return faces, {name: array.reshape(len(array), -1) for name, array in attributes.items()}
 
 

@@ -217,7 +217,7 @@ class _Reader:
         if found is None:
             found = Attributes(self.document, primitive)
             if found.beyond:
-                self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that are not there")
+                self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that do not exist")
             if self._shared[node.entry["mesh"]] > 1:
                 self._kept[key] = found
         elif not take_copies(len(found.rows)):
@@ -290,7 +290,7 @@ def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
     determinants = np.linalg.det(places[:, :3, :3])
     number = len(shape.positions)
     if not len(places):
-        raise Damaged("it is scaled to nothing")
+        raise Damaged("its scale is 0")
     if not take_copies(number * (len(places) - 1)):
         raise Damaged(TOO_MANY_COPIES)
     positions = np.concatenate([times(shape.positions, place[:3, :3]) + place[:3, 3] for place in places])

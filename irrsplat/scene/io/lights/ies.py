@@ -82,7 +82,7 @@ class _Numbers:
         """Raise InputError for surplus numbers."""
         if self._next < len(self._words):
             self._next += 1
-            raise self.error(f"{len(self._words) - self._next + 1} words are left {where}; one of the file's counts is wrong")
+            raise self.error(f"{len(self._words) - self._next + 1} words too many {where}; one of the file's counts is wrong")
 
     def one(self, what: str) -> float:
         """Return the next number."""
@@ -126,13 +126,13 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
     if word.upper() == "NONE":
         return 1.0
     if not word:
-        raise InputError("TILT= says nothing; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
+        raise InputError("TILT= has no value; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
     if word.upper() != "INCLUDE":
         file = path.parent / word
         if not may_read(file):
             raise InputError(f"the TILT file {quote(word)} is not read: {refusal(file)}", path, line)
         if not os.path.isfile(file):
-            raise InputError(f"there is no TILT file {quote(word)} beside it; put it there, or write TILT=NONE", path, line)
+            raise InputError(f"there is no TILT file {quote(word)} in its folder; put it there, or write TILT=NONE", path, line)
         files.append(file)
         text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")
         numbers = _Numbers(file, text, 0)

@@ -59,7 +59,7 @@ class LightReader:
         at: dict[str, Line] = {}
         for line in lines(path):
             if line.word not in USAGE:
-                raise line.error(f"unknown word {quote(line.word)}; a .light knows {', '.join(USAGE)}")
+                raise line.error(f"unknown word {quote(line.word)}; expected one of {', '.join(USAGE)}")
             if line.word in at:
                 raise line.error(f"'{line.word}' is given twice; first in line {at[line.word].number}")
             found[line.word] = () if line.word == "ies" else line.numbers(USAGE[line.word])
@@ -114,7 +114,7 @@ def _luminaire(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Li
             raise line.error(f"'{word}' and 'ies' exclude each other; a luminaire takes {', '.join(_OF_LUMINAIRES)}")
     x, y, z, w = _position(path, found, at)
     if w == 0.0:
-        raise at["position"].error("a luminaire is somewhere; expected W 1")
+        raise at["position"].error("a luminaire is not directional; expected W 1")
     if "spotDirection" not in at:
         raise at["ies"].error(f"a luminaire needs the point that it is aimed at; add: {USAGE['spotDirection']}")
     r, g, b = found.get("intensity", (1.0, 1.0, 1.0))
@@ -186,7 +186,7 @@ def _cone(
     if directional:
         raise at["spotCutoff"].error("a directional light (W 0) has no cone; leave spotCutoff out or set W to 1")
     if "spotDirection" not in at:
-        raise at["spotCutoff"].error(f"a cone needs the point that it looks at; add: {USAGE['spotDirection']}")
+        raise at["spotCutoff"].error(f"a cone needs the point that it is aimed at; add: {USAGE['spotDirection']}")
     target = _target(found, at, position)
     inner = found.get("spotInner", (cutoff,))[0]
     if not 0.0 <= inner <= cutoff:
@@ -197,5 +197,5 @@ def _cone(
 def _target(found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...]) -> tuple[float, float, float]:
     x, y, z = found["spotDirection"]
     if (x, y, z) == position:
-        raise at["spotDirection"].error("the light looks at its own position; spotDirection is another point in space")
+        raise at["spotDirection"].error("the light is aimed at its own position; spotDirection is another point in space")
     return x, y, z

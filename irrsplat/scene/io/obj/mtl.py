@@ -87,7 +87,7 @@ class MaterialFiles:
         if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque materials
             for entry in invisible:
                 entry.values["d"] = (1.0,)
-            self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
+            self.notices.append(f"{path}: every material is fully transparent; all are drawn opaque")
         missing: list[str] = []
         if worn is not None:
             wanted = {name.casefold() for word in worn for name in (word, without_comment(word))}
@@ -100,7 +100,7 @@ class MaterialFiles:
         missing = list(dict.fromkeys(missing))
         if missing:
             more = f" and {len(missing) - 1} more" * (len(missing) > 1)
-            self.notices.append(f"{path}: {missing[0]}{more}; the colours stand alone")
+            self.notices.append(f"{path}: {missing[0]}{more}; the colours are shown without it")
         return found
 
     def _entries(self, path: Path) -> dict[str, _Entry]:

@@ -61,7 +61,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     spans = zip(lines.start[others].tolist(), lines.end[others].tolist(), strict=True)
     words = [lines.data[a:b].split(None, 1) for a, b in spans]
     if len(others) == len(lines.kind) and words and not {decoded(word[0]) for word in words} & _OTHER_WORDS:
-        raise InputError("no line of this file is OBJ; expected 'v', 'vn' and 'f' lines", path)
+        raise InputError("no line of this file is an OBJ command; expected 'v', 'vn' and 'f' lines", path)
     remarks: list[str] = []
     vertices = _vectors(lines, VERTEX, (3, 4, 6, 7), strict, remarks)
     normals = _vectors(lines, NORMAL, (3,), strict, remarks)[:, :3]
@@ -160,7 +160,9 @@ def _without_bad_vertices(lines: Lines, faces: Faces, positions: np.ndarray, rem
         reason = "one of its vertices can't be read" if first in lost else explain_face(lines, int(first))
         remarks.append(_counted(len(all_lost), "face", f"line {lines.number(first)}: {reason}"))
     if faces.loose:
-        remarks.append(f"{faces.loose} corners refer to texture coordinates or normals that are not there; they go without")
+        remarks.append(
+            f"{faces.loose} corners refer to texture coordinates or normals that do not exist, and are read without these"
+        )
     return faces
 
 

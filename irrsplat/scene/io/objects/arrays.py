@@ -182,5 +182,5 @@ def _faces(what: str, values: npt.ArrayLike, count: int) -> np.ndarray:
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InputError(f"{what} are an array (F, 3) of whole numbers, not of shape {array.shape} of {array.dtype}")
     if array.size and not 0 <= array.min() <= array.max() < count:
-        raise InputError(f"{what} refer to vertices that are not there; expected 0 to {count - 1}")
+        raise InputError(f"{what} refer to vertices that do not exist; expected 0 to {count - 1}")
     return array.astype(np.int64)

@@ -83,7 +83,7 @@ def _loaded(mitsuba: Any, source: Any) -> Any:
             f"Mitsuba cannot load it: {' '.join(lines)[:200]}", source if isinstance(source, (str, os.PathLike)) else None
         ) from None
     if not hasattr(found, "shapes"):
-        raise InputError(f"this is no scene of Mitsuba's, but {type(found).__name__}; give one of type 'scene'")
+        raise InputError(f"this is not a Mitsuba scene, but {type(found).__name__}; give one of type 'scene'")
     return found
 
 
@@ -200,7 +200,7 @@ def _angle(values: Mapping[str, Any], text: str, key: str) -> float:
         return float(numbers(values[key])[0])
     found = re.search(rf"{key} = ([\d.e+-]+)", text)
     if found is None:
-        raise InputError(f"this version of Mitsuba does not tell the {key} of a spot; pip install -U mitsuba")
+        raise InputError(f"this version of Mitsuba does not expose the {key} of a spot; pip install -U mitsuba")
     return math.degrees(float(found[1]))
 
 

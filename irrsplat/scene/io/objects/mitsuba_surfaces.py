@@ -186,7 +186,7 @@ class Surfaces:
         """Return the material with the opacities (H, W) of a mask, in the alpha of its texture."""
         worn, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
         if worn is not None and worn.transform != given.transform:
-            self.remarks.add("a mask that does not lie as the texture below it is shown by its mean")
+            self.remarks.add("a mask with another mapping than the texture below it is shown by its mean")
             mean = float(opacity.mean())
             return replace(material, opacity=mean, alpha_mode="blend" if mean < 1.0 else "opaque")
         pixels = np.full((1, 1, 4), 255, np.uint8) if worn is None else worn.image.pixels

@@ -51,7 +51,7 @@ def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector =
     for line in lines(path):
         command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
         if command is None:
-            raise line.error(f"unknown word {quote(line.word)}; a .scene knows {', '.join(USAGE)}")
+            raise line.error(f"unknown word {quote(line.word)}; expected one of {', '.join(USAGE)}")
         command(line)
     return reader.scene(path)
 

@@ -39,7 +39,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
     folder = parts_folder(path)
     if not overwrite and (path.exists() or folder.exists()):
         there = path if path.exists() else folder
-        raise InputError("this is there already; give another name", there)
+        raise InputError("this file exists already; give another name", there)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
