@@ -18,11 +18,11 @@ LEAF = 4  # triangles of a leaf at most; two bits of the shader's tables hold th
 STEPS = 65533  # grid steps along an axis to which boxes are rounded; with a margin of one on either side they fit 16 bits
 _MARGIN = 0.05  # steps by which a box exceeds its content: more than the rounding error of a shader
 _BINS = 16  # per node and level at most
-_TOGETHER = 32  # triangles of a cell at most: splitting all triangles from the root took twice as long
+_CELL_TRIANGLES = 32  # triangles of a cell at most: splitting all triangles from the root took twice as long
 _DEPTH = 10  # levels of the octree of cells
 _SIZES = 1 / 8, 1 / 32  # of the whole: triangles of different sizes lie in different cells
 _LEVELS = 40  # of splits by cost, then by number: sizes that grow by powers would give an unbounded depth
-_FAR = np.float32(1e18)  # metres, corners of an empty box; its area is finite
+_EMPTY_BOX = np.float32(1e18)  # metres, corners of an empty box; its area is finite
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class _Cells:
 
 
 def _cells(boxes: np.ndarray) -> _Cells:
-    """Return octree cells by the triangles' centres, of at most _TOGETHER triangles or of the last level.
+    """Return octree cells by the triangles' centres, of at most _CELL_TRIANGLES triangles or of the last level.
 
     Large triangles have cells of their own, because they would enlarge the boxes of small ones.
     """
@@ -146,9 +146,9 @@ def _cells(boxes: np.ndarray) -> _Cells:
     begin = np.flatnonzero(differs >> 3 * _DEPTH)
     for depth in range(1, _DEPTH + 1):
         count = np.diff(begin, append=len(code))
-        if count.max() <= _TOGETHER:
+        if count.max() <= _CELL_TRIANGLES:
             break
-        many = np.repeat(count > _TOGETHER, count)
+        many = np.repeat(count > _CELL_TRIANGLES, count)
         many[begin] = True
         begin = np.flatnonzero(many & (differs >> 3 * (_DEPTH - depth) != 0))
     bounds = np.minimum.reduceat(np.take(boxes, order, axis=1), begin, axis=1)
@@ -156,9 +156,9 @@ def _cells(boxes: np.ndarray) -> _Cells:
 
 
 def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:
-    """Split nodes of `counts` items until at most LEAF items remain, or one item or a weight of _TOGETHER if `weights` (N,) are
-    given.
+    """Split nodes of `counts` items until at most LEAF items remain.
 
+    With `weights` (N,), nodes of one item or of at most _CELL_TRIANGLES in weight are leaves.
     boxes: (6, N) of the items. items: their numbers, root by root (default: all, in order).
     """
     live = np.arange(boxes.shape[1]) if items is None else items  # items that are not in leaves yet, node by node
@@ -170,7 +170,7 @@ def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, i
     while len(counts):
         leaf = counts <= LEAF
         if weights is not None:
-            leaf = (counts == 1) | (np.add.reduceat(weights[live], np.cumsum(counts) - counts) <= _TOGETHER)
+            leaf = (counts == 1) | (np.add.reduceat(weights[live], np.cumsum(counts) - counts) <= _CELL_TRIANGLES)
         keep = np.repeat(~leaf, counts)
         order.append(live[~keep])
         numbers.append(np.where(leaf, counts, 0))
@@ -215,7 +215,7 @@ def _split(
 
     begin = np.flatnonzero(np.diff(key, prepend=-1))
     filled = key[begin]
-    bounds = np.full((6, nodes * bins), _FAR, np.float32)
+    bounds = np.full((6, nodes * bins), _EMPTY_BOX, np.float32)
     bounds[:, filled] = np.minimum.reduceat(np.take(boxes, place, axis=1), begin, axis=1)
     binned = bounds.reshape(6, nodes, bins)
 

@@ -22,8 +22,8 @@ from irrsplat.scene.model import Camera
 SEGMENT = 30  # frames from key to key by default
 _CAM = f"{USAGE['cam']} (a name may follow 'cam')"
 _FRAMES = "frames N, a whole number of at least 1"
-_LEVEL = 0.01  # least sine of the angle between view and up vector
-_NEAR = 1e-9  # least distance of the target, relative to the eye's coordinates; smaller ones are lost in rounding
+_LEAST_UP_SINE = 0.01  # least sine of the angle between view and up vector
+_LEAST_DISTANCE = 1e-9  # least distance of the target, relative to the eye's coordinates; smaller ones are lost in rounding
 
 
 @dataclass(frozen=True)
@@ -98,18 +98,18 @@ def path_text(path: Path) -> str:
 
     Field of view, names of keys and motions are not included.
     """
-    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_words(key)[:3])}\n" for key in path.keys)])
+    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key)[:3])}\n" for key in path.keys)])
 
 
 def camera_line(camera: Camera) -> str:
     """Return the `cam` line of a camera for a `.scene` or a path, with six digits or to the millimetre, without name and line
     end."""
-    return f"cam {'  '.join(_words(camera, _short)[:3])}"
+    return f"cam {'  '.join(_camera_words(camera, _short_number)[:3])}"
 
 
 def camera_flags(camera: Camera) -> str:
     """Return the flags --eye, --target, --up and --fov of a camera, with six digits or to the millimetre."""
-    eye, target, up, fov = _words(camera, _short)
+    eye, target, up, fov = _camera_words(camera, _short_number)
     return f"--eye {eye} --target {target} --up {up} --fov {fov}"
 
 
@@ -125,9 +125,9 @@ def _between(around: list[Camera], t: float) -> Camera:
     """
     w = _weights(t)
     eye = w @ np.array([key.eye for key in around])
-    gaze = [np.subtract(key.target, key.eye) for key in around]
-    distance = math.exp(w @ np.log([np.linalg.norm(g) for g in gaze]))
-    distance = max(distance, _NEAR * float(np.abs(eye).max()))
+    aims = [np.subtract(key.target, key.eye) for key in around]
+    distance = math.exp(w @ np.log([np.linalg.norm(g) for g in aims]))
+    distance = max(distance, _LEAST_DISTANCE * float(np.abs(eye).max()))
     view = _view(around, w, t)
     zoom = w @ np.log(np.clip([key.screen / 2.0 for key in around], 1e-9, 1e9))  # beyond these limits the fov rounds to 0 or 180
     fov = math.degrees(2.0 * math.atan(math.exp(zoom)))
@@ -158,7 +158,7 @@ def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
 def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.ndarray:
     """Return (3,) the interpolated up vector; where nearly parallel to `view`, the nearer key's, rotated with the view."""
     up: np.ndarray = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
-    if np.linalg.norm(np.cross(view, up)) > _LEVEL:
+    if np.linalg.norm(np.cross(view, up)) > _LEAST_UP_SINE:
         return up
     key = around[1] if t < 0.5 else around[2]
     ahead, up = -key.axes[2], key.axes[1]
@@ -196,14 +196,14 @@ def _count(line: Line) -> int:
     return int(line.args[0])
 
 
-def _words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
+def _camera_words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
     """Return eye, target, up and fov as text, with numbers by `write`; in full where short ones give no valid camera."""
     eye, target, up = (" ".join(write(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
     fov = write(float(camera.fov))
     try:
         Camera(_read(eye), _read(target), _read(up), float(fov))
     except InputError:
-        return _words(camera)
+        return _camera_words(camera)
     return eye, target, up, fov
 
 
@@ -211,5 +211,5 @@ def _read(words: str) -> tuple[float, float, float]:
     return _triple([float(word) for word in words.split()])
 
 
-def _short(x: float) -> str:
+def _short_number(x: float) -> str:
     return f"{x:.6g}" if abs(x) < 1e3 else f"{round(x, 3):.15g}"  # far away: to the millimetre

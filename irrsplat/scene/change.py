@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.scene.model import Mesh, Scene
 
-_ALIKE = 1e-6  # relative difference below which two dimming factors count as equal
+_SAME_FACTOR = 1e-6  # relative difference below which two dimming factors count as equal
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class SceneChange:
         ratio = np.divide(after, before, out=np.full_like(before, np.nan), where=lit)
         least, most = (reduce(ratio, axis=0, initial=limit, where=lit) for reduce, limit in ((np.min, np.inf), (np.max, -np.inf)))
         factor: np.ndarray = np.where(lit.any(0), most, 1.0)
-        if (np.where(lit.any(0), most - least, 0.0) > _ALIKE * factor).any() or (shines(self.new) & (factor != 1.0)).any():
+        if (np.where(lit.any(0), most - least, 0.0) > _SAME_FACTOR * factor).any() or (shines(self.new) & (factor != 1.0)).any():
             return None
         return factor
 

@@ -14,10 +14,10 @@ from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 
-_ENVIRONMENT = 0.125  # share of all surface area; hemisphere samples alone find an emissive mesh that is larger
-_BRIGHTER = 4.0  # least ratio of an area light's luminance to that of such a large mesh
-_SMALL = 0.01  # of the scene's diagonal; clusters of this size are not split
-_FAINT = 1e-3  # of a mesh's brightest triangle; darker ones do not count towards the emissive area
+_BACKDROP_SHARE = 0.125  # share of all surface area; hemisphere samples alone find an emissive mesh that is larger
+_LEAST_RATIO = 4.0  # least ratio of an area light's luminance to that of such a large mesh
+_SMALLEST_SPLIT = 0.01  # of the scene's diagonal; clusters of this size are not split
+_DARK = 1e-3  # of a mesh's brightest triangle; darker ones do not count towards the emissive area
 _POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² points
 
 
@@ -51,29 +51,29 @@ def emitters(scene: Scene) -> Emitters:
     triangles: list[np.ndarray] = [np.zeros(0, int)]
     means: list[np.ndarray] = [np.zeros(0)]
     corners, one_sided, first = [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
-    surroundings = 0.0  # luminance of the brightest excluded mesh
-    all_of_it = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
+    backdrop_luminance = 0.0  # luminance of the brightest excluded mesh
+    total_area = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
             mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
             area = triangle_areas(at)
             power = mean * area
-            shining = float(area[mean > _FAINT * mean.max(initial=0.0)].sum())
+            emitting_area = float(area[mean > _DARK * mean.max(initial=0.0)].sum())
             kept = np.flatnonzero(power > 0.0)
-            if shining > _ENVIRONMENT * all_of_it:
-                surroundings, kept = max(surroundings, float(power.sum()) / shining), kept[:0]
+            if emitting_area > _BACKDROP_SHARE * total_area:
+                backdrop_luminance, kept = max(backdrop_luminance, float(power.sum()) / emitting_area), kept[:0]
             triangles.append(first + kept)
             means.append(mean[kept])
             corners.append(at[kept])
             one_sided.append(np.full(len(kept), sort_of(mesh) == CLOSED))
         first += len(mesh.faces)
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
-    lamps = luminance > _BRIGHTER * surroundings
-    triangle, luminance, at = triangle[lamps], luminance[lamps], at[lamps]
+    bright = luminance > _LEAST_RATIO * backdrop_luminance
+    triangle, luminance, at = triangle[bright], luminance[bright], at[bright]
     area = triangle_areas(at)
-    cluster = _clusters(at, luminance * area, _SMALL * scene.diagonal)
+    cluster = _clusters(at, luminance * area, _SMALLEST_SPLIT * scene.diagonal)
     centre, radius = _balls(at, cluster)
-    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[lamps], cluster, centre, radius)
+    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[bright], cluster, centre, radius)
 
 
 def _corners(mesh: Mesh) -> np.ndarray:
@@ -93,21 +93,21 @@ def _clusters(corners: np.ndarray, power: np.ndarray, small: float) -> np.ndarra
     """
     middle = corners.mean(axis=1)
     parts = [np.arange(len(corners))] if len(corners) else []
-    whole: list[np.ndarray] = []
-    while parts and len(parts) + len(whole) < MAX_EMITTER_CLUSTERS:
+    finished: list[np.ndarray] = []
+    while parts and len(parts) + len(finished) < MAX_EMITTER_CLUSTERS:
         low = [corners[part].min((0, 1)) for part in parts]
         extent = [float(np.linalg.norm(corners[part].max((0, 1)) - a)) for part, a in zip(parts, low, strict=True)]
-        worst = int(np.argmax([float(power[part].sum()) * size for part, size in zip(parts, extent, strict=True)]))
-        part = parts.pop(worst)
+        strongest = int(np.argmax([float(power[part].sum()) * size for part, size in zip(parts, extent, strict=True)]))
+        part = parts.pop(strongest)
         at = middle[part]
         axis = int(np.argmax(np.ptp(at, axis=0)))
         upper = at[:, axis] > 0.5 * (at[:, axis].min() + at[:, axis].max())
-        if extent[worst] <= small or not upper.any() or upper.all():
-            whole.append(part)
+        if extent[strongest] <= small or not upper.any() or upper.all():
+            finished.append(part)
         else:
             parts += [part[upper], part[~upper]]
     cluster = np.zeros(len(corners), int)
-    for number, part in enumerate(parts + whole):
+    for number, part in enumerate(parts + finished):
         cluster[part] = number
     return cluster
 
@@ -147,7 +147,7 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     one, two = ((at[:, k] - at[:, 0]) * (width, height) for k in (1, 2))
     texels = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / _POINTS**2
     level = np.maximum(np.log2(np.maximum(texels, 1.0)) / 2.0, 0.0).astype(int)
-    shares = _points()
+    shares = _barycentric_samples()
     mean = np.zeros((len(uvs), 3))
     image = linear_from_srgb(texture.image.pixels[..., :3].astype(np.float32) / np.float32(255.0))
     for number in range(int(level.max(initial=0)) + 1):
@@ -160,7 +160,7 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     return mean
 
 
-def _points() -> np.ndarray:
+def _barycentric_samples() -> np.ndarray:
     """Return (_POINTS², 3) barycentric coordinates of points that are spread evenly over a triangle."""
     u, v = ((x.ravel() + 0.5) / _POINTS for x in np.indices((_POINTS, _POINTS)))
     root = np.sqrt(u)

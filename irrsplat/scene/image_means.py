@@ -6,15 +6,15 @@ import numpy as np
 
 from irrsplat.core.color import linear_from_srgb, srgb
 
-_AT_ONCE = 1 << 16  # pixels that are decoded together; they fit the processor's cache
+_CHUNK_PIXELS = 1 << 16  # pixels that are decoded together; they fit the processor's cache
 
-_ROWS = 32  # rows of pixels that are processed together by `half`, for the same reason
-_STEPS = 65535  # linear values between 0 and 1: resolves the darkest sRGB colours
+_CHUNK_ROWS = 32  # rows of pixels that are processed together by `half`, for the same reason
+_LINEAR_STEPS = 65535  # linear values between 0 and 1: resolves the darkest sRGB colours
 _BYTES = np.arange(256) / 255.0
-_SAME = (_BYTES * _STEPS).round().astype("u4")
-_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
-_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
-_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
+_LINEAR_OF_BYTE = (_BYTES * _LINEAR_STEPS).round().astype("u4")
+_BYTE = (np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS * 255.0).round().astype("u1")
+_DECODE = (linear_from_srgb(_BYTES) * _LINEAR_STEPS).round().astype("u4")
+_ENCODE = (srgb(np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS) * 255.0).round().astype("u1")
 
 
 def _decoded() -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +36,7 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
     height, width = pixels.shape[:2]
     down = _weights(height, side)
     out = np.empty((side, side, 8 if weighted else 4), np.float32)
-    step = max(_AT_ONCE * side // max(width * height, 1), 1)
+    step = max(_CHUNK_PIXELS * side // max(width * height, 1), 1)
     pairs = np.ascontiguousarray(pixels).view("<u2")
     for start in range(0, side, step):
         rows = down[start : start + step]
@@ -69,12 +69,12 @@ def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
     """Return (⌈H/2⌉, ⌈W/2⌉, 4) uint8: means of 2×2 pixels (H, W, 4) uint8, in linear light if `srgb_encoded`."""
     height, width = pixels.shape[:2]
     out = np.empty(((height + 1) // 2, (width + 1) // 2, 4), "u1")
-    for row in range(0, height, _ROWS):
-        band = pixels[row : row + _ROWS]
-        values = np.take(_DECODE if srgb_encoded else _SAME, band, mode="clip")
-        values[..., 3] = np.take(_SAME, band[..., 3], mode="clip")
+    for row in range(0, height, _CHUNK_ROWS):
+        band = pixels[row : row + _CHUNK_ROWS]
+        values = np.take(_DECODE if srgb_encoded else _LINEAR_OF_BYTE, band, mode="clip")
+        values[..., 3] = np.take(_LINEAR_OF_BYTE, band[..., 3], mode="clip")
         means = sums_of_four(values) // 4
-        half_band = out[row // 2 : (row + _ROWS) // 2]
+        half_band = out[row // 2 : (row + _CHUNK_ROWS) // 2]
         half_band[:] = np.take(_ENCODE if srgb_encoded else _BYTE, means, mode="clip")
         half_band[..., 3] = _BYTE[means[..., 3]]
     return out

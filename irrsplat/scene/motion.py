@@ -14,7 +14,7 @@ from irrsplat.core.words import quote
 from irrsplat.scene.change import is_elsewhere
 from irrsplat.scene.model import Material, Mesh, Scene
 
-_FLAT = 1e-12  # least determinant of a transform, relative to the cube of its largest element
+_LEAST_DETERMINANT = 1e-12  # least determinant of a transform, relative to the cube of its largest element
 
 
 def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.ArrayLike) -> Scene:
@@ -106,7 +106,7 @@ def affine(transform: npt.ArrayLike) -> np.ndarray:
     matrix[: len(given)] = given
     if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise InputError("the last row of a transform is 0 0 0 1: points are columns, and the last column says how far it moves")
-    if not abs(np.linalg.det(matrix[:3, :3])) > _FLAT * np.abs(matrix[:3, :3]).max() ** 3:
+    if not abs(np.linalg.det(matrix[:3, :3])) > _LEAST_DETERMINANT * np.abs(matrix[:3, :3]).max() ** 3:
         raise InputError("the transform is singular: it would flatten the mesh")
     return matrix
 

@@ -13,8 +13,8 @@ from importlib.util import find_spec
 import numpy as np
 
 INSTALL = "pip install 'irrsplat[embree]'"
-_MOST = 1 << 16  # rays per call of a thread, about: small enough to share them out evenly
-_LEAST = 1 << 12  # rays below which the overhead of a call dominates
+_MOST_RAYS = 1 << 16  # rays per call of a thread, about: small enough to share them out evenly
+_LEAST_RAYS = 1 << 12  # rays below which the overhead of a call dominates
 
 
 def available() -> bool:
@@ -28,9 +28,9 @@ def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count(), "irrsplat-rays")
 
 
-def _task(rays: int) -> int:
+def _rays_per_call(rays: int) -> int:
     """Return the number of rays per call of a thread, of `rays` in all."""
-    return min(max(-(-rays // (os.cpu_count() or 1)), _LEAST), _MOST)
+    return min(max(-(-rays // (os.cpu_count() or 1)), _LEAST_RAYS), _MOST_RAYS)
 
 
 class RayCaster:
@@ -57,16 +57,16 @@ class RayCaster:
         origins: (N, 3) metres. frames: (N, 3, 3), rows tangent, bitangent, normal: the space of the `directions` (R, 3).
         """
         hits = np.full((len(origins), len(directions)), -1, np.int32)
-        scene, step = self._scene, max(1, _task(hits.size) // len(directions))
+        scene, step = self._scene, max(1, _rays_per_call(hits.size) // len(directions))
         if scene is None:
             return hits
         origins, frames, directions = (np.asarray(array, np.float32) for array in (origins, frames, directions))
 
         def trace(first: int) -> None:
             """Trace the rays of `step` places from `first` on."""
-            some = slice(first, first + step)
-            rays = (directions @ frames[some]).reshape(-1, 3)
-            hits[some] = scene.run(np.repeat(origins[some], len(directions), axis=0), rays).reshape(-1, len(directions))
+            chunk = slice(first, first + step)
+            rays = (directions @ frames[chunk]).reshape(-1, 3)
+            hits[chunk] = scene.run(np.repeat(origins[chunk], len(directions), axis=0), rays).reshape(-1, len(directions))
 
         for _ in _threads().map(trace, range(0, len(origins), step)):
             pass
@@ -74,18 +74,18 @@ class RayCaster:
 
     def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) bool: True if nothing occludes the segments from `starts` to `ends`, (N, 3) metres each."""
-        scene, found, step = self._scene, np.ones(len(starts), bool), _task(len(starts))
+        scene, found, step = self._scene, np.ones(len(starts), bool), _rays_per_call(len(starts))
         if scene is None:
             return found
         starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
 
-        def look(first: int) -> None:
+        def test(first: int) -> None:
             """Trace `step` segments from `first` on."""
-            some = slice(first, first + step)
-            away = ends[some] - starts[some]
-            hits = scene.run(starts[some], away, np.ones(len(away), np.float32), query="OCCLUDED")  # up to the ends
-            found[some] = hits < 0
+            chunk = slice(first, first + step)
+            away = ends[chunk] - starts[chunk]
+            hits = scene.run(starts[chunk], away, np.ones(len(away), np.float32), query="OCCLUDED")  # up to the ends
+            found[chunk] = hits < 0
 
-        for _ in _threads().map(look, range(0, len(starts), step)):
+        for _ in _threads().map(test, range(0, len(starts), step)):
             pass
         return found

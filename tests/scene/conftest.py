@@ -36,7 +36,7 @@ def write(tmp_path: Path) -> Callable[..., Scene]:
 @pytest.fixture
 def without_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Skip the search for a room in models without a camera: it takes most of the time of loading a small file."""
-    monkeypatch.setattr(camera, "hollow", lambda *_: camera.Hollow(()))
+    monkeypatch.setattr(camera, "room_places", lambda *_: camera.RoomPlaces(()))
 
 
 @pytest.fixture

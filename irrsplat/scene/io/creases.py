@@ -7,8 +7,8 @@ import numpy as np
 from irrsplat.core.vectors import as_float32, unit
 from irrsplat.scene.io.mesh_builder import welded
 
-_PAIRS = 1 << 21  # pairs of corners that are compared together; bounds the temporary memory
-_CROWD = 256  # corners at one place above which they are not compared in pairs; those at a crease stay flat
+_CHUNK_PAIRS = 1 << 21  # pairs of corners that are compared together; bounds the temporary memory
+_MOST_COMPARED = 256  # corners at one place above which they are not compared in pairs; those at a crease stay flat
 
 
 def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
@@ -39,9 +39,9 @@ def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> 
     creased[at[off & real[:, None]]] = True
     sharp = np.flatnonzero(creased[flat_at])
     sharp = sharp[np.argsort(flat_at[sharp], kind="stable")]
-    own = _alike(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
+    own = _normal_sums(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
     number = at.reshape(-1).copy()
-    kept, number_of = _different(flat_at[sharp], own)
+    kept, number_of = _distinct_pairs(flat_at[sharp], own)
     number[sharp] = count + number_of
     return np.concatenate([mean, own[kept]]), number.reshape(-1, 3)
 
@@ -53,7 +53,7 @@ def _angles(points: np.ndarray) -> np.ndarray:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(forward, backward), axis=2), (forward * backward).sum(2)))
 
 
-def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: float) -> np.ndarray:
+def _normal_sums(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: float) -> np.ndarray:
     """Return (R, 3) unit sums of `weighted` over the corners at the same place with a cosine above `least` between `face`
     normals.
 
@@ -62,7 +62,7 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     first = np.flatnonzero(np.diff(place, prepend=-1))
     size = np.diff(first, append=len(place))
     begin, count = np.repeat(first, size), np.repeat(size, size)
-    crowded = count > _CROWD
+    crowded = count > _MOST_COMPARED
     begin[crowded], count[crowded] = np.flatnonzero(crowded), 1
     sums = np.empty_like(weighted)
     x, y, z = (np.ascontiguousarray(face[:, i]) for i in range(3))
@@ -71,7 +71,7 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     low = 0
     while low < len(place):
         done = int(ends[low - 1]) if low else 0
-        high = max(low + 1, int(np.searchsorted(ends, done + _PAIRS, "right")))
+        high = max(low + 1, int(np.searchsorted(ends, done + _CHUNK_PAIRS, "right")))
         rows = slice(low, high)
         starts = ends[rows] - count[rows] - done
         one = np.repeat(np.arange(low, high), count[rows])
@@ -84,7 +84,7 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     return unit(sums)
 
 
-def _different(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _distinct_pairs(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the indices (M,) of distinct pairs of place (R,) and normal (R, 3), and the pair (R,) of each row."""
     rows = np.column_stack([place.astype(float), normals + 0.0])
     bits = rows.view(np.uint64)

@@ -67,24 +67,26 @@ def finish(
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
-    part = scene if cameras else subject(scene)
-    points = surface_points(part)
-    hollow = camera.hollow(part, points, world) if up is not None or not cameras else camera.Hollow(())
+    main_part = scene if cameras else subject(scene)
+    points = surface_points(main_part)
+    room_places = camera.room_places(main_part, points, world) if up is not None or not cameras else camera.RoomPlaces(())
     inside = False
     if not cameras:
-        stand = camera.default_camera(part, points, world, hollow)
+        stand = camera.default_camera(main_part, points, world, room_places)
         inside = stand.inside
-        where = "one in the room" if inside else "one that sees the whole scene" if part is scene else "one that sees most of it"
+        where = (
+            "one in the room" if inside else "one that sees the whole scene" if main_part is scene else "one that sees most of it"
+        )
         notices.append(f"{path}: no camera; {where} stands in")
-        scene, part = replace(scene, cameras=(stand.camera,)), replace(part, cameras=(stand.camera,))
+        scene, main_part = replace(scene, cameras=(stand.camera,)), replace(main_part, cameras=(stand.camera,))
     if up is None:
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
     elif sky is None and (invent or not (lights or any(any(mesh.material.emission) for mesh in meshes))):
-        around = camera.closed_in(part, points, world, hollow)
+        around = camera.enclosure_of_camera(main_part, points, world, room_places)
         inside = inside or around is not None
-        own = light.lit_by(scene, "closed" if inside else "half" if hollow.places else "none")
+        own = light.own_light(scene, "closed" if inside else "half" if room_places.places else "none")
         if own == "nothing":
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
@@ -93,17 +95,17 @@ def finish(
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
         elif own == "sun":
             notices.append(f"{path}: there is only directional light; a sky that is brighter above is added")
-            mean, gradient = light.fill(scene)
+            mean, gradient = light.fill_sky(scene)
             scene = replace(scene, sky=mean, sky_gradient=gradient)
     if sky is not None:
-        scene = under(sky, scene, world)
+        scene = with_sky(sky, scene, world)
         notices += sky.notices
     if meshes and not face_counts(scene).lit:
         notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
     return replace(scene, notices=tuple(notices)).placed(origin)
 
 
-def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
+def with_sky(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
     """Return the scene under a sky, whose suns are added to the lights. world: (3, 3) rows right, up and front."""
     if sky.environment is None:
         return replace(scene, sky=sky.radiance)

@@ -41,8 +41,8 @@ def read_image(data: bytes, name: str) -> Image:
     Raises InputError, one line without a place, for a broken image, one of more than 16384² pixels, and where the images of the
     scene have more pixels than `paths.take_pixels` allows.
     """
-    with _without_complaints():
-        _grant(data, name)
+    with _pillow_unlimited():
+        _check_pixels(data, name)
         return _decoded(data, name)
 
 
@@ -65,10 +65,10 @@ def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
     for key, file in zip(keys, files, strict=True):
         first.setdefault(key, file)
     images: dict[bytes, Image | InputError] = {}
-    with _without_complaints(), ThreadPoolExecutor(os.cpu_count()) as threads:
+    with _pillow_unlimited(), ThreadPoolExecutor(os.cpu_count()) as threads:
         for key, file in first.items():
             try:
-                _grant(*file)
+                _check_pixels(*file)
             except InputError as error:
                 images[key] = error
         granted = [key for key in first if key not in images]
@@ -77,7 +77,7 @@ def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
 
 
 @contextmanager
-def _without_complaints() -> Iterator[None]:
+def _pillow_unlimited() -> Iterator[None]:
     """A `with` block without Pillow's warnings and size limit, which are global settings."""
     import PIL.Image  # takes 50 ms: imported only for files with images
 
@@ -90,7 +90,7 @@ def _without_complaints() -> Iterator[None]:
         PIL.Image.MAX_IMAGE_PIXELS = bound
 
 
-def _grant(data: bytes, name: str) -> None:
+def _check_pixels(data: bytes, name: str) -> None:
     """Raise InputError, without decoding, for an image with more pixels than the scene may have."""
     if data.startswith(_KTX2) and len(data) >= 28:
         width, height = struct.unpack_from("<2I", data, 20)
@@ -170,7 +170,7 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     """
     spellings = [name_of(name) for name in _spellings(written_name)]
     for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
-        found = _walk(folder, name) if name else None
+        found = _find_from(folder, name) if name else None
         if found is not None:
             return found
     refused = [folder / name for name in spellings if name and "\0" not in name and not may_read(folder / name)]
@@ -184,7 +184,7 @@ def _spellings(written: str) -> Iterator[str]:
     yield from dict.fromkeys(names)
 
 
-def _walk(folder: Path, name: str) -> Path | None:
+def _find_from(folder: Path, name: str) -> Path | None:
     """Return the readable regular file at `name` from `folder`, ignoring case only if necessary."""
     try:
         if not may_read(folder / name):

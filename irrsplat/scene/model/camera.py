@@ -12,8 +12,8 @@ import numpy.typing as npt
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model.checks import checked, checked_number, moved, put
 
-_FARTHEST = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
-_WIDEST = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
+_GREATEST_COORDINATE = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
+_WIDEST_RATIO = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
 
 
 def measure(size: tuple[int, int]) -> float:
@@ -23,9 +23,9 @@ def measure(size: tuple[int, int]) -> float:
     """
     width, height = size
     square = math.sqrt(width * height)
-    if width > _WIDEST * height:
-        return min(width / _WIDEST, square)
-    return max(width * _WIDEST, square) if height > _WIDEST * width else float(height)
+    if width > _WIDEST_RATIO * height:
+        return min(width / _WIDEST_RATIO, square)
+    return max(width * _WIDEST_RATIO, square) if height > _WIDEST_RATIO * width else float(height)
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
-            put(self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_FARTHEST, _FARTHEST)})
+            put(
+                self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_GREATEST_COORDINATE, _GREATEST_COORDINATE)}
+            )
         put(self, fov=checked_number("a camera's field of view", self.fov))
         if not 0.0 < self.fov < 180.0:
             raise InputError(f"field of view must lie between 0 and 180 degrees, not {self.fov:g}")

@@ -11,14 +11,14 @@ from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, c
 
 _OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
 _THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: direction from an object to the camera
-_ROOM = 0.85  # least share of blocked directions in a closed room
-_STAGE = 0.7  # the same at the open side of a room that lacks a wall
-_HALF = 0.5  # the same anywhere in a room
-_FRONTS = 0.6  # least share of visible surfaces that are front-facing; inside a solid object only backs are visible
-_VOLUME = 0.2  # of the bounding box that is visible from inside; less is a cavity of an object
+_CLOSED_ROOM = 0.85  # least share of blocked directions in a closed room
+_OPEN_SIDE = 0.7  # the same at the open side of a room that lacks a wall
+_ANY_ROOM = 0.5  # the same anywhere in a room
+_LEAST_FRONTS = 0.6  # least share of visible surfaces that are front-facing; inside a solid object only backs are visible
+_LEAST_VOLUME = 0.2  # of the bounding box that is visible from inside; less is a cavity of an object
 _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: eye height for ceilings in this range, in files whose unit is the metre
 _EYE_SHARE = 0.45  # of the height of other rooms
-_CLEAR = 0.05  # of the floor's diagonal: least distance between the eye and obstacles
+_LEAST_CLEARANCE = 0.05  # of the floor's diagonal: least distance between the eye and obstacles
 _PLACES, _STAGE_PLACES = 0.1, 0.6  # least share of tried points inside a closed room, and a room that may lack a wall
 _EDGE = 5.0  # spacings of the points: a point this close to two sides of the bounding box lies on an edge
 _NEAR = 0.15  # of the bounding box's diagonal: closer objects hide more than they show
@@ -29,7 +29,7 @@ _HEIGHTS = 0.35, 0.65  # of the bounding box: heights of the tried points
 
 
 @dataclass(frozen=True)
-class Hollow:
+class RoomPlaces:
     """Points of a scene that may be inside a room. places: position (3,) and surroundings of each."""
 
     places: tuple[tuple[np.ndarray, Surroundings], ...]
@@ -47,7 +47,7 @@ class Hollow:
     @property
     def rooms(self) -> list[tuple[np.ndarray, Surroundings]]:
         """The places that are closed on all sides."""
-        return [(at, around) for at, around in self.places if around.closed >= _ROOM]
+        return [(at, around) for at, around in self.places if around.closed >= _CLOSED_ROOM]
 
 
 @dataclass(frozen=True)
@@ -58,48 +58,52 @@ class Standpoint:
     inside: bool
 
 
-def hollow(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> Hollow:
+def room_places(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> RoomPlaces:
     """Return the places in the bounding box that may be in a room. points: on the surfaces. axes: as in default_camera."""
     low, high = _extent(scene, axes)
     box = float(np.prod(high - low))
     if not len(points.position) or box == 0.0:
-        return Hollow(())
+        return RoomPlaces(())
     seen = [(at, surroundings(points, at, axes)) for at in _grid(low, high, axes, _HEIGHTS)]
-    found = Hollow(tuple((at, it) for at, it in seen if _roomy(it, box)))
-    return found if found.stage or len(found.rooms) >= _PLACES * len(seen) else Hollow(())
+    found = RoomPlaces(tuple((at, it) for at, it in seen if _may_be_in_room(it, box)))
+    return found if found.stage or len(found.rooms) >= _PLACES * len(seen) else RoomPlaces(())
 
 
-def _roomy(around: Surroundings, box: float) -> bool:
+def _may_be_in_room(around: Surroundings, box: float) -> bool:
     """True if a point with these surroundings, in a bounding box of `box` m³, may be in a room."""
-    return around.closed >= _HALF and around.fronts >= _FRONTS and around.volume >= _VOLUME * box
+    return around.closed >= _ANY_ROOM and around.fronts >= _LEAST_FRONTS and around.volume >= _LEAST_VOLUME * box
 
 
-def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow: Hollow) -> Standpoint:
+def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> Standpoint:
     """Return a camera for the scene.
 
     It is in a closed room at eye height, with a far view and much detail; in front of the open side of a room that lacks a wall;
     or in front of an object, from above to one side. points: on the surfaces. axes: (3, 3) rows right, up and front of the world.
     """
-    if hollow.stage and hollow.most_open.closed < _STAGE:
-        way = _opening(hollow.most_open, axes)
+    if room_places.stage and room_places.most_open.closed < _OPEN_SIDE:
+        way = _way_out(room_places.most_open, axes)
         if way is not None:
-            return Standpoint(_before(scene, axes, way), False)
-    if hollow.rooms:
-        middle = max(hollow.rooms, key=lambda room: room[1].volume)[0]
-        camera = _within(scene, points, axes, middle)
+            return Standpoint(_camera_in_front(scene, axes, way), False)
+    if room_places.rooms:
+        middle = max(room_places.rooms, key=lambda room: room[1].volume)[0]
+        camera = _camera_in_room(scene, points, axes, middle)
         if camera is not None:
             return Standpoint(camera, True)
-    return Standpoint(_before(scene, axes, _THREE_QUARTERS), False)
+    return Standpoint(_camera_in_front(scene, axes, _THREE_QUARTERS), False)
 
 
-def closed_in(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow: Hollow) -> Surroundings | None:
+def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> Surroundings | None:
     """Return the surroundings of the first camera if they are closed, or if it is in a scene that is a room; else None."""
     if not len(points.position):
         return None
     eye = np.asarray(scene.cameras[0].eye)
     around = surroundings(points, eye, axes)
     within = bool(((scene.bounds[0] <= eye) & (eye <= scene.bounds[1])).all())
-    return around if around.closed >= _ROOM or (within and hollow.rooms and hollow.most_open.closed >= _STAGE) else None
+    return (
+        around
+        if around.closed >= _CLOSED_ROOM or (within and room_places.rooms and room_places.most_open.closed >= _OPEN_SIDE)
+        else None
+    )
 
 
 def _extent(scene: Scene, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +121,7 @@ def _grid(low: np.ndarray, high: np.ndarray, axes: np.ndarray, heights: tuple[fl
     return points
 
 
-def _before(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
+def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
     """Return the nearest camera in direction `way` (right, up and front) that sees every vertex."""
     out = way @ axes
     centre = scene.bounds.mean(0)
@@ -130,7 +134,7 @@ def _before(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
     return Camera(_point(centre + distance * out), _point(centre), _point(axes[1]), _OUTSIDE)
 
 
-def _opening(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
+def _way_out(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
     """Return a direction out of the open side, slightly raised, as right, up and front; None where that is not sideways."""
     ways = directions(axes)[~np.isfinite(around.distance)] @ axes.T
     mean = ways.mean(0)
@@ -143,7 +147,7 @@ def _opening(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
     return unit
 
 
-def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndarray) -> Camera | None:
+def _camera_in_room(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndarray) -> Camera | None:
     """Return a camera at eye height in the room around `room`, with a far view and much detail; None where no point is clear."""
     low, high = _extent(scene, axes)
     around = surroundings(points, room, axes)
@@ -157,16 +161,16 @@ def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndar
     eye = floor + (_EYE if _STOREY[0] <= tall <= _STOREY[1] else _EYE_SHARE * tall)
     share = (eye - low[1]) / max(high[1] - low[1], 1e-30)
     level = np.abs(rise) < 0.25
-    clear = _CLEAR * float(np.hypot(*(high - low)[[0, 2]]))
+    clear = _LEAST_CLEARANCE * float(np.hypot(*(high - low)[[0, 2]]))
     detail = points.detail()
     margin = _EDGE * points.spacing
-    beside = ((detail @ axes.T < low + margin) | (detail @ axes.T > high - margin)).sum(1)
-    detail = detail[beside < 2]  # excludes the edges between walls, floor and ceiling
+    near_sides = ((detail @ axes.T < low + margin) | (detail @ axes.T > high - margin)).sum(1)
+    detail = detail[near_sides < 2]  # excludes the edges between walls, floor and ceiling
     near = _NEAR * float(np.linalg.norm(high - low))
     best, camera = 0.0, None
     for at in [*_grid(low, high, axes, (float(share),)), room + (eye - height) * axes[1]]:
         around = surroundings(points, at, axes)
-        if around.closed < _ROOM - 0.1 or around.fronts < _FRONTS:
+        if around.closed < _CLOSED_ROOM - 0.1 or around.fronts < _LEAST_FRONTS:
             continue
         distance = np.where(np.isfinite(around.distance), around.distance, 0.0)
         if distance[level & np.isfinite(around.distance)].min(initial=np.inf) < clear:

@@ -18,12 +18,12 @@ SKY: Vector = (1.0, 1.0, 1.0)  # mean radiance, W/(m² sr)
 GRADIENT: Vector = (0.6, 0.6, 0.6)  # the zenith is four times as bright as the nadir
 KEY: Vector = (1.5, 1.5, 1.5)  # of the key light; perpendicular irradiance is π times as much
 FILL = 0.3  # irradiance by the sky, relative to that of a lone sun; about a clear sky's share
-_KEY = np.array([-0.55, 0.75, 0.5])  # direction of the key light: the camera's right, up and back
+_KEY_DIRECTION = np.array([-0.55, 0.75, 0.5])  # direction of the key light: the camera's right, up and back
 # Shares of the stand-in sky's power below which emission does not light a scene. The sky still adds to a faintly glowing object;
 # little of it enters a room that lacks a wall or has windows, and none a closed room.
-_MINOR: dict[Enclosure, float] = {"none": 0.25, "half": 0.01, "closed": 0.002}
-_BLANK = 1e-6  # the same share, of all lights together, below which they count as switched off
-_MEAN = 256  # texels a side, about, of a texture's mean
+_MINOR_SHARE: dict[Enclosure, float] = {"none": 0.25, "half": 0.01, "closed": 0.002}
+_OFF_SHARE = 1e-6  # the same share, of all lights together, below which they count as switched off
+_MEAN_TEXELS = 256  # texels a side, about, of a texture's mean
 
 
 def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Light:
@@ -33,7 +33,7 @@ def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Lig
     """
     right, back = camera.axes[0], np.cross(camera.axes[0], up)
     if around is None:
-        x, y, z = (_KEY @ np.stack([right, up, back])).tolist()
+        x, y, z = (_KEY_DIRECTION @ np.stack([right, up, back])).tolist()
         return Light((x, y, z), KEY, directional=True, name="key")
     distance = np.where(np.isfinite(around.distance), around.distance, np.nan)
     above = float(np.nanmedian(distance[-3:])) if np.isfinite(distance[-3:]).any() else float(np.nanmedian(distance))
@@ -42,7 +42,7 @@ def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Lig
     return Light((x, y, z), (power * SKY[0], power * SKY[1], power * SKY[2]), physical=True, name="key")
 
 
-def lit_by(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own"]:
+def own_light(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own"]:
     """Return the kind of the scene's own light: "nothing", "sun" (directional light only), or "own" (any other).
 
     Lights count unless they are almost off. Emission counts if its power exceeds a small share of the power of the stand-in sky
@@ -50,23 +50,23 @@ def lit_by(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own
     """
     radius = 0.5 * scene.diagonal
     sky = 4.0 * math.pi**2 * radius**2 * _luminance(SKY)
-    suns, lamps = (
-        sum(_lamp_power(light, radius) for light in scene.lights if light.directional == directional)
+    suns, points = (
+        sum(_light_power(light, radius) for light in scene.lights if light.directional == directional)
         for directional in (True, False)
     )
-    if sum(map(_emitted_power, scene.meshes)) > _MINOR[enclosure] * sky or lamps > _BLANK * sky:
+    if sum(map(_emitted_power, scene.meshes)) > _MINOR_SHARE[enclosure] * sky or points > _OFF_SHARE * sky:
         return "own"
-    return "sun" if suns + lamps > _BLANK * sky else "nothing"
+    return "sun" if suns + points > _OFF_SHARE * sky else "nothing"
 
 
-def fill(scene: Scene) -> tuple[Vector, Vector]:
+def fill_sky(scene: Scene) -> tuple[Vector, Vector]:
     """Return the sky next to a lone sun, (sky, sky_gradient): grey, with FILL times its irradiance."""
     share = FILL * sum(_luminance(light.color) for light in scene.lights if light.directional)
     (r, g, b), (x, y, z) = SKY, GRADIENT
     return (share * r, share * g, share * b), (share * x, share * y, share * z)
 
 
-def _lamp_power(light: Light, radius: float) -> float:
+def _light_power(light: Light, radius: float) -> float:
     """Return the power in W, about; of a directional light the power on a sphere of `radius` metres."""
     luminance = _luminance(light.color)
     return math.pi * luminance * (math.pi * radius**2 if light.directional else 4.0)
@@ -87,7 +87,7 @@ def _emitted_power(mesh: Mesh) -> float:
 
 def mean_of(image: Image) -> np.ndarray:
     """Return (3,) the mean colour of an image in linear light, from a subset of its texels."""
-    step = max(1, max(image.pixels.shape[:2]) // _MEAN)
+    step = max(1, max(image.pixels.shape[:2]) // _MEAN_TEXELS)
     mean: np.ndarray = linear_from_srgb(image.pixels[::step, ::step, :3] / 255.0).mean((0, 1))
     return mean
 

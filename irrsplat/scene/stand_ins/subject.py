@@ -8,10 +8,10 @@ import numpy as np
 
 from irrsplat.scene.model import Mesh, Scene
 
-_MOST = 200_000  # vertices that are examined
-_FEW = 0.005  # of the vertices, at either end of each axis: those of a ground or backdrop
-_SMALL = 0.25  # of the scene's diagonal: a smaller part with nearly all vertices is the subject
-_AROUND = 0.5  # of the subject's diagonal: margin for objects that belong to it, such as walls around furniture
+_MOST_VERTICES = 200_000  # vertices that are examined
+_OUTLIERS = 0.005  # of the vertices, at either end of each axis: those of a ground or backdrop
+_SUBJECT_SIZE = 0.25  # of the scene's diagonal: a smaller part with nearly all vertices is the subject
+_MARGIN = 0.5  # of the subject's diagonal: margin for objects that belong to it, such as walls around furniture
 _SPLITS = 16  # at most; each halves the edges of a triangle that extends beyond the subject
 
 
@@ -20,14 +20,14 @@ def subject(scene: Scene) -> Scene:
     count = sum(len(mesh.positions) for mesh in scene.meshes)
     if not count:
         return scene
-    step = -(-count // _MOST)
+    step = -(-count // _MOST_VERTICES)
     vertices = np.concatenate([mesh.positions[::step] for mesh in scene.meshes]).astype(float)
-    low, high = np.quantile(vertices, (_FEW, 1.0 - _FEW), axis=0)
+    low, high = np.quantile(vertices, (_OUTLIERS, 1.0 - _OUTLIERS), axis=0)
     size = float(np.linalg.norm(high - low))
-    if size >= _SMALL * scene.diagonal or size == 0.0:
+    if size >= _SUBJECT_SIZE * scene.diagonal or size == 0.0:
         return scene
     vertices = np.concatenate([mesh.positions for mesh in scene.meshes])
-    near = vertices[((vertices >= low - _AROUND * size) & (vertices <= high + _AROUND * size)).all(1)]
+    near = vertices[((vertices >= low - _MARGIN * size) & (vertices <= high + _MARGIN * size)).all(1)]
     meshes = tuple(_cut(mesh, near.min(0), near.max(0)) for mesh in scene.meshes)
     return replace(scene, meshes=tuple(mesh for mesh in meshes if len(mesh.faces)))
 

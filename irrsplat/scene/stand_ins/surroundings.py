@@ -9,12 +9,12 @@ import numpy as np
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Scene
 
-_AT_ONCE = 1 << 18  # triangles whose areas are computed together; bounds the temporary memory
+_CHUNK_TRIANGLES = 1 << 18  # triangles whose areas are computed together; bounds the temporary memory
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, of equal solid angle
-_SPARSE = 6.4  # spacings of the points: nearer surfaces have gaps between their points
-_VOXEL = 5.0  # spacings: the side of the cubes in which detail is measured
-_PLANE = 0.93  # largest share of squared normals along one line in a cube with detail
+_GAP_SPACINGS = 6.4  # spacings of the points: nearer surfaces have gaps between their points
+_CUBE_SPACINGS = 5.0  # spacings: the side of the cubes in which detail is measured
+_PLANAR_SHARE = 0.93  # largest share of squared normals along one line in a cube with detail
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class SurfacePoints:
 
     def detail(self) -> np.ndarray:
         """Return (M, 3) the centres of points in the cubes whose normals vary, that is, all but planar places."""
-        cube = np.floor(self.position / max(_VOXEL * self.spacing, 1e-30)).astype(np.int64)
+        cube = np.floor(self.position / max(_CUBE_SPACINGS * self.spacing, 1e-30)).astype(np.int64)
         _, which, count = np.unique(cube, axis=0, return_inverse=True, return_counts=True)
         sums = np.stack([np.bincount(which.ravel(), column) for column in self.position.T], 1)
         squares = self.normal[:, :, None] * self.normal[:, None, :]
         moments = np.stack([np.bincount(which.ravel(), column) for column in squares.reshape(-1, 9).T], 1)
         along = np.linalg.eigvalsh((moments / count[:, None]).reshape(-1, 3, 3))[:, 2]
-        found: np.ndarray = (sums / count[:, None])[along < _PLANE]
+        found: np.ndarray = (sums / count[:, None])[along < _PLANAR_SHARE]
         return found
 
 
@@ -85,7 +85,7 @@ def surface_points(scene: Scene) -> SurfacePoints:
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
     corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
-    areas = [triangle_areas(corners[i : i + _AT_ONCE]) for i in range(0, len(corners), _AT_ONCE)]
+    areas = [triangle_areas(corners[i : i + _CHUNK_TRIANGLES]) for i in range(0, len(corners), _CHUNK_TRIANGLES)]
     total = np.cumsum(np.concatenate(areas), dtype=float)
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
@@ -111,14 +111,14 @@ def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Sur
     hit = nearest >= 0
     found[hit] = distance[nearest[hit]]
     facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
-    return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _SPARSE * points.spacing)
+    return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _GAP_SPACINGS * points.spacing)
 
 
 def _filled(found: np.ndarray, facing: np.ndarray, sparse: float) -> Surroundings:
     """Return the surroundings without gaps between the points of surfaces nearer than `sparse` metres."""
     for _ in range(2):
-        beside = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
-        around = np.lib.stride_tricks.sliding_window_view(beside, (3, 3)).min((2, 3))
+        padded = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
+        around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).min((2, 3))
         between = ~np.isfinite(found) & (around < sparse)
         found, facing = np.where(between, around, found), facing | between
     return Surroundings(found, facing)

@@ -38,9 +38,9 @@ def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scen
         raise
     except Exception as error:  # trimesh may raise anything for a damaged file
         reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
-        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
+        detail = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
         kind = path.suffix[1:].upper()
-        raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
+        raise InputError(f"this is no {kind} file, or a damaged one{detail}; export it again", path) from None
     meshes, dropped = [], 0
     for built in build_meshes(parts, origin):
         meshes.append(built.mesh_or_error(path))

@@ -77,7 +77,7 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     order, elements, images = _header(path, decoded(data[: end.start()]))
     body = data[end.end() :]
     tables: dict[str, Columns] = {}
-    reader = _Text(body) if order == "ascii" else _Binary(body, order)
+    reader = _TextBody(body) if order == "ascii" else _BinaryBody(body, order)
     for element in elements:
         columns = reader.element(element)
         if columns is None:
@@ -93,11 +93,11 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     if not len(corners):
         raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
     if lost:
-        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_REASON}")
+        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_LOSS_REASON}")
     return [_part(path, notices, options, vertex, tables.get("face", {}), positions, corners, face, where, images)]
 
 
-_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
+_LOSS_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
 
 
 def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
@@ -127,7 +127,7 @@ def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
     return order, elements, images
 
 
-class _Text:
+class _TextBody:
     """Elements of a text file, read in order; a row is a line, whose surplus words are ignored."""
 
     def __init__(self, body: bytes) -> None:
@@ -157,14 +157,14 @@ class _Text:
                 at = at + 1
             if ((size < 0) | (at + size > end)).any():
                 return None
-            found = self.values[at if not one.count else _spread(at, size)]
+            found = self.values[at if not one.count else _list_rows(at, size)]
             columns[one.name] = _List(found, size) if one.count else found.astype(one.type)
             at = at + size
         self.at += element.length
         return columns
 
 
-class _Binary:
+class _BinaryBody:
     """Elements of a binary file, read in order."""
 
     def __init__(self, data: bytes, order: str) -> None:
@@ -223,14 +223,14 @@ class _Binary:
         columns: Columns = {}
         for one, places, counts, width in zip(element.properties, starts, sizes, widths, strict=True):
             place, count = np.array(places, np.int64), np.array(counts, np.int64)
-            first = _spread(place, count, width)
+            first = _list_rows(place, count, width)
             values = code[first[:, None] + np.arange(width)].reshape(-1).view(self.order + one.type)
             columns[one.name] = _List(values, count) if one.count else values
         self.at = at
         return columns
 
 
-def _spread(start: np.ndarray, size: np.ndarray, step: int = 1) -> np.ndarray:
+def _list_rows(start: np.ndarray, size: np.ndarray, step: int = 1) -> np.ndarray:
     """Return start, start + step, … for each of the lists, concatenated."""
     inside = np.arange(int(size.sum())) - np.repeat(np.cumsum(size) - size, size)
     return np.asarray(np.repeat(start, size) + step * inside)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.scene.io.gltf.document import Damaged, Document, whole
+from irrsplat.scene.io.gltf.document import Damaged, Document, natural_number
 from irrsplat.scene.io.gltf.packed import plain_view
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
@@ -21,7 +21,7 @@ _FREE, _PER_BYTE = (
 def count(document: Document, index: object) -> int:
     """Return the number of elements of an accessor; raise Damaged if it is missing, or the number is implausible for the file's
     size."""
-    number = whole(document.entry("accessors", index), "count")
+    number = natural_number(document.entry("accessors", index), "count")
     if number > _FREE + _PER_BYTE * document.size:
         raise Damaged(f"accessor {index} declares {number} elements in a file of {document.size} bytes")
     return number
@@ -58,12 +58,14 @@ def _elements(
     document: Document, entry: Mapping[str, Any], index: object, widths: tuple[int, ...], rows: np.ndarray | None
 ) -> np.ndarray:
     width = _WIDTHS.get(str(entry.get("type")))
-    kind = _TYPES.get(whole(entry, "componentType"))
+    kind = _TYPES.get(natural_number(entry, "componentType"))
     if width not in widths or kind is None:
         raise Damaged(f"accessor {index} has an unexpected type")
     number = count(document, index)
     if "bufferView" in entry:
-        array = _bytes(document, entry["bufferView"], whole(entry, "byteOffset", 0), number, width, np.dtype(kind), index)
+        array = _bytes(
+            document, entry["bufferView"], natural_number(entry, "byteOffset", 0), number, width, np.dtype(kind), index
+        )
     else:
         array = np.zeros((number, width), kind)
     sparse = entry.get("sparse")
@@ -92,13 +94,15 @@ def _bytes(
 
 def _replaced(document: Document, sparse: Mapping[str, Any], array: np.ndarray, index: object) -> np.ndarray:
     """Return the elements with those of a sparse accessor replaced."""
-    number = whole(sparse, "count")
+    number = natural_number(sparse, "count")
     at, new = sparse["indices"], sparse["values"]
     places = _bytes(
-        document, at["bufferView"], whole(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
+        document, at["bufferView"], natural_number(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
     ).astype(np.int64)[:, 0]
     if number and not 0 <= places.min() <= places.max() < len(array):
         raise Damaged(f"accessor {index} replaces elements that it does not have")
     array = array.copy()
-    array[places] = _bytes(document, new["bufferView"], whole(new, "byteOffset", 0), number, array.shape[1], array.dtype, index)
+    array[places] = _bytes(
+        document, new["bufferView"], natural_number(new, "byteOffset", 0), number, array.shape[1], array.dtype, index
+    )
     return array

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.nodes import Node
 from irrsplat.scene.io.gltf.nodes import name as node_name
 from irrsplat.scene.model import Camera, Light
@@ -31,7 +31,7 @@ def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> li
             continue
         with document.part(f"the camera of {node_name(document, node.index)}"):
             entry = document.entry("cameras", node.entry["camera"])
-            name = node.name or shown(entry.get("name") or "") or f"camera {len(found) + 1}"
+            name = node.name or printable(entry.get("name") or "") or f"camera {len(found) + 1}"
             taken = {camera.name for camera in found}
             name = next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name} {i}") not in taken)
             found.append(_camera(entry, node.world, bounds, name))
@@ -72,7 +72,7 @@ def _light(entry: Mapping[str, Any], node: Node) -> Light:
     color = number(entry, "intensity", 1.0) * np.array(numbers(entry, "color", (1.0, 1.0, 1.0)))
     if not (color >= 0.0).all():
         raise Damaged("its intensity is negative")
-    name, kind = node.name or shown(entry.get("name") or ""), entry.get("type")
+    name, kind = node.name or printable(entry.get("name") or ""), entry.get("type")
     if kind == "directional":  # lux: perpendicular irradiance, π times OpenGL's diffuse
         return Light(_vector(backward), _vector(color / math.pi), directional=True, name=name)
     if kind == "point":

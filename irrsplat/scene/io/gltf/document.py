@@ -36,7 +36,17 @@ class Missing(Damaged):
         self.name = name
 
 
-WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError, ArithmeticError, MemoryError, struct.error)
+READ_ERRORS = (
+    InputError,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    IndexError,
+    ArithmeticError,
+    MemoryError,
+    struct.error,
+)
 
 
 @dataclass
@@ -65,11 +75,11 @@ class Document:
         """A `with` block that reads one part of the scene; an error loses only that part, and `notices` reports it."""
         try:
             yield
-        except WRONG as error:
+        except READ_ERRORS as error:
             known = isinstance(error, (Damaged, InputError))
-            self.lose(name, (str(error) if known else "its description is damaged"))
+            self.leave_out(name, (str(error) if known else "its description is damaged"))
 
-    def lose(self, name: str, reason: str) -> None:
+    def leave_out(self, name: str, reason: str) -> None:
         """Record that the part called `name` is left out."""
         parts = self.lost.setdefault(reason, [])
         if name not in parts[-1:]:
@@ -77,7 +87,7 @@ class Document:
 
     def notices(self) -> list[str]:
         """Return a line for each reason of losses, one for missing images, and one for unsupported features."""
-        lines = [self.loss(reason) for reason in self.lost]
+        lines = [self.loss_line(reason) for reason in self.lost]
         if self.absent:
             first, *others = self.absent
             more = f" and {len(others)} more images are missing; surfaces are shown without them" if others else " is missing"
@@ -86,7 +96,7 @@ class Document:
             lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
         return lines
 
-    def loss(self, reason: str) -> str:
+    def loss_line(self, reason: str) -> str:
         """Return one line about the parts that are left out for this reason."""
         first, *others = self.lost[reason]
         more = f" and {len(others)} more part{'s' * (len(others) > 1)} are" if others else " is"
@@ -94,8 +104,8 @@ class Document:
 
     def entries(self, kind: str, inside: object = None) -> list[Any]:
         """Return the list called `kind` of the file or of one of its objects; empty if missing."""
-        whole = self.tree if inside is None else inside
-        found = whole.get(kind) if isinstance(whole, dict) else None
+        holder = self.tree if inside is None else inside
+        found = holder.get(kind) if isinstance(holder, dict) else None
         return found if isinstance(found, list) else []
 
     def entry(self, kind: str, index: object, inside: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -138,7 +148,7 @@ class Document:
                 return (base64.b64decode(unquote(body)) if head.endswith("base64") else unquote_to_bytes(body)), "data"
             except ValueError:
                 raise Damaged("a data URI is damaged") from None
-        name = shown(unquote(uri))
+        name = printable(unquote(uri))
         file = find_file(self.path.parent, uri)
         if file is None:
             raise Missing(name)
@@ -151,10 +161,10 @@ class Document:
     def buffer_name(self, index: int) -> str:
         """Return the name of a buffer's file for messages."""
         uri = self.entry("buffers", index).get("uri")
-        return shown(unquote(uri)) if isinstance(uri, str) and uri[:5].lower() != "data:" else "the file"
+        return printable(unquote(uri)) if isinstance(uri, str) and uri[:5].lower() != "data:" else "the file"
 
 
-def shown(text: object) -> str:
+def printable(text: object) -> str:
     """Return a name from the file, made safe for a one-line message."""
     return spelled(str(text)[:80]).replace("\n", "\\n")
 
@@ -198,12 +208,12 @@ def view(document: Document, index: object) -> tuple[np.ndarray, int | None, str
 
 
 def _slice(document: Document, entry: Mapping[str, Any]) -> tuple[np.ndarray, int]:
-    buffer, start, length = (whole(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
+    buffer, start, length = (natural_number(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
     data = np.frombuffer(document.buffer(buffer), np.uint8)
     return data[start : start + length], buffer
 
 
-def whole(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:
+def natural_number(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:
     """Return a non-negative integer of an object; raise Damaged for other values."""
     found = entry.get(key, default)
     if isinstance(found, float) and found.is_integer():
@@ -228,7 +238,7 @@ def read(path: Path) -> Document:
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, struct.error, RecursionError):
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
     if not version.startswith("2"):
-        raise InputError(f"this is glTF {shown(version)}; expected version 2.0", path)
+        raise InputError(f"this is glTF {printable(version)}; expected version 2.0", path)
     return Document(path, tree, chunk, len(data))
 
 

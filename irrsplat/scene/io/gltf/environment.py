@@ -38,9 +38,9 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
         gain = number(entry, "intensity", 1.0)
         if gain < 0.0:
             raise Damaged("its intensity is negative")
-        turned = np.array([numbers(entry, "rotation", (0.0, 0.0, 0.0, 1.0))])
+        rotation = np.array([numbers(entry, "rotation", (0.0, 0.0, 0.0, 1.0))])
         turn = (
-            transforms(np.zeros((1, 3)), turned, np.ones((1, 3)))[0, :3, :3].T @ world.T
+            transforms(np.zeros((1, 3)), rotation, np.ones((1, 3)))[0, :3, :3].T @ world.T
         )  # from the map's directions to the cube's
         try:
             radiance = map_of_faces(_faces(document, entry, encoded), turn)

@@ -33,8 +33,8 @@ class Geometry:
 class Attributes:
     """Vertex attributes of one primitive, for the vertices that its triangles use.
 
-    rows: (V,) their numbers. corners: (F, 3) into them. beyond: number of triangles with invalid vertices, which are left out.
-    shapes: cached geometry by morph weights.
+    rows: (V,) their numbers. corners: (F, 3) into them. invalid_faces: number of triangles with invalid vertices, which are left
+    out. shapes: cached geometry by morph weights.
     """
 
     def __init__(self, document: Document, primitive: Mapping[str, Any]) -> None:
@@ -45,10 +45,10 @@ class Attributes:
         corners = self._corners()
         number = len(self._unpacked["POSITION"]) if self._unpacked else accessors.count(document, self._given["POSITION"])
         there = np.asarray((corners < number).all(1))
-        self.beyond = int(np.count_nonzero(~there))
-        if self.beyond == len(corners) > 0:
+        self.invalid_faces = int(np.count_nonzero(~there))
+        if self.invalid_faces == len(corners) > 0:
             raise Damaged(f"a face refers to vertex {corners.max()} (from 0), but there are {number} vertices")
-        if self.beyond:
+        if self.invalid_faces:
             corners = corners[there]
         self.shapes: dict[bytes, Geometry] = {}
         used = np.zeros(number if corners.size else 0, bool)
@@ -95,7 +95,7 @@ class Attributes:
             return self._unpacked[name][self.rows].astype(np.int64)
         return accessors.integers(self._document, self._given[name], (4,), self.rows)
 
-    def moves(self, name: str, weights: np.ndarray) -> np.ndarray | float:
+    def morph_offset(self, name: str, weights: np.ndarray) -> np.ndarray | float:
         """Return the displacement of an attribute by morph targets: the weighted sum (V, n), or 0."""
         total: np.ndarray | float = 0.0
         targets = self._document.entries("targets", self._primitive)
@@ -121,7 +121,7 @@ def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
     return indices[: len(indices) // 3 * 3].reshape(-1, 3)
 
 
-def undrawn(primitive: Mapping[str, Any]) -> str | None:
+def kind_without_triangles(primitive: Mapping[str, Any]) -> str | None:
     """Return the kind of a primitive without triangles, in a word; None for one with triangles."""
     mode = primitive.get("mode", 4)
     return _MODES.get(mode) if isinstance(mode, int) else None
@@ -138,9 +138,9 @@ def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) 
     if any(pair is not None for pair in pairs):
         uvs = np.concatenate([np.zeros((len(positions), 2), np.float32) if pair is None else pair for pair in pairs], axis=1)
     if weights.any():
-        positions = positions + attributes.moves("POSITION", weights)
-        normals = None if normals is None else normals + attributes.moves("NORMAL", weights)
-        colors = None if colors is None else colors + attributes.moves("COLOR_0", weights)
+        positions = positions + attributes.morph_offset("POSITION", weights)
+        normals = None if normals is None else normals + attributes.morph_offset("NORMAL", weights)
+        colors = None if colors is None else colors + attributes.morph_offset("COLOR_0", weights)
     return Geometry(positions, attributes.corners, normals, uvs, colors)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, Missing, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, Missing, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.packed import plain_view
 from irrsplat.scene.io.images import read_image, read_images
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
@@ -62,18 +62,18 @@ class Materials:
         """Read the images of the materials at these indices in parallel; errors are reported when a material uses them."""
         sources: dict[object, None] = {}
         for index in dict.fromkeys(index for index in indices if isinstance(index, int)):
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 for info in _Pictures.of(self.document.entry("materials", index)).all:
                     sources |= dict.fromkeys(_sources(self.document.entry("textures", info.get("index")))[:1])
         found: dict[object, tuple[bytes, str]] = {}
         for source in sources:
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 found[source] = self.encoded(source)
         for source, image in zip(found, read_images(list(found.values())), strict=True):
             if isinstance(image, Image):
                 self._images[source] = image
 
-    def worn(self, surface: Surface, colors: np.ndarray | None) -> Material:
+    def mesh_material(self, surface: Surface, colors: np.ndarray | None) -> Material:
         """Return the material of a mesh with vertex colours (V, 3 or 4), linear, or None.
 
         It is opaque if alpha is nowhere below 1.
@@ -105,7 +105,7 @@ class Materials:
         if gloss is not None:
             (r, g, b), color = self._with_metals(gloss, (r, g, b), color, uv_sets)
 
-        glow = _glow(entry)
+        glow = _emission(entry)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
@@ -146,13 +146,13 @@ class Materials:
 
     def _transmission(self, entry: Mapping[str, Any], base: Mapping[str, Any]) -> float:
         """Return the share of transmitted light: the factor without metal, times the mean of its texture's red."""
-        asked = extension(entry, "KHR_materials_transmission")
-        if asked is None:
+        transmission_entry = extension(entry, "KHR_materials_transmission")
+        if transmission_entry is None:
             return 0.0
-        share = number(asked, "transmissionFactor", 0.0)
+        share = number(transmission_entry, "transmissionFactor", 0.0)
         if "metallicRoughnessTexture" not in base:
             share *= 1.0 - number(base, "metallicFactor", 1.0)
-        texture = self._texture(asked.get("transmissionTexture"), (0, 1)) if share > 0.0 else None
+        texture = self._texture(transmission_entry.get("transmissionTexture"), (0, 1)) if share > 0.0 else None
         if texture is not None:
             share *= float(texture.image.pixels[..., 0].mean()) / 255.0
             self.document.unshown["where a transmission texture varies (its mean is shown)"] = None
@@ -202,7 +202,7 @@ class Materials:
             if isinstance(failure, Missing):
                 self.document.absent[failure.name] = None
             else:
-                self.document.lose(f"image {index}", str(failure) or "memory does not suffice")
+                self.document.leave_out(f"image {index}", str(failure) or "memory does not suffice")
         if not sources:
             raise Damaged("it has no image")
         return None
@@ -215,7 +215,7 @@ class Materials:
         else:
             data, name = self.document.resource(entry.get("uri"))
             name = entry.get("name") or f"image {index}" if name == "data" else name
-        return data, shown(name)
+        return data, printable(name)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class _Pictures:
             gloss,
             unlit,
             base.get("baseColorTexture") if gloss is None else gloss.get("diffuseTexture"),
-            entry.get("emissiveTexture") if not unlit and any(_glow(entry)) else None,
+            entry.get("emissiveTexture") if not unlit and any(_emission(entry)) else None,
             None if unlit else entry.get("normalTexture"),
         )
 
@@ -255,7 +255,7 @@ class _Pictures:
         return [info for info in (self.color, self.emission, self.normal, shine) if isinstance(info, dict)]
 
 
-def _glow(entry: Mapping[str, Any]) -> _Color:
+def _emission(entry: Mapping[str, Any]) -> _Color:
     """Return the emission of a material without its texture."""
     strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
     r, g, b = (min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.scene.io.gltf import accessors
 from irrsplat.scene.io.gltf.animation import Pose
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, shown
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, printable
 
 _TRS: dict[str, tuple[float, ...]] = {
     "translation": (0.0, 0.0, 0.0),
@@ -44,12 +44,12 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
         if parent >= 0:
             below[parent].append(i)
     given: dict[int, np.ndarray | list[float]] = {}  # parents before children
-    waiting = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a cycle are never reached
-    while waiting:
-        i = waiting.pop()
+    pending = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a cycle are never reached
+    while pending:
+        i = pending.pop()
         with document.part(name(document, i)):
-            given[i] = _given(document.entry("nodes", i), i, pose)
-            waiting += below[i]
+            given[i] = _local_transform(document.entry("nodes", i), i, pose)
+            pending += below[i]
     apart = [i for i, one in given.items() if isinstance(one, list)]
     columns = np.array([given[i] for i in apart], float).reshape(-1, 10)
     given |= zip(apart, transforms(*np.split(columns, [3, 7], axis=1)), strict=True)
@@ -72,25 +72,25 @@ def visible(document: Document, world: list[np.ndarray | None]) -> list[Node]:
     """Return the visible nodes of the default scene, else of the first, else all; parents before children."""
     entries = document.entries("nodes")
     if document.entries("scenes"):
-        waiting = list(document.entries("nodes", default_scene(document)))
+        pending = list(document.entries("nodes", default_scene(document)))
     else:
         children = {child for entry in entries for child in document.entries("children", entry) if isinstance(child, int)}
-        waiting = [i for i in range(len(entries)) if i not in children]
-    waiting.reverse()
-    nodes, met = [], set()
-    while waiting:
-        i = waiting.pop()
+        pending = [i for i in range(len(entries)) if i not in children]
+    pending.reverse()
+    nodes, visited = [], set()
+    while pending:
+        i = pending.pop()
         with document.part(f"node {i}"):
             entry = document.entry("nodes", i)
-            if i in met:
+            if i in visited:
                 continue
-            met.add(i)
+            visited.add(i)
             if (extension(entry, "KHR_node_visibility") or {}).get("visible") is False:
                 continue
             matrix = world[i]
             if matrix is not None:
-                nodes.append(Node(i, shown(entry.get("name") or ""), entry, matrix))
-            waiting += reversed(document.entries("children", entry))
+                nodes.append(Node(i, printable(entry.get("name") or ""), entry, matrix))
+            pending += reversed(document.entries("children", entry))
     return nodes
 
 
@@ -98,10 +98,10 @@ def name(document: Document, index: int) -> str:
     """Return the name of a node for messages."""
     entry = document.entries("nodes")[index]
     named = entry.get("name") if isinstance(entry, dict) else None
-    return f"node '{shown(named)}'" if named else f"node {index}"
+    return f"node '{printable(named)}'" if named else f"node {index}"
 
 
-def _given(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
+def _local_transform(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
     """Return (4, 4) parent_from_node, or the ten numbers of its translation, rotation and scale."""
     moved = {path: pose[index, path] for path in _TRS if (index, path) in pose}
     if "matrix" in entry and not moved:
@@ -130,10 +130,10 @@ def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarr
 
 def instances(document: Document, node: Node) -> np.ndarray:
     """Return (N, 4, 4) the places of the node's mesh: one, or those of EXT_mesh_gpu_instancing; raise Damaged."""
-    asked = extension(node.entry, "EXT_mesh_gpu_instancing")
-    if asked is None:
+    instancing = extension(node.entry, "EXT_mesh_gpu_instancing")
+    if instancing is None:
         return node.world[None]
-    attributes = asked.get("attributes")
+    attributes = instancing.get("attributes")
     if not isinstance(attributes, dict):
         raise Damaged("its instances are damaged")
     given = {key: attributes[key.upper()] for key in _TRS if key.upper() in attributes}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, view, whole
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, natural_number, view
 
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO = "KHR_draco_mesh_compression"
@@ -26,7 +26,7 @@ def plain_view(document: Document, index: object) -> tuple[np.ndarray, int | Non
         return view(document, index)
     if index not in document.unpacked:
         document.unpacked[index] = _meshopt(document, packed)
-    return document.unpacked[index], whole(packed, "byteStride"), document.buffer_name(whole(packed, "buffer"))
+    return document.unpacked[index], natural_number(packed, "byteStride"), document.buffer_name(natural_number(packed, "buffer"))
 
 
 def _meshopt(document: Document, packed: Mapping[str, Any]) -> np.ndarray:
@@ -34,9 +34,9 @@ def _meshopt(document: Document, packed: Mapping[str, Any]) -> np.ndarray:
         import meshopt
     except ImportError:
         raise Damaged(f"it is compressed with {MESHOPT[0]}; {_INSTALL}") from None
-    start, length = whole(packed, "byteOffset", 0), whole(packed, "byteLength")
-    count, stride = whole(packed, "count"), whole(packed, "byteStride")
-    data = document.buffer(whole(packed, "buffer"))[start : start + length]
+    start, length = natural_number(packed, "byteOffset", 0), natural_number(packed, "byteLength")
+    count, stride = natural_number(packed, "count"), natural_number(packed, "byteStride")
+    data = document.buffer(natural_number(packed, "buffer"))[start : start + length]
     if count * stride > 256 * max(len(data), 1) * 16:  # far above any compression ratio
         raise Damaged("its compressed data are damaged")
     try:
@@ -55,7 +55,7 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
     key = packed.get("bufferView")
     data, _, _ = view(document, key)
     try:
-        if _announced(data.tolist()) > _FREE + _PER_BYTE * len(data):
+        if _declared_size(data.tolist()) > _FREE + _PER_BYTE * len(data):
             raise Damaged("its compressed data declare more than they can hold")
         mesh = DracoPy.decode(bytes(data))
         faces = np.asarray(mesh.faces).reshape(-1, 3)
@@ -69,7 +69,7 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
     return faces, {name: array.reshape(len(array), -1) for name, array in attributes.items()}
 
 
-def _announced(data: list[int]) -> int:
+def _declared_size(data: list[int]) -> int:
     """Return the number of faces and points that the header of a Draco mesh declares: bitstream 2.2, sections 3 and 4.
 
     Raises ValueError and IndexError for other data, for which the decoder would allocate memory unchecked.

@@ -21,7 +21,7 @@ from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
-from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, printable, read
 from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
@@ -32,7 +32,7 @@ from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
 from irrsplat.sky.sky_text import sky_of
 
-_READ = {  # extensions that are supported, or that have no visible effect
+_SUPPORTED = {  # extensions that are supported, or that have no visible effect
     "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -75,15 +75,15 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
         reader = _Reader(document, pose(document, 0.0 if time is None else time), origin)
         meshes = reader.meshes()
         if not meshes:
-            raise InputError(f"{reader.instead()}; nothing is left to show", path)
+            raise InputError(f"{reader.failure()}; nothing is left to show", path)
         bounds = Scene(tuple(meshes), (), (), origin=origin).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
         up = up_vector(path, options.up_axis)
         sky = sky or image_based_light(document, axes(up), reader.encoded)
     for used in document.entries("extensionsUsed"):
-        if used not in _READ:
-            document.unshown[shown(used)] = None
+        if used not in _SUPPORTED:
+            document.unshown[printable(used)] = None
     if document.entries("animations") and time is None:
         document.unshown["animations beyond their first frame (--time poses them)"] = None
     return finish(
@@ -111,8 +111,8 @@ class _Reader:
     nodes: list[Node] = field(init=False)
     _world: list[np.ndarray | None] = field(init=False)
     _materials: Materials = field(init=False)
-    _shared: Counter[object] = field(init=False)  # number of nodes of each mesh
-    _kept: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
+    _mesh_uses: Counter[object] = field(init=False)  # number of nodes of each mesh
+    _attribute_cache: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
 
     def __post_init__(self) -> None:
         self._world = worlds(self.document, self.pose)
@@ -120,14 +120,14 @@ class _Reader:
         if not self.document.entries("nodes"):  # a library of meshes
             self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(self.document.entries("meshes")))]
         self._materials = Materials(self.document)
-        self._shared = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
+        self._mesh_uses = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
 
     def meshes(self) -> list[Mesh]:
         """Return the meshes of the visible nodes, one for each primitive with triangles."""
         found = []
         for built in build_meshes(self._parts(), self.origin):
             if built.mesh is None:
-                self.document.lose(built.part.source, built.problem)
+                self.document.leave_out(built.part.source, built.problem)
             elif len(built.mesh.faces):
                 found.append(built.mesh)
             self.degenerate += built.dropped
@@ -135,41 +135,43 @@ class _Reader:
 
     def _parts(self) -> Iterator[Part]:
         """Yield the triangles of the visible nodes; the source of a part is the name of its node."""
-        self._materials.read_images(self._worn())
+        self._materials.read_images(self._used_materials())
         for node in self.nodes:
             if "mesh" not in node.entry:
                 continue
-            called = name(self.document, node.index) if self.document.entries("nodes") else f"mesh {node.index}"
-            with self.document.part(called):
+            node_name = name(self.document, node.index) if self.document.entries("nodes") else f"mesh {node.index}"
+            with self.document.part(node_name):
                 entry = self.document.entry("meshes", node.entry["mesh"])
-                label = node.name or shown(entry.get("name") or "") or called
+                label = node.name or printable(entry.get("name") or "") or node_name
                 places = instances(self.document, node)
                 for i, primitive in enumerate(self.document.entries("primitives", entry)):
-                    with self.document.part(called):
-                        other = geometry.undrawn(primitive)
+                    with self.document.part(node_name):
+                        other = geometry.kind_without_triangles(primitive)
                         if other is not None:
                             self.document.unshown[other] = None
                             continue
-                        yield self._part(node, entry, i, places, called, label)
+                        yield self._part(node, entry, i, places, node_name, label)
 
     def encoded(self, index: object) -> tuple[bytes, str]:
         """Return the bytes of the image at an index, and its name for messages; raise Damaged."""
         return self._materials.encoded(index)
 
-    def _worn(self) -> Iterator[object]:
+    def _used_materials(self) -> Iterator[object]:
         """Yield the indices of the materials of the nodes' triangles."""
         for node in self.nodes:
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 mesh = self.document.entry("meshes", node.entry["mesh"])
                 for primitive in self.document.entries("primitives", mesh):
-                    if geometry.undrawn(primitive) is None:
+                    if geometry.kind_without_triangles(primitive) is None:
                         yield primitive.get("material")
 
-    def instead(self) -> str:
+    def failure(self) -> str:
         """Return the reason why `meshes` finds none, for an error."""
         lost = self.document.lost
         if lost:
-            return self.document.loss(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(f"{self.document.path}: ")
+            return self.document.loss_line(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(
+                f"{self.document.path}: "
+            )
         others = [kind for kind in self.document.unshown if kind in ("points", "lines")]
         if others:
             return f"there are no triangles in this file, only {' and '.join(others)}"
@@ -178,18 +180,18 @@ class _Reader:
         meshes = len(self.document.entries("meshes"))
         return f"none of the {meshes} meshes in this file is in its scene" if meshes else "there are no meshes in this file"
 
-    def _part(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Part:
+    def _part(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, node_name: str, label: str) -> Part:
         """Return the triangles of the i-th primitive of a node's mesh; raise Damaged."""
         primitive = entry["primitives"][i]
-        attributes = self._attributes(node, i, primitive, called)  # before any image, which would be decoded in vain
+        attributes = self._attributes(node, i, primitive, node_name)  # before any image, which would be decoded in vain
         surface = self._materials.surface(primitive.get("material"))
         shape = self._geometry(node, entry, i, attributes, surface)
         if "skin" in node.entry:
-            with self.document.part(f"the skin of {called}"):
+            with self.document.part(f"the skin of {node_name}"):
                 shape = geometry.skinned(shape, attributes, self._joints(node.entry["skin"]))
                 places = np.eye(4)[None]
-        shape = self._finite(shape, called)
-        material = self._materials.worn(surface, shape.colors)
+        shape = self._without_invalid(shape, node_name)
+        material = self._materials.mesh_material(surface, shape.colors)
         colors, opacities = _vertex_colors(shape.colors, surface)
         shape, matrix = _placed(shape, places)
         repeat = len(shape.positions) // max(1, len(attributes.rows))
@@ -207,19 +209,21 @@ class _Reader:
             name=label,
             uvs=uvs,
             opacities=opacities if material.alpha_mode != "opaque" else None,
-            source=called,
+            source=node_name,
         )
 
-    def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], called: str) -> Attributes:
+    def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], node_name: str) -> Attributes:
         """Return the vertices and triangles of the i-th primitive of a node's mesh; raise Damaged."""
         key = node.entry["mesh"], i
-        found = self._kept.get(key)
+        found = self._attribute_cache.get(key)
         if found is None:
             found = Attributes(self.document, primitive)
-            if found.beyond:
-                self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that do not exist")
-            if self._shared[node.entry["mesh"]] > 1:
-                self._kept[key] = found
+            if found.invalid_faces:
+                self.document.leave_out(
+                    f"{found.invalid_faces} triangles of {node_name}", "they refer to vertices that do not exist"
+                )
+            if self._mesh_uses[node.entry["mesh"]] > 1:
+                self._attribute_cache[key] = found
         elif not take_copies(len(found.rows)):
             raise Damaged(TOO_MANY_COPIES)
         return found
@@ -250,13 +254,13 @@ class _Reader:
             matrices = matrices @ binds.reshape(-1, 4, 4).transpose(0, 2, 1)
         return matrices
 
-    def _finite(self, shape: Geometry, called: str) -> Geometry:
+    def _without_invalid(self, shape: Geometry, node_name: str) -> Geometry:
         """Return the geometry without triangles whose vertices are not finite or exceed float32; other such vertices become 0."""
         good = (np.abs(shape.positions) <= GREATEST).all(1)  # false for NaN
         keep: np.ndarray = good[shape.corners].all(1) if not good.all() else np.ones(len(shape.corners), bool)
         if not keep.all():
-            part = f"{np.count_nonzero(~keep)} triangles of {called}" if keep.any() else called
-            self.document.lose(part, "its vertices are not finite")
+            part = f"{np.count_nonzero(~keep)} triangles of {node_name}" if keep.any() else node_name
+            self.document.leave_out(part, "its vertices are not finite")
         return Geometry(
             np.where(good[:, None], shape.positions, 0.0) if not good.all() else shape.positions,
             shape.corners[keep] if not keep.all() else shape.corners,

@@ -18,7 +18,7 @@ _HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.
 _TILT = re.compile(r"\s*TILT\s*=", re.IGNORECASE)
 _FOOT = 0.3048  # metres
 _LAMPS = {1: "of a lamp that is upright", 2: "of a lamp that stays level", 3: "of a level lamp that tilts with the luminaire"}
-_SNAP = 0.01  # degrees; tolerance for the angles 0, 90, 180, 270 and 360
+_ANGLE_TOLERANCE = 0.01  # degrees; tolerance for the angles 0, 90, 180, 270 and 360
 
 # Directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry, for photometry of types C, B and A.
 # Type C has its pole at the aim, types B and A, for floodlights, to the side. The pole of B lies to the right of the aim with
@@ -107,13 +107,13 @@ class _Numbers:
         values = self.take(what, count)
         for wrong, reason in (
             (np.append(False, np.diff(values) <= 0.0), "expected angles that rise"),
-            ((values < low - _SNAP) | (values > high + _SNAP), f"expected {low:g} to {high:g} degrees"),
+            ((values < low - _ANGLE_TOLERANCE) | (values > high + _ANGLE_TOLERANCE), f"expected {low:g} to {high:g} degrees"),
         ):
             if wrong.any():
                 first = int(wrong.argmax())
                 raise self.error(f"{what}: {values[first]:g} is out of order; {reason}", count - first)
         right = np.round(values / 90.0) * 90.0
-        return np.where(np.abs(values - right) <= _SNAP, right, values)
+        return np.where(np.abs(values - right) <= _ANGLE_TOLERANCE, right, values)
 
 
 def _range(low: int, high: int) -> str:
@@ -206,7 +206,9 @@ def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if (first, last) == (0.0, 180.0):
         angles, rows = _mirrored(angles, rows, 180.0)
         last = 360.0
-    if first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _SNAP:  # the last one is left out
+    if (
+        first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _ANGLE_TOLERANCE
+    ):  # the last one is left out
         angles, rows, last = np.append(angles, 360.0), np.append(rows, 0), 360.0
     if (first, last) != (0.0, 360.0):
         raise ValueError(

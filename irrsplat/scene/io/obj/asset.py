@@ -11,7 +11,7 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.words import quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
-from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, without_comment
+from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, name_without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Material
@@ -95,7 +95,7 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
     folded = {name.casefold(): material for name, material in found.items()}
 
     def look_up(name: str) -> Material | None:
-        return found.get(name) or folded.get(name.casefold()) or folded.get(without_comment(name).casefold())
+        return found.get(name) or folded.get(name.casefold()) or folded.get(name_without_comment(name).casefold())
 
     known = {i: look_up(name) for i, name in enumerate(shape.names) if name}
     unknown = [shape.names[i] for i, material in known.items() if material is None]

@@ -21,7 +21,7 @@ from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # number of values of each
 _MAPS = {"map_kd": "map_kd", "map_ke": "map_ke", "map_d": "map_d", "norm": "norm", "map_kn": "norm"}
-_HEIGHTS = ("bump", "map_bump", "disp")
+_HEIGHT_MAPS = ("bump", "map_bump", "disp")
 _OPTIONS = {  # of a texture, with their greatest number of arguments; those of -o, -s and -t are numbers, one to three
     **dict.fromkeys(("-o", "-s", "-t"), 3),
     **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type"), 1),
@@ -71,10 +71,10 @@ class MaterialFiles:
     _images: dict[Path, Image | None] = field(default_factory=dict)
     _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
 
-    def read(self, path: Path, worn: Iterable[str] | None = None) -> dict[str, Material]:
+    def read(self, path: Path, used: Iterable[str] | None = None) -> dict[str, Material]:
         """Return the materials in the file at `path`, by name; surfaces are double-sided.
 
-        worn: the names of used materials; only their images are read (None: all).
+        used: the names of used materials; only their images are read (None: all).
 
         Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, unless that hides a
         picture. An alpha with hardly any values between 0 and 1 is a mask. Kd or Ke 0 0 0 with a map counts as 1 1 1, as in most
@@ -89,14 +89,14 @@ class MaterialFiles:
                 entry.values["d"] = (1.0,)
             self.notices.append(f"{path}: every material is fully transparent; all are drawn opaque")
         missing: list[str] = []
-        if worn is not None:
-            wanted = {name.casefold() for word in worn for name in (word, without_comment(word))}
+        if used is not None:
+            wanted = {name.casefold() for word in used for name in (word, name_without_comment(word))}
             for name, entry in entries.items():
-                if not {name.casefold(), without_comment(name).casefold()} & wanted:
+                if not {name.casefold(), name_without_comment(name).casefold()} & wanted:
                     entry.maps.clear()
         self._read_images(path.parent, entries.values())
         found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
-        found = {without_comment(name): material for name, material in found.items()} | found
+        found = {name_without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
         if missing:
             more = f" and {len(missing) - 1} more" * (len(missing) > 1)
@@ -120,7 +120,7 @@ class MaterialFiles:
                     current.values[key] = _numbers(rest, _VALUES[key])
                 elif key in _MAPS:
                     current.maps[_MAPS[key]] = _map(rest)
-                elif key in _HEIGHTS:
+                elif key in _HEIGHT_MAPS:
                     heights += 1
             except ValueError as error:
                 bad.append((i, f"{words[0]}: {error}"))
@@ -200,16 +200,19 @@ class MaterialFiles:
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
         """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""
         if cut is None or written is None or (color is not None and cut.image is color.image):
-            if color is None or (cut is None and _hides_a_picture(color.image.pixels)):
+            if color is None or (cut is None and _alpha_is_no_opacity(color.image.pixels)):
                 return color, "opaque"
             return color, _mode(color.image.pixels[..., 3])
         channel = written.options.get("-imfchan", [""])[-1]
         image = color.image if color else None
         key = image, cut.image, channel
         if key not in self._cut:
-            alpha = _scalar(cut.image.pixels, channel)
+            alpha = _alpha_channel(cut.image.pixels, channel)
             mode = _mode(alpha)
-            self._cut[key] = (_joined(image, alpha, cut.image.name) if mode != "opaque" or image is None else image), mode
+            self._cut[key] = (
+                (_image_with_alpha(image, alpha, cut.image.name) if mode != "opaque" or image is None else image),
+                mode,
+            )
         combined, mode = self._cut[key]
         if mode == "opaque":
             return color, mode
@@ -219,16 +222,16 @@ class MaterialFiles:
 
 def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:
     """Yield the files of an `mtllib` line, one name with blanks or several, with None for missing files."""
-    for name in dict.fromkeys((written, written.replace("\\ ", " "), without_comment(written))):
+    for name in dict.fromkeys((written, written.replace("\\ ", " "), name_without_comment(written))):
         whole = find_file(folder, name)
         if whole is not None:
             yield name, whole
             return
-    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", without_comment(written), re.IGNORECASE):
+    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", name_without_comment(written), re.IGNORECASE):
         yield name, find_file(folder, name)
 
 
-def without_comment(name: str) -> str:
+def name_without_comment(name: str) -> str:
     """Return a name up to a # after a blank; names may contain this, so look up the whole name first."""
     return re.split(r"\s#", name, maxsplit=1)[0].rstrip()
 
@@ -291,7 +294,7 @@ def _mode(alpha: np.ndarray) -> AlphaMode:
     return "mask" if between <= min(0.1 * alpha.size, absent) else "blend"
 
 
-def _hides_a_picture(pixels: np.ndarray) -> bool:
+def _alpha_is_no_opacity(pixels: np.ndarray) -> bool:
     """True if colours (H, W, 4) vary where alpha is 0 as elsewhere; such an alpha is not an opacity, but gloss for example."""
     some = pixels[:: max(1, len(pixels) // 512)]
     change = np.abs(np.diff(some[..., :3].astype(float).sum(2), axis=1))
@@ -303,7 +306,7 @@ def _hides_a_picture(pixels: np.ndarray) -> bool:
     return bool(change[absent].mean() > max(0.5 * change[present].mean(), 1.0))
 
 
-def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
+def _alpha_channel(pixels: np.ndarray, channel: str) -> np.ndarray:
     """Return (H, W) uint8: the channel of -imfchan, else the alpha unless it is constant, else the luminance."""
     if channel in ("r", "g", "b", "m"):
         return np.asarray(pixels[..., "rgbm".index(channel)])
@@ -312,7 +315,7 @@ def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
     return np.asarray(np.rint(pixels[..., :3] @ LUMINANCE), np.uint8)
 
 
-def _joined(image: Image | None, alpha: np.ndarray, name: str) -> Image:
+def _image_with_alpha(image: Image | None, alpha: np.ndarray, name: str) -> Image:
     """Return the image (None: white) with another alpha; both at the larger of their sizes."""
     import PIL.Image
 

@@ -76,7 +76,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     line = faces.lines[polygon]
     table = _State(others, words)
     if not strict:
-        table.tell(remarks)
+        table.report_not_shown(remarks)
     names, materials = table.names(b"usemtl", line)
     group_names, groups = table.names(b"g o", line)
     corners, corner_uvs, corner_normals = (np.ascontiguousarray(faces.corners[:, i])[at] for i in range(3))
@@ -84,7 +84,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
         np.nan_to_num(positions),
         None if strict else _colors(vertices),
         np.nan_to_num(normals, posinf=0.0, neginf=0.0),
-        _downward(coordinates),
+        _uvs_from_top(coordinates),
         corners,
         corner_normals,
         corner_uvs,
@@ -93,7 +93,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
         table.flat(line),
         names,
         group_names,
-        tuple(decoded(words[i][1]).strip() for i in table.which(b"mtllib") if len(words[i]) > 1),
+        tuple(decoded(words[i][1]).strip() for i in table.lines_of(b"mtllib") if len(words[i]) > 1),
         tuple(remarks),
     )
 
@@ -118,7 +118,7 @@ def _vectors(lines: Lines, kind: int, counts: tuple[int, ...], strict: bool, rem
         bad |= ~np.isin(text.count, counts) if strict else (np.abs(table[:, :least]) > GREATEST).any(1)
     if bad.any():
         first = text.lines[np.argmax(bad)]
-        reason = _explain(lines, first, counts if strict else (), kind)
+        reason = _number_error(lines, first, counts if strict else (), kind)
         if strict:
             raise InputError(reason, lines.path, lines.number(first))
         remarks.append(_counted(int(bad.sum()), f"'{_USAGE[kind].split()[0]}' line", f"line {lines.number(first)}: {reason}"))
@@ -131,7 +131,7 @@ def _counted(count: int, what: str, first: str) -> str:
     return f"{count} {what}{'s' * (count > 1)} can't be read and {'are' if count > 1 else 'is'} left out; the first is {first}"
 
 
-def _explain(lines: Lines, line: int, counts: tuple[int, ...], kind: int) -> str:
+def _number_error(lines: Lines, line: int, counts: tuple[int, ...], kind: int) -> str:
     """Return the error in the numbers of the `line`-th line."""
     usage, args = _USAGE[kind], lines.words(line)
     if (counts and len(args) not in counts) or len(args) < (1 if kind == COORDINATE else 3):
@@ -180,7 +180,7 @@ def _colors(vertices: np.ndarray) -> np.ndarray | None:
     return None if (colors == 1.0).all() else colors
 
 
-def _downward(coordinates: np.ndarray) -> np.ndarray:
+def _uvs_from_top(coordinates: np.ndarray) -> np.ndarray:
     """Return (T, 2) texture coordinates with v downward from the image's top; 0 for missing ones."""
     out: np.ndarray = np.nan_to_num(coordinates[:, :2], posinf=0.0, neginf=0.0)
     out[:, 1] = 1.0 - out[:, 1]
@@ -194,29 +194,29 @@ class _State:
         self.lines, self.words = lines, words
         self.keys = [word[0] for word in words]
 
-    def which(self, keys: bytes) -> list[int]:
+    def lines_of(self, keys: bytes) -> list[int]:
         """Return the lines with one of the keywords in `keys`."""
         wanted = set(keys.split())
         return [i for i, key in enumerate(self.keys) if key in wanted]
 
     def names(self, keys: bytes, line: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Return the distinct names in these lines, "" first, and the name in effect at each of the lines (F,)."""
-        which = self.which(keys)
+        lines_of = self.lines_of(keys)
         number: dict[bytes, int] = {b"": 0}
         index = [0]
-        for i in which:
+        for i in lines_of:
             word = self.words[i]
             index.append(number.setdefault(b" ".join(word[1].split()) if len(word) > 1 else b"", len(number)))
         names = tuple(decoded(name) for name in number)
-        return names, np.array(index)[np.searchsorted(self.lines[which], line)]
+        return names, np.array(index)[np.searchsorted(self.lines[lines_of], line)]
 
     def flat(self, line: np.ndarray) -> np.ndarray:
         """Return (F,) bool: True where smoothing is off at these lines."""
-        which = self.which(b"s")
-        off = [False, *(len(self.words[i]) > 1 and self.words[i][1].strip().lower() in (b"off", b"0") for i in which)]
-        return np.array(off)[np.searchsorted(self.lines[which], line)]
+        lines_of = self.lines_of(b"s")
+        off = [False, *(len(self.words[i]) > 1 and self.words[i][1].strip().lower() in (b"off", b"0") for i in lines_of)]
+        return np.array(off)[np.searchsorted(self.lines[lines_of], line)]
 
-    def tell(self, remarks: list[str]) -> None:
+    def report_not_shown(self, remarks: list[str]) -> None:
         """Add one remark on elements that are not shown."""
         found = Counter(_NOT_SHOWN[key.decode("latin-1")] for key in self.keys if key.decode("latin-1") in _NOT_SHOWN)
         if found:

@@ -11,7 +11,7 @@ import numpy as np
 
 VERTEX, NORMAL, COORDINATE, FACE, OTHER = range(5)
 KEYWORDS = (b"v", b"vn", b"vt", b"f")
-_DEEPEST = 64  # characters of indentation that are skipped for all lines together
+_MOST_INDENTATION = 64  # characters of indentation that are skipped for all lines together
 _BLANKS = bytes(c if c > 32 else 32 for c in range(256))  # every control character is a blank
 
 
@@ -56,7 +56,7 @@ def find_lines(path: Path, data: bytes) -> Lines:
     end = np.flatnonzero(code == 10)
     start = np.concatenate([[0], end[:-1] + 1])
     indented = np.flatnonzero((code[start] <= 32) & (start < end))
-    for _ in range(_DEEPEST):
+    for _ in range(_MOST_INDENTATION):
         if not len(indented):
             break
         start[indented] += 1
@@ -95,8 +95,8 @@ class Block:
 def block(lines: Lines, which: np.ndarray) -> Block:
     """Return the lines `which`, ascending indices of lines of one kind."""
     start, end = lines.start[which], lines.end[which]
-    apart = np.flatnonzero(start[1:] != end[:-1] + 1)  # neighbours are copied together
-    runs = zip(start[np.append(0, apart + 1)].tolist(), end[np.append(apart, -1)].tolist(), strict=True) if len(which) else ()
+    gaps = np.flatnonzero(start[1:] != end[:-1] + 1)  # neighbours are copied together
+    runs = zip(start[np.append(0, gaps + 1)].tolist(), end[np.append(gaps, -1)].tolist(), strict=True) if len(which) else ()
     text = b"".join([lines.data[a : b + 1] for a, b in runs])
     if b"#" in text:
         text = re.sub(rb"#[^\n]*", lambda comment: b" " * len(comment[0]), text)

@@ -184,19 +184,19 @@ class Surfaces:
 
     def _cut_out(self, material: Material, opacity: np.ndarray, to_uv: Any) -> Material:
         """Return the material with the opacities (H, W) of a mask, in the alpha of its texture."""
-        worn, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
-        if worn is not None and worn.transform != given.transform:
+        below, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
+        if below is not None and below.transform != given.transform:
             self.remarks.add("a mask with another mapping than the texture below it is shown by its mean")
             mean = float(opacity.mean())
             return replace(material, opacity=mean, alpha_mode="blend" if mean < 1.0 else "opaque")
-        pixels = np.full((1, 1, 4), 255, np.uint8) if worn is None else worn.image.pixels
+        pixels = np.full((1, 1, 4), 255, np.uint8) if below is None else below.image.pixels
         height, width = np.maximum(pixels.shape[:2], opacity.shape)
         rows, columns = np.arange(height), np.arange(width)[None]
         pixels = pixels[(rows * len(pixels) // height)[:, None], columns * pixels.shape[1] // width].copy()
         alpha = opacity[(rows * len(opacity) // height)[:, None], columns * opacity.shape[1] // width]
         pixels[..., 3] = np.round(255.0 * np.clip(alpha, 0.0, 1.0))
         sharp = np.isin(pixels[..., 3], (0, 255)).all()
-        texture = replace(given if worn is None else worn, image=self._image(pixels))
+        texture = replace(given if below is None else below, image=self._image(pixels))
         return replace(material, albedo_texture=texture, alpha_mode="mask" if sharp else "blend")
 
     def _diffuse(self, values: Mapping[str, Any], kind: str, text: str) -> Material:

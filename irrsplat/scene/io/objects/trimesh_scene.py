@@ -143,8 +143,8 @@ class _Reader:
             yield make(positions, corners, material=self._material(first, uvs is not None), uvs=uvs)
             return
         for number in np.unique(numbers):
-            worn = self._material(several[number], uvs is not None)
-            yield make(positions, corners[np.asarray(numbers) == number], material=worn, uvs=uvs)
+            own_material = self._material(several[number], uvs is not None)
+            yield make(positions, corners[np.asarray(numbers) == number], material=own_material, uvs=uvs)
 
     def _material(self, given: Any, has_uvs: bool) -> Material:
         """Return the diffuse part of a PBRMaterial or SimpleMaterial."""

@@ -72,20 +72,20 @@ class _Reader:
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
     per_unit: float = 1.0  # W/sr per unit of lights, and W/(m² sr) per unit of emission and sky
-    bright: Line | None = None  # the first line with a radiance or intensity
-    cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
+    first_brightness: Line | None = None  # the first line with a radiance or intensity
+    camera_lines: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     shapes: dict[Path, Shape] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
-    lamps: LightReader = field(default_factory=LightReader)
+    light_reader: LightReader = field(default_factory=LightReader)
 
     def scene(self, path: Path) -> Scene:
         if self.stack:
             raise self.stack[-1][0].error("this 'push' has no 'pop'; add one, or remove it")
         cameras = []
-        for line, name, values in sorted(self.cams, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
+        for line, name, values in sorted(self.camera_lines, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
             eye, target, up = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
             try:
                 cameras.append(Camera(eye, target, up, self.fov, name))
@@ -97,10 +97,10 @@ class _Reader:
                 raise built.part.source.error(built.problem)
             meshes.append(built.mesh)
             dropped[str(built.part.files[0])] += built.dropped
-        files, sky = [*self.files, *self.lamps.files], self.other_sky or self.sky
-        return finish(path, meshes, self.lights, cameras, sky, dropped, self.lamps.notices, files, None, self.origin)
+        files, sky = [*self.files, *self.light_reader.files], self.other_sky or self.sky
+        return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, self.origin)
 
-    def _first(self, key: str, line: Line) -> None:
+    def _once(self, key: str, line: Line) -> None:
         if key in self.once:
             raise line.error(f"'{key}' is given twice; first in line {self.once[key].number}")
         self.once[key] = line
@@ -113,12 +113,12 @@ class _Reader:
                 raise line.error(f"'cam' has 10 numbers; expected: {USAGE['cam']}, or: {_NAMED}")
         elif len(args) != 9:
             raise line.error(f"'cam' has {len(args)} values; expected: {USAGE['cam']}, or: {_NAMED}")
-        self._first(f"cam {name}".strip(), line)
-        self.cams.append((line, name, line.numbers(_NAMED if name else USAGE["cam"], args)))
+        self._once(f"cam {name}".strip(), line)
+        self.camera_lines.append((line, name, line.numbers(_NAMED if name else USAGE["cam"], args)))
 
     def _proj(self, line: Line) -> None:
         fov, aspect, near, far = line.numbers(USAGE["proj"])
-        self._first("proj", line)
+        self._once("proj", line)
         if not 0.0 < fov < 180.0:
             raise line.error(f"the field of view is {fov:g}; expected FOVY between 0 and 180 degrees")
         if not (aspect > 0.0 and near >= 0.0 and far > near):
@@ -128,23 +128,25 @@ class _Reader:
     def _units(self, line: Line) -> None:
         if line.args not in (("radiometric",), ("photometric",)):
             raise line.error(f"{quote(line.rest)} are no units; expected: {USAGE['units']}")
-        self._first("units", line)
-        if self.bright is not None:
-            raise line.error(f"'units' stands before all light, but line {self.bright.number} has some; move it to the top")
+        self._once("units", line)
+        if self.first_brightness is not None:
+            raise line.error(
+                f"'units' stands before all light, but line {self.first_brightness.number} has some; move it to the top"
+            )
         self.per_unit = 1.0 / LUMINOUS_EFFICACY if line.args == ("photometric",) else 1.0
 
     def _radiance(self, line: Line, r: float, g: float, b: float) -> tuple[float, float, float]:
         """Return W/(m² sr) for values in the file's units."""
-        self.bright = self.bright or line
+        self.first_brightness = self.first_brightness or line
         return r * self.per_unit, g * self.per_unit, b * self.per_unit
 
     def _light(self, line: Line) -> None:
-        self.bright = self.bright or line
+        self.first_brightness = self.first_brightness or line
         path = line.file(USAGE["light"])
         if path.suffix.lower() != ".ies":
-            self.lights.append(self.lamps.light(path, self.per_unit))
+            self.lights.append(self.light_reader.light(path, self.per_unit))
             return
-        photometry = self.lamps.photometry(path)
+        photometry = self.light_reader.photometry(path)
         try:
             self.lights.append(placed(photometry, self.matrix))
         except InputError as error:
@@ -166,7 +168,7 @@ class _Reader:
             raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
 
     def _sky(self, line: Line) -> None:
-        self._first("sky", line)
+        self._once("sky", line)
         sky = sky_text.parse(line.rest, line.path.parent, line.error)
         self.sky = replace(sky, radiance=self._radiance(line, *sky.radiance))
 

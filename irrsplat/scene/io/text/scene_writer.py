@@ -46,7 +46,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
         raise InputError(f"cannot make this folder: {error.strerror}", folder) from None
     writer = _Writer(folder)
     lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
-    lines += [writer.light(light) for light in scene.lights if not writer.comes_with_sky(light, scene)]
+    lines += [writer.light(light) for light in scene.lights if not writer.is_sun_of_sky(light, scene)]
     for mesh in scene.meshes:
         lines += writer.mesh(mesh, scene.origin)
     write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
@@ -94,7 +94,7 @@ class _Writer:
         """Return the line of the sky, if there is one; none for a stand-in that the reader restores."""
         if any(scene.sky_gradient):
             self._lose("a sky that is brighter above", 0)
-        if scene.environment is not None and self._keeps(scene):
+        if scene.environment is not None and self._can_write_sky(scene):
             return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
             self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
@@ -104,17 +104,17 @@ class _Writer:
             return []
         return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not shines else []
 
-    def _keeps(self, scene: Scene) -> bool:
+    def _can_write_sky(self, scene: Scene) -> bool:
         """True if the scene's sky can be written as a line that includes all of its suns, unchanged."""
         sky = scene.environment
         if sky is None or not sky.line:
             return False
         return all(sun in scene.lights for sun in sun_lights(sky))
 
-    def comes_with_sky(self, light: Light, scene: Scene) -> bool:
+    def is_sun_of_sky(self, light: Light, scene: Scene) -> bool:
         """True if a light is a sun that the line of the sky includes."""
         sky = scene.environment
-        return sky is not None and self._keeps(scene) and light in sun_lights(sky)
+        return sky is not None and self._can_write_sky(scene) and light in sun_lights(sky)
 
     def light(self, light: Light) -> str:
         """Write a light, and return the line with its file."""
@@ -140,12 +140,12 @@ class _Writer:
 
     def _luminaire(self, light: Light, photometry: Photometry, path: Path) -> str:
         """Write a luminaire with a copy of its photometric file."""
-        source, beside = Path(photometry.path), list[Path]()
-        if not np.array_equal(load_ies(source, [], beside).axes, photometry.axes):
+        source, tilt_files = Path(photometry.path), list[Path]()
+        if not np.array_equal(load_ies(source, [], tilt_files).axes, photometry.axes):
             self._lose("mirrored luminaires")
         copy = self._file(source.stem, "luminaire", ".ies")
         write_bytes(copy, read_bytes(source))
-        for tilt in beside:  # the file refers to these by name
+        for tilt in tilt_files:  # the file refers to these by name
             write_bytes(self.folder / tilt.name, read_bytes(tilt))
         x, y, z = light.position
         lines = [f"ies {copy.name}", f"position {_numbers((*light.position, 1.0))}", f"intensity {_numbers(light.color)}"]
