@@ -1,4 +1,4 @@
-"""Meshes from OBJ, PLY, STL and glTF: geometry, colours and normals as the file has them, and one line for a damaged file."""
+"""Meshes from OBJ, PLY, STL and glTF: geometry, colours and normals of the file, and one line for a damaged file."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ FLAT = np.array([*POINTS[:3], [0.5, 0.5, 0]], np.float32)  # the slanted face of
 
 
 def solid(points: np.ndarray = POINTS, **node: Any) -> GltfFile:
-    """A glTF file of the tetrahedron."""
+    """Return a glTF file of the tetrahedron."""
     file = GltfFile()
     file.node(mesh=file.mesh(POSITION=points), **node)
     return file
 
 
 def stl(triangles: np.ndarray) -> bytes:
-    """A binary STL of triangles (F, 3, 3)."""
+    """Return a binary STL of triangles (F, 3, 3)."""
     rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("rest", "<u2")])
     rows["vertices"] = triangles
     return b"\0" * 80 + struct.pack("<I", len(triangles)) + rows.tobytes()
 
 
 def ascii_stl() -> str:
-    """The tetrahedron as text."""
+    """Return the tetrahedron as text."""
 
     def facet(face: np.ndarray) -> str:
         corners = "".join("vertex {:g} {:g} {:g}\n".format(*POINTS[i]) for i in face)
@@ -145,7 +145,7 @@ def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: 
 def test_faces_that_cant_be_drawn_are_left_out_with_one_notice(
     write: Write, name: str, data: bytes | str, left: int, says: str
 ) -> None:
-    """A face without an area; or three of the four faces have the fourth vertex, which is bad, or not there."""
+    """A face without an area; or three of the four faces have the fourth vertex, which is invalid or missing."""
     scene = write(name, data)
     assert scene.triangles == left and sum(bool(re.search(says, notice)) for notice in scene.notices) == 1
 
@@ -178,7 +178,7 @@ ROWS = [(0, 0, 0, 0, 0), (1, 0, 0, 0.5, 0), (1, 1, 0, 0.5, 0.25), (0, 1, 0, 0, 0
 
 
 def quads(form: str, image: str = "gone.png") -> bytes:
-    """A square and a triangle on it: rows of different lengths."""
+    """Return a square with a triangle on it: rows of different lengths."""
     head = QUADS.format(format=form, image=image).encode()
     if form == "ascii":
         rows = "".join(" ".join(map(str, row)) + "\n" for row in ROWS)
@@ -209,7 +209,7 @@ COLORS = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
 
 
 def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> str:
-    """The tetrahedron with one more line in its header, and one more property of its faces, all of the values `row`."""
+    """Return the tetrahedron with one more line in its header, and one more property of its faces with the values `row`."""
     text = text.replace("element vertex", head + "element vertex").replace("end_header", of_face + "end_header")
     return re.sub(r"\n(3 \d \d \d)", rf"\n\1 {row}", text)
 
@@ -218,7 +218,7 @@ def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> st
     ("data", "says", "green", "uv"),
     [
         (ply("\ncomment by hand\n"), "", 3, None),
-        (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are not there, nor drawn
+        (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are missing and not drawn
         (ply("comment TextureFile t.png\ncomment TextureFile u.png\n"), "only the first of its 2 textures", 3, None),
         (ply("comment TextureFile bad.png\n"), "cannot read the image", 3, None),
         (ply("comment TextureFile t.png\n", "property list uchar float texcoord\n", "6 0 0 1 0 0 1"), "", None, 1.0),
@@ -226,7 +226,7 @@ def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> st
     ],
 )
 def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, says: str, green: int | None, uv: float | None) -> None:
-    """Four triangles apart, with white where three of them meet, or all green by the faces' colour."""
+    """Four separate triangles, with white where three of them meet, or all green by the faces' colour."""
     PIL.Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
     (tmp_path / "bad.png").write_bytes(b"no image")
     write("a.ply", data)
@@ -238,7 +238,7 @@ def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, says: str,
 
 
 def test_binary_faces_whose_rows_grow_are_read_one_by_one(write: Write) -> None:
-    """A triangle, then a square, each behind a number of its own; and the colours of an STL are told."""
+    """A triangle, then a square, each with its own count; and a notice on the colours of an STL."""
     head = QUADS.format(format="binary_little_endian", image="").replace("comment TextureFile \n", "")
     head = head.replace("element face 2\n", "element face 2\nproperty int id\n")
     rows = b"".join(struct.pack("<5f", *row) for row in ROWS) + struct.pack("<iB3iiB4i", 7, 3, 3, 2, 4, 8, 4, 0, 1, 2, 3)

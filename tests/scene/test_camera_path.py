@@ -1,4 +1,4 @@
-"""Paths of cameras, meshes and lights: a smooth curve through the keys, the text file of them, and what differs after a step."""
+"""Paths of cameras, meshes and lights: smooth curves through the keys, their text file, and the differences after a step."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CAM = "frames 21\ncam 0 0 5 0 0 0 0 1 0\n"
 
 
 def view(camera: Camera) -> np.ndarray:
-    """(3,): the unit view direction."""
+    """Return (3,) the unit view direction."""
     return -camera.axes[2]
 
 
@@ -33,7 +33,7 @@ def random_camera(rng: np.random.Generator, scale: float = 1.0) -> Camera:
 
 
 def world() -> Scene:
-    """A floor, a box about (1, 2, 3), a lamp and a spot."""
+    """Return a floor, a box about (1, 2, 3), a point light and a spot."""
     spot = Light((0, 5, 0), (1, 1, 1), spot_target=(0, 0, 0), spot_cutoff=20.0)
     return scene(floor(9.0), box((0, 1, 2), (2, 3, 4)), lights=(lamp((0, 3, 0)), spot))
 
@@ -51,10 +51,10 @@ def test_it_passes_through_its_keys() -> None:
 
 
 def test_straight_uniform_motion_stays_so() -> None:
-    """Catmull and Rom's spline has linear precision: Σw = 1 and Σw·k = t for neighbours -1, 0, 1, 2 (their 1974 paper).
+    """The spline of Catmull and Rom has linear precision: Σw = 1 and Σw·k = t for neighbours -1, 0, 1, 2 (their 1974 paper).
 
     In the first segment the end key counts twice: -1 is 0 there, which adds w(-1) = -t/2 + t² - t³/2 to Σw·k = t, so that
-    the camera sets off gently from half the speed; the last segment is its mirror image.
+    the camera starts at half the speed; the last segment is its mirror image.
     """
     step, offset = np.array([0.5, 0.25, -1.0]), np.array([1.0, -0.5, 2.0])
     keys = tuple(Camera(tuple(k * step), tuple(k * step + offset), (0, 1, 0), 40.0) for k in range(6))
@@ -72,8 +72,10 @@ def test_straight_uniform_motion_stays_so() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_it_bends_nowhere(seed: int) -> None:
-    """C1: at each inner key the slopes of both sides agree, of eye, view, up and field of view.
-    The second turn is nearly back, exactly so for seed 0: there the view swings out to the side."""
+    """C1: at each inner key both slopes agree, of eye, view, up and field of view.
+
+    The second turn is nearly back, exactly so for seed 0: there the view swings to the side.
+    """
     rng = np.random.default_rng(seed)
     keys = [random_camera(rng) for _ in range(5)]
     gaze = np.subtract(keys[1].target, keys[1].eye)
@@ -92,7 +94,7 @@ def test_it_bends_nowhere(seed: int) -> None:
 
 
 def test_a_turn_back_is_a_turn_to_the_side() -> None:
-    """A level camera turns by 180° on the spot: halfway it looks to its right, level, and never twice the same way."""
+    """A level camera turns by 180° on the spot: halfway its view is to the right, level, and no direction occurs twice."""
     path = Path((Camera(ORIGIN, (0, 0, -1)), Camera(ORIGIN, (0, 0, 1))), 101)
     np.testing.assert_allclose(view(path.camera(50)), (1, 0, 0), atol=1e-12)
     headings = [math.atan2(v[0], -v[2]) for v in map(view, path)][:-1]  # the last is ±180°
@@ -101,8 +103,10 @@ def test_a_turn_back_is_a_turn_to_the_side() -> None:
 
 
 def test_over_the_pole_up_is_carried_along() -> None:
-    """From 45° down ahead to 45° down behind by way of straight down, where the common up (0 1 0) is no up: there the top of the
-    picture is what was ahead of the nearer key, as when a head is bowed."""
+    """From 45° down ahead to 45° down behind by way of straight down, where the common up (0 1 0) is invalid.
+
+    There the top of the picture is the forward direction of the nearer key, as for a bowed head.
+    """
     down = Path((Camera(ORIGIN, (0, -1, -1)), Camera(ORIGIN, (0, -1, 1))), 11).camera(5)
     np.testing.assert_allclose(view(down), (0, -1, 0), atol=1e-12)
     np.testing.assert_allclose(down.axes[1], (0, 0, 1), atol=1e-9)  # halfway, the second key counts as the nearer one
@@ -188,7 +192,7 @@ def test_a_line_is_a_valid_camera_whatever_six_digits_make_of_it(read: Read) -> 
 
 
 def test_a_mesh_goes_turns_and_stretches(read: Read) -> None:
-    """By number: half a way on and half a turn about its own middle at half time; by a matrix mirrored and larger."""
+    """By number: halfway and half a turn about its own centre at half time; by a matrix mirrored and larger."""
     there = world()
     motions = read(CAM + "mesh 1 0 0 0 0\nmesh 1 20 4 0 0 90 0 3 0\n").motions
     motions.check(there, 21)

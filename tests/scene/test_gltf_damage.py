@@ -1,4 +1,4 @@
-"""Odd and damaged parts of a glTF file: each costs itself and a notice, and the tetrahedron beside it is shown."""
+"""Odd and damaged parts of a glTF file: each costs itself and a notice, and the tetrahedron remains visible."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ JOINTS, WEIGHTS = typed(np.uint8, [[0, 0, 0, 0]] * 4), f32([[1, 0, 0, 0]] * 4)
 
 
 def odd(f: GltfFile, indices: np.ndarray | None = FACES, more: dict[str, Any] | None = None, **attributes: Any) -> dict[str, Any]:
-    """The primitive of a new mesh of the node `odd`, which has `more`."""
+    """Add a node `odd` with a new mesh, and return its primitive, which has `more`."""
     mesh = f.mesh(None, indices, **attributes)
     f.node(mesh=mesh, name="odd", **(more or {}))
     return f.tree["meshes"][mesh]["primitives"][0]
 
 
 def sparse(f: GltfFile) -> int:
-    """An accessor that replaces its ninth element of four."""
+    """Return an accessor that replaces its ninth element of four."""
     at, new = f.view(b"\x08"), f.view(f32([0, 0, 0]).tobytes())
     kinds = {"indices": {"bufferView": at, "componentType": 5121}, "values": {"bufferView": new}}
     return f.accessor(POINTS, sparse={"count": 1, **kinds})
 
 
 def bombed(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
-    """Add something and let its last accessor announce much without bytes."""
+    """Add an object whose last accessor declares many elements without bytes."""
     add(f, *args)
     f.tree["accessors"][-1]["count"] = 10**8
     del f.tree["accessors"][-1]["bufferView"]
 
 
 def draco(f: GltfFile, kind: int, at: int) -> None:
-    """The node `odd` is packed by Draco, whose header of this kind announces 2²⁷ of what is counted first."""
+    """Compress the node `odd` by Draco, with a header of this kind that declares a count of 2²⁷ first."""
     data = b"DRACO\2\2" + bytes((kind, 0, 0, 0)) + b"\x80\x80\x80\x40" + b"\1" * 99
     packed = {"bufferView": f.view(data), "attributes": {"POSITION": 0}}
     odd(f)["extensions"] = {"KHR_draco_mesh_compression": packed}
@@ -45,35 +45,35 @@ def draco(f: GltfFile, kind: int, at: int) -> None:
 
 
 def instanced(f: GltfFile, attributes: object) -> None:
-    """The node `odd` stands where these instances say."""
+    """Give the node `odd` these instances."""
     odd(f, more={"extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}})
 
 
 def skinned(f: GltfFile, joints: list[int], numbers: np.ndarray = JOINTS) -> None:
-    """The node `odd` hangs on a skin of these joints."""
+    """Bind the node `odd` to a skin with these joints."""
     odd(f, more={"skin": f.add("skins", {"joints": joints})}, JOINTS_0=numbers, WEIGHTS_0=WEIGHTS)
 
 
 def lit(f: GltfFile, **light: Any) -> None:
-    """A node `odd` with a light."""
+    """Add a node `odd` with a light."""
     f.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot", **light}]}}
     f.node(name="odd", extensions={"KHR_lights_punctual": {"light": 0}})
 
 
 def lens(f: GltfFile, kind: str, **values: float) -> None:
-    """A node `odd` with a camera."""
+    """Add a node `odd` with a camera."""
     f.node(name="odd", camera=f.add("cameras", {"type": kind, kind: values}))
 
 
 def animated(f: GltfFile, keys: object, path: str = "translation", values: object = (), node: int | None = 0) -> None:
-    """The node of the tetrahedron moves."""
+    """Animate the node of the tetrahedron."""
     sampler = {"input": f.accessor(f32(keys)), "output": f.accessor(f32(values))}
     channel = {"sampler": 0, "target": {"path": path} if node is None else {"path": path, "node": node}}
     f.add("animations", {"samplers": [sampler], "channels": [channel]})
 
 
 def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
-    """An image-based light of radiance 147, whose faces have `sides` columns and four rows."""
+    """Add an image-based light of radiance 147, whose faces have `sides` columns and four rows."""
     pixels = [np.full((4, side, 4), [200, 200, 200, 1], np.uint8) for side in sides]
     images = [f.add("images", {"bufferView": f.view(encoded(p)), "mimeType": "image/png"}) for p in pixels]
     f.tree["extensions"] = {"EXT_lights_image_based": {"lights": [{"specularImages": [images], **entry}]}}
@@ -118,7 +118,7 @@ def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
 def test_a_damaged_part_costs_itself_and_a_notice(
     file: GltfFile, show: Callable[..., Any], damage: Callable[[GltfFile], object], says: str
 ) -> None:
-    """The first node is whole, and keeps its four triangles."""
+    """The first node is intact, and keeps its four triangles."""
     file.node(mesh=file.mesh())
     damage(file)
     scene = show(time=0.0)
@@ -130,7 +130,7 @@ def test_a_damaged_part_costs_itself_and_a_notice(
     ("path", "keys", "values", "node", "moved"),
     [
         ("translation", [0], [[1, 0, 0]], 0, 1.0),
-        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # what this path means is not known
+        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # an unknown path
         ("translation", [0], [[1, 0, 0]], None, 0.0),
         ("rotation", [0, 2], [[0, 0, 1, 0]] * 2, 0, -1.0),  # half a turn about z, between two equal keys
     ],
@@ -147,7 +147,7 @@ def test_the_first_animation_of_a_property_counts(
 
 
 def test_a_mirrored_joint_and_mirrored_instances_keep_their_outside_outside(file: GltfFile, show: Callable[..., Any]) -> None:
-    """The skin has no normals; the instances have, and stand by SCALE alone. White vertex colours change nothing."""
+    """The skin has no normals; the instances have normals, and only SCALE. White vertex colours change nothing."""
     joint = file.node(scale=[-1, 1, 1])
     skinned(file, [joint])
     place = {"attributes": {"SCALE": file.accessor(f32([[1, 1, 1], [-1, 1, 1]]))}}

@@ -1,4 +1,4 @@
-"""glTF's materials, textures, cameras and lights: as the file says them, in this project's units."""
+"""glTF's materials, textures, cameras and lights, in this project's units."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PIXELS = typed(np.uint8, [[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255
 
 @pytest.fixture
 def wear(file: GltfFile, show):
-    """The mesh that wears a material, with these attributes."""
+    """Return the mesh with a material and these attributes."""
 
     def wear(material: dict[str, Any], **attributes: Any) -> Mesh:
         file.tree.pop("nodes", None)
@@ -148,13 +148,13 @@ def test_metals_of_specular_and_glossiness_reflect_their_specular_colour(file, w
 
 
 def projected(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
-    """(2,) where the camera sees a point: -1 to 1 from left to right and from bottom to top of a square picture."""
+    """Return (2,) the projection of a point: -1 to 1 from left to right and from bottom to top of a square picture."""
     clip = camera.clip_from_view(1.0, 1.0, 1e7) @ camera.view_from_world @ [*point, 1.0]
     return clip[:2] / clip[3]
 
 
 def test_every_camera_is_there_by_its_name_and_looks_along_its_node(file, show):
-    # the node is turned a quarter about z and scaled; its camera looks along -z, and up is -x
+    # the node is turned a quarter about z and scaled; its camera has the view direction -z and up -x
     file.node(mesh=file.mesh())
     lens = {"type": "perspective", "perspective": {"yfov": math.pi / 2, "aspectRatio": 2, "znear": 0.1}}
     first, second = file.add("cameras", {**lens, "name": "own"}), file.add("cameras", lens)
@@ -172,7 +172,7 @@ def test_every_camera_is_there_by_its_name_and_looks_along_its_node(file, show):
 
 
 def test_an_orthographic_camera_draws_parallels(file, show):
-    """With ymag 2, y = 1 stands half way up at any depth."""
+    """With ymag 2, y = 1 is at half height at any depth."""
     file.node(mesh=file.mesh())
     lens = {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 2, "znear": 0.1, "zfar": 10}}
     file.node(camera=file.add("cameras", lens), translation=[0, 0, 3])
@@ -181,7 +181,7 @@ def test_an_orthographic_camera_draws_parallels(file, show):
 
 
 def test_lights_keep_their_units_directions_and_cones(file, show):
-    # lux: a surface that faces the light has E = π·diffuse; the node turns -z to -x about y, so light comes from +x
+    # lux: a surface perpendicular to the light has E = π·diffuse; the node turns -z to -x about y, so light comes from +x
     lights = [
         {"type": "directional", "intensity": math.pi, "color": [1, 0.5, 0]},
         {"type": "point", "intensity": 40, "color": [1, 0.5, 0], "range": 3, "name": "bulb"},
@@ -228,7 +228,7 @@ def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
         assert any(notice.startswith(f"{scene.path}: {line}") for notice in scene.notices), scene.notices
 
 
-# the middle of each face of OpenGL's cube maps, and the axes along which its columns and rows go (table 3.19 of OpenGL 2.0)
+# the centre of each face of OpenGL's cube maps, and the axes of its columns and rows (table 3.19 of OpenGL 2.0)
 CUBE = [
     ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
     ((-1, 0, 0), (0, 0, 1), (0, -1, 0)),
@@ -241,7 +241,7 @@ SIDE = 16
 
 
 def faces() -> np.ndarray:
-    """(6, SIDE, SIDE, 4) uint8 in RGBD: each face another colour, that changes to the right and downward."""
+    """Return (6, SIDE, SIDE, 4) uint8 in RGBD: each face another colour, that changes to the right and downward."""
     k, row, column = np.meshgrid(np.arange(6), np.linspace(60, 160, SIDE), np.linspace(60, 160, SIDE), indexing="ij")
     return np.stack([column, row, 80 + 20 * k, np.where(k % 2, 255, 128)], axis=-1).astype(np.uint8)
 
@@ -256,8 +256,10 @@ def image_light(file: GltfFile, pixels: np.ndarray, **entry: Any) -> None:
 
 
 def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
-    """Mirrored about their vertical axes, its images are the faces of OpenGL's cube map: rgb are sRGB, divided by alpha. A turn
-    by 90° about y takes what was along x to −z; the intensity is a factor."""
+    """Mirrored about their vertical axes, its images are the faces of OpenGL's cube map: rgb are sRGB, divided by alpha.
+
+    A turn by 90° about y moves the direction x to −z; the intensity is a factor.
+    """
     pixels = faces()
     image_light(file, pixels, intensity=2.0, rotation=[0, HALF, 0, HALF], irradianceCoefficients=[[1, 1, 1]] * 9)
     scene = show()
@@ -275,7 +277,7 @@ def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
 
 
 def test_where_no_image_can_be_read_the_irradiance_coefficients_shine(file, show):
-    """E(n) = Σ c·Y(n) again, by a sum over the sphere."""
+    """E(n) = Σ c·Y(n) is restored, by a sum over the sphere."""
     c = np.outer([3.0, 0.5, -0.3, 0.4, 0.1, 0.0, 0.05, -0.1, 0.1], [1.0, 0.5, 0.25])
     image_light(file, faces(), irradianceCoefficients=c.tolist())
     file.tree["images"] = []

@@ -1,4 +1,4 @@
-"""An .obj's material library: colours, textures with their options, opacity, and what is strange in it."""
+"""The material library of an .obj: colours, textures with their options, opacity, and oddities."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RED = np.full((2, 2, 3), (255, 0, 0), np.uint8)
 
 @pytest.fixture
 def mtl(tmp_path: Path) -> Callable[..., Scene]:
-    """Loads a square of the material `a` in the library `text`; images are saved beside it by name."""
+    """Load a square of the material `a` in the library `text`; images are saved in its folder by name."""
 
     def mtl(text: str | bytes, **images: np.ndarray) -> Scene:
         for name, pixels in images.items():
@@ -38,13 +38,13 @@ def material(scene: Scene) -> Material:
 
 
 def known(value: Any) -> Any:
-    """`value`, of which the test knows that it isn't None."""
+    """Return `value`, which is not None."""
     assert value is not None
     return value
 
 
 def alpha(values: np.ndarray | list[list[int]], rgb: int = 200) -> np.ndarray:
-    """(H, W, 4) grey with these alphas."""
+    """Return (H, W, 4) grey with these alphas."""
     a = np.asarray(values, np.uint8)
     return np.dstack([np.full((*a.shape, 3), rgb, np.uint8), a])
 

@@ -1,4 +1,4 @@
-"""What stands in where a file has no light, no camera, or does not say what is up."""
+"""Stand-ins for a missing light, camera or up axis of a file."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def finished(*meshes: Mesh, lights: tuple[Light, ...] = (), cameras: tuple[Camer
 
 
 def turned(mesh: Mesh, up: str) -> Mesh:
-    """A mesh that stands upright with y up, standing upright with another axis up."""
-    matrix = axes(UPS[up])  # rows right, up and front: where x, y and z go
+    """Return an upright mesh for y up, upright with another axis up."""
+    matrix = axes(UPS[up])  # rows right, up and front: the images of x, y and z
     return replace(mesh, positions=(mesh.positions @ matrix).astype("f4"), normals=(mesh.normals @ matrix).astype("f4"))
 
 
 def inside(scene: Scene, points: np.ndarray) -> np.ndarray:
-    """(N,) whether the default camera's square picture shows the points (N, 3)."""
+    """Return (N,) bool: True for points (N, 3) in the default camera's square picture."""
     camera = scene.camera()
     x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
     shown: np.ndarray = np.maximum(np.abs(x), np.abs(y)) <= -z * math.tan(math.radians(camera.fov / 2.0)) + 1e-9
@@ -86,7 +86,7 @@ def test_in_a_closed_room_one_stands_at_eye_height_and_looks_at_what_is_in_it(up
 
 
 def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
-    """Its side at greater x is open; the camera stands outside of it, and looks in."""
+    """Its side at greater x is open; the camera is outside, in front of it."""
     x, y, z, low = (2, 0, 0), (0, 2, 0), (0, 0, 2), (-1, 0, -1)
     walls = [quad(low, z, x), quad((-1, 2, -1), x, z), quad(low, y, z), quad(low, x, y), quad((-1, 0, 1), y, x)]
     scene = finished(*walls)
@@ -95,7 +95,7 @@ def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
 
 
 def test_what_stands_on_a_vast_ground_fills_the_picture() -> None:
-    """The camera is about as near as without the ground, and looks at the same."""
+    """The camera is about as near as without the ground, with the same target."""
     ground, thing = floor(80.0), sphere((3, 1, -2), 1.0)
     alone, camera = finished(thing).camera(), finished(ground, thing).camera()
     far, farther = (np.linalg.norm(np.subtract(one.eye, one.target)) for one in (alone, camera))
@@ -103,7 +103,7 @@ def test_what_stands_on_a_vast_ground_fills_the_picture() -> None:
 
 
 def lit_by_itself(scene: Scene) -> bool:
-    """Whether nothing stands in for light."""
+    """True if no light stands in."""
     own = not any(light.name == "key" for light in scene.lights)
     assert own == (not any(scene.sky)) == (not any("stand in" in notice for notice in scene.notices))
     assert not scene.own_sky
@@ -111,7 +111,7 @@ def lit_by_itself(scene: Scene) -> bool:
 
 
 def glowing(radiance: float, share: float) -> list[Mesh]:
-    """A ball of radius 1, and on it a patch of this share of 4π m² that glows."""
+    """Return a ball of radius 1, and on it a glowing patch of this share of 4π m²."""
     side = math.sqrt(share * 4.0 * math.pi)
     return [sphere((0, 0, 0), 1.0), quad((0, 1.001, 0), (0, 0, side), (side, 0, 0), material(0.5, radiance))]
 
@@ -121,9 +121,9 @@ def glowing(radiance: float, share: float) -> list[Mesh]:
     [
         (glowing(1.0, 0.01), False),  # a small display
         (glowing(1000.0, 0.01), True),
-        ([sphere((0, 0, 0), 1.0, material(0.0, 1.0))], True),  # a lamp, and nothing else
+        ([sphere((0, 0, 0), 1.0, material(0.0, 1.0))], True),  # a luminous ball only
         ([ROOM, quad((-0.5, 2.4, -0.5), (1, 0, 0), (0, 0, 1), material(0.5, 1.0))], True),  # lit by a panel
-        ([ROOM, quad((0, 1.4, -2.99), (0.02, 0, 0), (0, 0.02, 0), material(0.5, 1.0))], False),  # a switch that glows
+        ([ROOM, quad((0, 1.4, -2.99), (0.02, 0, 0), (0, 0.02, 0), material(0.5, 1.0))], False),  # a glowing switch
     ],
 )
 def test_emission_that_is_minor_lights_nothing(meshes: list[Mesh], own: bool) -> None:
@@ -136,7 +136,7 @@ def test_lamps_that_are_off_light_nothing() -> None:
 
 
 def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
-    """What falls on the side away is 0.3 of what falls on the other, however strong it is; with a lamp none stands in."""
+    """Irradiance on the far side is 0.3 of that on the near side, at any strength; with a point light no sky stands in."""
     suns = Light((0.0, 2.0, 1.0), (1e5,) * 3, directional=True, name="key"), Light((1.0, 2.0, 0.0), (2e5,) * 3, directional=True)
     for lights, strength in (suns, 3e5), (suns[:1], 1e5):
         scene = finished(sphere((0, 0, 0), 1.0), lights=lights)
@@ -157,7 +157,7 @@ def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:
 
 
 def test_a_white_sphere_stands_out_and_has_a_shape() -> None:
-    """It is neither as bright as what is behind it nor the same all over."""
+    """It differs from its background, and its brightness varies."""
     model = finished(sphere((0, 0, 0), 1.0, material(1.0), rings=12, segments=24))
     frame = irrsplat.render(model, (64, 64), bounces=1, gather_size=8, shadow_size=256)
     seen, picture = frame.alpha == 1.0, frame.picture.mean(-1)
