@@ -18,9 +18,7 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[..., Scene]:
     """Write `text` to the file `name`, and `files` to the same folder (`a_light="…"` is the file a.light), and load the first.
-
-    The file t.obj, one triangle, always exists.
-    """
+    The file t.obj, one triangle, always exists."""
 
     def write(text: str | bytes, name: str = "a.scene", **files: str) -> Scene:
         (tmp_path / "t.obj").write_text(TRIANGLE)

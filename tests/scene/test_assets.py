@@ -91,7 +91,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "says"),
+    ("name", "data", "message"),
     [
         ("a.ply", PLY.replace("3 1 2 3\n", ""), "truncated|no PLY"),
         ("a.ply", PLY.replace("uchar red", "uchur red"), "this is no line of a PLY header: 'property uchur red'"),
@@ -123,14 +123,14 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.gltf", {**TREE, "accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "a.gltf: "),
     ],
 )  # fmt: skip
-def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: Any, says: str) -> None:
-    with pytest.raises(InputError, match=says) as caught:
+def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         write(name, json.dumps(data) if isinstance(data, dict) else data)
     assert re.search(rf"{name}(:\d+)?: ", str(caught.value)) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "left", "says"),
+    ("name", "data", "left", "message"),
     [
         ("a.obj", OBJ + "f 1 1 2\n", 4, "1 degenerate triangle dropped"),
         ("a.ply", PLY.replace("element face 4", "element face 5") + "3 1 1 2\n", 4, "1 degenerate triangle dropped"),
@@ -143,11 +143,11 @@ def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: 
     ],
 )
 def test_faces_that_cant_be_drawn_are_left_out_with_one_notice(
-    write: Write, name: str, data: bytes | str, left: int, says: str
+    write: Write, name: str, data: bytes | str, left: int, message: str
 ) -> None:
     """A face without an area; or three of the four faces have the fourth vertex, which is invalid or missing."""
     scene = write(name, data)
-    assert scene.triangles == left and sum(bool(re.search(says, notice)) for notice in scene.notices) == 1
+    assert scene.triangles == left and sum(bool(re.search(message, notice)) for notice in scene.notices) == 1
 
 
 def test_ply_vertex_colours_become_linear(write: Write) -> None:
@@ -189,7 +189,7 @@ def quads(form: str, image: str = "gone.png") -> bytes:
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_polygons_of_several_sizes_wear_their_texture(write: Write, tmp_path: Path, form: str) -> None:
+def test_ply_polygons_of_several_sizes_have_their_texture(write: Write, tmp_path: Path, form: str) -> None:
     """v runs downward from the image's top: t 0.25 is v 0.75."""
     scene = write("a.ply", quads(form))
     assert scene.triangles == 3 and any("there is no image 'gone.png'" in notice for notice in scene.notices)
@@ -215,7 +215,7 @@ def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> st
 
 
 @pytest.mark.parametrize(
-    ("data", "says", "green", "uv"),
+    ("data", "message", "green", "uv"),
     [
         (ply("\ncomment by hand\n"), "", 3, None),
         (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are missing and not drawn
@@ -225,14 +225,14 @@ def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> st
         (ply("", COLORS, "0 255 0", PLY.replace(COLORS, "", 1)), "", 12, None),
     ],
 )
-def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, says: str, green: int | None, uv: float | None) -> None:
+def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, message: str, green: int | None, uv: float | None) -> None:
     """Four separate triangles, with white where three of them meet, or all green by the faces' colour."""
     PIL.Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
     (tmp_path / "bad.png").write_bytes(b"no image")
     write("a.ply", data)
     scene = load(tmp_path / "a.ply", crease_angle=0.0)
     (mesh,) = scene.meshes
-    assert scene.triangles == 4 and any(says in notice for notice in scene.notices)
+    assert scene.triangles == 4 and any(message in notice for notice in scene.notices)
     assert (None if mesh.colors is None else np.count_nonzero(mesh.colors[:, 1] == 1.0)) == green
     assert (None if mesh.uvs is None else mesh.uvs[:, :2].max()) == uv
 

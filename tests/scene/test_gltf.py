@@ -77,7 +77,7 @@ def test_lists_strips_and_fans_make_the_triangles_of_the_standard(file, show, mo
     assert {tuple(map(tuple, np.roll(c, -int(np.lexsort(c.T)[0]), 0).tolist())) for c in corners(show())} == turned
 
 
-def test_nodes_stand_where_their_parents_matrices_put_them(file, show):
+def test_nodes_are_placed_by_their_parents_matrices(file, show):
     # parent: translate (0 0 3), quarter turn about z; child: scale (2 1 1); (1 0 0) -> (2 0 0) -> (0 2 0) -> (0 2 3)
     normals = f32([[-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     child = file.node(mesh=file.mesh(NORMAL=normals), matrix=np.diag([2.0, 1, 1, 1]).reshape(-1).tolist(), name="child")

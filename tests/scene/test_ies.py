@@ -39,11 +39,8 @@ def directions(count: int = 500) -> np.ndarray:
 
 
 def test_the_flux_is_the_integral(read: Callable[..., Photometry]) -> None:
-    """A uniform intensity of 100 cd has a flux of 400π lm; 1000·cos γ downwards has 1000π.
-
-    Linear interpolation between angles of 2.5° is slightly less for a curve: a chord lies below it by at most Δ²/8 of it, 2.4e-4,
-    and by Δ²/12 on average.
-    """
+    """A uniform intensity of 100 cd has a flux of 400π lm; 1000·cos γ downwards has 1000π. Linear interpolation between angles of
+    2.5° is slightly less for a curve: a chord lies below it by at most Δ²/8 of it, 2.4e-4, and by Δ²/12 on average."""
     assert read(ies_text(V, [0], isotropic)).flux == pytest.approx(400.0 * np.pi, rel=1e-9)
     assert read(ies_text(V2, [0], lambert)).flux == pytest.approx(1000.0 * np.pi, rel=2e-4)
     assert read(ies_text([0, 90], [0], isotropic)).flux == pytest.approx(200.0 * np.pi, rel=1e-9)
@@ -70,7 +67,7 @@ QUARTERS = [0, 20, 45, 90, 135, 160, 180, 200, 225, 270, 315, 340, 360]
     ],
     ids=["few angles", "bilateral", "all around", "without 360°", "quadrants", "about the 90° plane"],
 )
-def test_what_the_symmetries_leave_out_is_filled_in(
+def test_symmetric_parts_are_completed(
     read: Callable[..., Photometry], vertical: list[float], horizontal: list[float], candela: Any, around: list[float]
 ) -> None:
     """The reference is an interpolation over all angles, of intensities that have the symmetry by their formula."""
@@ -81,10 +78,8 @@ def test_what_the_symmetries_leave_out_is_filled_in(
 
 @pytest.mark.parametrize(("kind", "one_sided"), [(2, False), (3, True)])
 def test_floodlights(read: Callable[..., Photometry], kind: int, one_sided: bool) -> None:
-    """Type B turns the plane by the vertical angle and has the horizontal one within it, type A the other way round.
-
-    With +x up, the direction is (cos H·sin V, −sin H, −cos H·cos V), or (sin V, −cos V·sin H, −cos V·cos H).
-    """
+    """Type B turns the plane by the vertical angle and has the horizontal one within it, type A the other way round. With +x up,
+    the direction is (cos H·sin V, −sin H, −cos H·cos V), or (sin V, −cos V·sin H, −cos V·cos H)."""
     vertical, horizontal = steps(-90, 90, 37), steps(0, 90, 19) if one_sided else steps(-90, 90, 37)
 
     def candela(v: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -119,9 +114,9 @@ def test_line_breaks_commas_encodings_and_what_ends_old_files(read: Callable[...
     words = tail.split()
     numbers = [",\n".join(words[:3]), " , ".join(words[3:40]), "", "\t" + "\n".join(words[40:])]
     broken = head + "tilt = none\n" + "\n".join(numbers) + "\x1a"
-    odd = broken.replace("made for a test", "f\xfcr 30\xb0 TILT=NONE").encode("latin-1").replace(b"\n", b"\r\n")
+    odd_primitive = broken.replace("made for a test", "f\xfcr 30\xb0 TILT=NONE").encode("latin-1").replace(b"\n", b"\r\n")
     expected = read(plain).candela
-    assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd).candela, expected)
+    assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd_primitive).candela, expected)
 
 
 def test_a_tilt_table_counts_as_it_is_at_0(read: Callable[..., Photometry], tmp_path: Path) -> None:
@@ -143,7 +138,7 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "line", "says"),
+    ("old", "new", "line", "message"),
     [
         ("TILT=NONE\n", "", None, "no line TILT="),
         ("TILT=NONE", "TILT=", 2, "TILT= has no value"),
@@ -167,10 +162,10 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
     ],
 )  # fmt: skip
 def test_a_malformed_file_is_one_line_with_its_place(
-    read: Callable[..., Photometry], tmp_path: Path, old: str, new: str, line: int | None, says: str
+    read: Callable[..., Photometry], tmp_path: Path, old: str, new: str, line: int | None, message: str
 ) -> None:
     assert old in GOOD
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         read(GOOD.replace(old, new))
     place = f"{tmp_path / 'a.ies'}:" + ("" if line is None else f"{line}:")
     assert str(caught.value).startswith(place) and "\n" not in str(caught.value)
@@ -181,17 +176,15 @@ def lights(write: Callable[..., Scene], text: str, **files: str) -> tuple[Light,
     return write("obj t.obj\n" + CAM + text, a_ies=ies_text(V2, steps(0, 180, 37), street), **files).lights
 
 
-def along(light: Light, way: np.ndarray) -> np.ndarray:
+def intensity_along(light: Light, way: np.ndarray) -> np.ndarray:
     """Return (N,) cd along directions (N, 3) in world space."""
     assert light.photometry is not None
     return light.photometry.intensity(way @ light.frame.T)
 
 
 def test_the_matrix_stack_places_turns_mirrors_and_scales_it(write: Callable[..., Scene]) -> None:
-    """Theta is from −z, phi from +x towards +y, as in ies2rad.
-
-    With OpenGL's matrices written out, the intensity along M·d is that along d, at any scale.
-    """
+    """Theta is from −z, phi from +x towards +y, as in ies2rad. With OpenGL's matrices written out, the intensity along M·d is
+    that along d, at any scale."""
     c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
     about_x = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # by -90°
     M = about_x @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -200,11 +193,11 @@ def test_the_matrix_stack_places_turns_mirrors_and_scales_it(write: Callable[...
     assert plain.kind == "luminaire" and plain.position == (0, 0, 0) and turned.position == mirrored.position == (1, 2, 3)
     way, expected = directions(), bilinear(street, V2, steps(0, 360, 73), directions())
     for light, ways in ((plain, way), (turned, way @ M.T), (mirrored, way @ (M @ np.diag([-1, 1, 1])).T)):
-        np.testing.assert_allclose(along(light, ways), expected, rtol=1e-6, atol=1e-3)
+        np.testing.assert_allclose(intensity_along(light, ways), expected, rtol=1e-6, atol=1e-3)
     assert turned.photometry is plain.photometry, "a file is read once"
 
 
-def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> None:
+def test_a_light_file_sets_place_and_brightness(write: Callable[..., Scene]) -> None:
     """Aimed at a point; 0° is towards +x, or the requested direction, projected across the aim."""
     body = "ies a.ies\nposition 1 4 1 1\nspotDirection 1 0 1\n"
     other_body = body + "zeroDirection 0 5 -2\nintensity 0.5 0.25 0\n"
@@ -218,7 +211,7 @@ def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> 
 
 
 @pytest.mark.parametrize(
-    ("text", "file", "line", "says"),
+    ("text", "file", "line", "message"),
     [
         ("scale 1 2 1\nlight a.ies\n", "a.scene", 4, "stretches the luminaire"),
         ("ies a.ies\nposition 0 0 0 1\n", "a.light", 1, "add: spotDirection X Y Z"),
@@ -232,9 +225,9 @@ def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> 
     ],
 )  # fmt: skip
 def test_a_luminaire_s_malformed_line_is_an_error_with_its_place(
-    write: Callable[..., Scene], text: str, file: str, line: int | None, says: str
+    write: Callable[..., Scene], text: str, file: str, line: int | None, message: str
 ) -> None:
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         if file == "a.scene":
             lights(write, text)
         else:

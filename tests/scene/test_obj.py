@@ -68,7 +68,7 @@ def test_corners_of_every_form_may_stand_in_one_face(obj, face):
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "message"),
     [
         ("f 1 2", "1 face can't be read and is left out; the first is line 8: a face has 2 corners"),
         ("f 1 2 9", "line 8: the face refers to vertex 9, but there are 4 'v' lines"),
@@ -83,9 +83,9 @@ def test_corners_of_every_form_may_stand_in_one_face(obj, face):
         ("l 1 2\nl 1 2\np 1", "2 lines and 1 points are not shown"),
     ],
 )  # fmt: skip
-def test_a_bad_line_costs_itself_and_a_notice(obj, line, says):
+def test_a_bad_line_costs_itself_and_a_notice(obj, line, message):
     scene = obj(f"# a square\n{SQUARE}vn 0 0 1\nf 1 2 3\n{line}\nf 1 3 4\n")
-    assert says in remarks(scene), scene.notices
+    assert message in remarks(scene), scene.notices
     assert all("\n" not in notice and notice.isprintable() for notice in scene.notices)
     kept = line.startswith(("f 1/7", "vn")) + line.startswith("f 1 2 3\n")
     np.testing.assert_array_equal(areas(scene.meshes[0]).sum(0), [0, 0, 1 + 0.5 * kept])
@@ -102,7 +102,7 @@ WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "green", "says"),
+    ("text", "green", "message"),
     [
         (SQUARE + " " * 100 + "f 1 2 3\n", None, ""),
         (WHITE + "f 1 2 3\n", None, ""),
@@ -112,11 +112,11 @@ WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
         (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file defines 'gone' and 1 more"),
     ],
 )
-def test_colours_and_materials_that_say_nothing(obj, tmp_path, text, green, says):
+def test_colours_and_materials_without_effect(obj, tmp_path, text, green, message):
     """One triangle in each mesh, which is not closed; colours that are all white are none."""
     (tmp_path / "a.mtl").write_text("newmtl black\nKd 0 0 0\n")
     scene = obj("mtllib a.mtl\n" + text)
-    assert says in remarks(scene) and not any(mesh.closed for mesh in scene.meshes)
+    assert message in remarks(scene) and not any(mesh.closed for mesh in scene.meshes)
     assert areas(scene.meshes[0])[0].tolist() == [0, 0, 0.5]
     assert (None if scene.meshes[0].colors is None else scene.meshes[0].colors[:, 1].min()) == green
 

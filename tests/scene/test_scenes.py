@@ -27,17 +27,17 @@ def test_the_bundled_scenes_load_without_a_notice():
             assert 0.0 <= min(mesh.material.albedo) <= max(mesh.material.albedo) <= 1.0
 
 
-def test_names_paths_and_what_is_neither(tmp_path, monkeypatch):
+def test_names_paths_and_invalid_sources(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "thing.txt").write_text("hello")
-    for odd, says in (
+    for odd_primitive, message in (
         ("nope", "no file 'nope'; the bundled scenes are atrium, cornell"),
         ("thing.txt", r"unknown ending '\.txt'; expected one of \.scene"),
         (tmp_path, "directory"),
-        *((odd, "") for odd in ("", "x" * 5000, "a\0b", "two\nlines", "../cornell", "cornell/")),
+        *((odd_primitive, "") for odd_primitive in ("", "x" * 5000, "a\0b", "two\nlines", "../cornell", "cornell/")),
     ):
-        with pytest.raises(InputError, match=says or None) as caught:
-            load(odd)
+        with pytest.raises(InputError, match=message or None) as caught:
+            load(odd_primitive)
         assert "\n" not in str(caught.value)
     (tmp_path / "furnace").mkdir()
     assert load("furnace").path != "furnace"  # a folder of that name is no file: the bundled scene is meant

@@ -62,7 +62,7 @@ def test_load_takes_the_up_axis(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("thing", "up"), [(sphere((1, 2, 3), 0.5), "x"), (box((0, 0, 0), (1, 5, 0.2)), "z"), (floor(3.0), "y")])
-def test_a_thing_is_seen_whole_from_the_front_and_above(thing: Mesh, up: str) -> None:
+def test_an_object_is_wholly_in_view_from_the_front_and_above(thing: Mesh, up: str) -> None:
     scene = finished(turned(thing, up), up=up)
     camera, world = scene.camera(), axes(UPS[up])
     right, above, front = world @ np.subtract(camera.eye, camera.target)
@@ -74,7 +74,7 @@ def test_a_thing_is_seen_whole_from_the_front_and_above(thing: Mesh, up: str) ->
 
 
 @pytest.mark.parametrize(("up", "at"), [("y", (0.4, 0.5)), ("z", (-1.7, -2.6))])
-def test_in_a_closed_room_one_stands_at_eye_height_and_looks_at_what_is_in_it(up: str, at: tuple[float, float]) -> None:
+def test_the_camera_of_a_closed_room_is_at_eye_height_and_shows_its_contents(up: str, at: tuple[float, float]) -> None:
     table = box((at[0], 0, at[1]), (at[0] + 1.0, 0.8, at[1] + 1.2))
     scene = finished(turned(ROOM, up), turned(table, up), up=up)
     camera, world = scene.camera(), axes(UPS[up])
@@ -94,7 +94,7 @@ def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
     assert camera.eye[0] > 2.0 and abs(camera.eye[2]) < 0.3 and inside(scene, np.concatenate([w.positions for w in walls])).all()
 
 
-def test_what_stands_on_a_vast_ground_fills_the_picture() -> None:
+def test_an_object_on_a_vast_ground_fills_the_picture() -> None:
     """The camera is about as near as without the ground, with the same target."""
     ground, thing = floor(80.0), sphere((3, 1, -2), 1.0)
     alone, camera = finished(thing).camera(), finished(ground, thing).camera()
@@ -102,7 +102,7 @@ def test_what_stands_on_a_vast_ground_fills_the_picture() -> None:
     assert far < farther < 2.0 * far and np.allclose(camera.target, alone.target, atol=0.1)
 
 
-def lit_by_itself(scene: Scene) -> bool:
+def has_own_light(scene: Scene) -> bool:
     """True if no light stands in."""
     own = not any(light.name == "key" for light in scene.lights)
     assert own == (not any(scene.sky)) == (not any("stand in" in notice for notice in scene.notices))
@@ -126,13 +126,13 @@ def glowing(radiance: float, share: float) -> list[Mesh]:
         ([ROOM, quad((0, 1.4, -2.99), (0.02, 0, 0), (0, 0.02, 0), material(0.5, 1.0))], False),  # a glowing switch
     ],
 )
-def test_emission_that_is_minor_lights_nothing(meshes: list[Mesh], own: bool) -> None:
-    assert lit_by_itself(finished(*meshes)) == own
+def test_minor_emission_does_not_count(meshes: list[Mesh], own: bool) -> None:
+    assert has_own_light(finished(*meshes)) == own
 
 
-def test_lamps_that_are_off_light_nothing() -> None:
+def test_lights_that_are_off_do_not_count() -> None:
     for light, own in ((lamp((0, 2, 0), 1e-9), False), (lamp((0, 2, 0), 1.0), True)):
-        assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == own
+        assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == own
 
 
 def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
@@ -143,7 +143,7 @@ def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
         assert scene.lights == lights and not scene.own_sky
         assert any("only directional light" in notice for notice in scene.notices)
         assert scene.sky == pytest.approx((0.3 * strength,) * 3) and 0.0 < scene.sky_gradient[0] < scene.sky[0]
-    assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
+    assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
 
 
 def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:

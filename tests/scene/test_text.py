@@ -86,7 +86,7 @@ def test_lights(write):
         assert light(write, text).spot_target is None
 
 
-def test_where_nothing_shines_a_sky_stands_in(write):
+def test_a_sky_stands_in_where_nothing_emits(write):
     plain = write("obj t.obj\n" + CAM)
     assert plain.sky == (1.0, 1.0, 1.0) and plain.sky_gradient == (0.0, 0.0, 0.0) and "sky" in plain.notices[0]
     assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a requested black sky
@@ -117,16 +117,16 @@ def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt
     assert scene.meshes[0].material.albedo == (1, 0, 0)
 
 
-def refused(write, text, file, line, says, **files):
+def refused(write, text, file, line, message, **files):
     """Expect reading `text`, a .scene, to fail with one line that starts with the place and contains `says`."""
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         write(text, **files)
     place = f"{file}: " if line is None else f"{file}:{line}: "
     assert place in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         ("\nfoo 1\n", 2, "unknown word 'foo'"),
         ("units candela\n", 1, "'candela' are no units; expected: units radiometric, or: units photometric"),
@@ -159,15 +159,15 @@ def refused(write, text, file, line, says, **files):
         ("scale 1e14 1e14 1e14\nscale 1e14 1 1\nscale 1e14 1 1\nobj t.obj\n", 4, "32-bit"),
     ],
 )  # fmt: skip
-def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):
-    refused(write, text, "a.scene", line, says)
+def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, message):
+    refused(write, text, "a.scene", line, message)
 
 
 POINT = "position 0 5 0 1\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         (POINT + "colour 1 1 1\n", 2, "unknown word 'colour'"),
         (POINT + POINT, 2, "given twice"),
@@ -190,12 +190,12 @@ POINT = "position 0 5 0 1\n"
         ("\n", None, "empty"),
     ],
 )  # fmt: skip
-def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
-    refused(write, "light a.light\n", "a.light", line, says, a_light=text)
+def test_a_malformed_light_is_an_error_with_its_place(write, text, line, message):
+    refused(write, "light a.light\n", "a.light", line, message, a_light=text)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         ("v 1 2\n", 1, "'v' has 2 values"),
         ("v 1 2 3\n\nv 1 x 3\n", 3, "'x' is not a number"),
@@ -212,12 +212,12 @@ def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
         ("", None, "empty"),
     ],
 )  # fmt: skip
-def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says):
-    refused(write, "obj x.obj\n", "x.obj", line, says, x_obj=text)
+def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, message):
+    refused(write, "obj x.obj\n", "x.obj", line, message, x_obj=text)
 
 
 @pytest.mark.parametrize(
-    ("data", "says"),
+    ("data", "message"),
     [
         (b"", "empty"),
         (b"sky 1 1 1\n\0\1\2garbage", "binary"),
@@ -225,7 +225,7 @@ def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says
         (b"\x1b[31m 1 2\n", "unknown word"),
     ],
 )  # fmt: skip
-def test_what_is_no_text_is_an_error(write, data, says):
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+def test_binary_data_is_an_error(write, data, message):
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         write(data)
     assert "a.scene" in str(caught.value) and str(caught.value).isprintable()
