@@ -67,8 +67,7 @@ class _Reader:
     origin: Vector = WORLD
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
-    albedo: tuple[float, float, float] = Material().albedo
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W/(m² sr)
+    material: Material = Material()
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
     per_unit: float = 1.0  # W/sr per unit of lights, and W/(m² sr) per unit of emission and sky
@@ -77,6 +76,7 @@ class _Reader:
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
+    paths: dict[str, Path] = field(default_factory=dict)  # of `obj` lines, by their text
     shapes: dict[Path, Shape] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     light_reader: LightReader = field(default_factory=LightReader)
@@ -158,12 +158,12 @@ class _Reader:
             r, g, b, _ = line.numbers("diffuse R G B A", line.args[1:])
             if not 0.0 <= min(r, g, b) <= max(r, g, b) <= 1.0:
                 raise line.error(f"the reflectance is {r:g} {g:g} {b:g}; expected values from 0 to 1")
-            self.albedo = r, g, b
+            self.material = replace(self.material, albedo=(r, g, b))
         elif kind == "emission":
             r, g, b = line.numbers("emission R G B", line.args[1:])
             if min(r, g, b) < 0.0:
                 raise line.error(f"the emission is {r:g} {g:g} {b:g}; expected values of 0 or more")
-            self.emission = self._radiance(line, r, g, b)
+            self.material = replace(self.material, emission=self._radiance(line, r, g, b))
         else:
             raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
 
@@ -200,14 +200,13 @@ class _Reader:
         self.matrix = self.matrix @ np.diag([*values, 1.0])
 
     def _obj(self, line: Line) -> None:
-        path = line.file(USAGE["obj"])
+        path = self.paths.get(line.rest) or self.paths.setdefault(line.rest, line.file(USAGE["obj"]))
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
             self.files.append(path)
         elif not take_copies(len(self.shapes[path].positions)):
             raise line.error(TOO_MANY_COPIES)
         shape = self.shapes[path]
-        material = Material(self.albedo, self.emission)
         self.parts.append(
             Part(
                 shape.positions,
@@ -215,7 +214,7 @@ class _Reader:
                 shape.normals,
                 shape.corner_normals,
                 self.matrix,
-                material,
+                self.material,
                 name=path.stem,
                 files=(path,),
                 source=line,
