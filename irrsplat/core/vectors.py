@@ -44,11 +44,11 @@ def check_finite(what: str, values: np.ndarray, place: Callable[[tuple[int, ...]
 
 
 def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Each row of vectors (N, 3) multiplied by the transpose of matrix (3, 3): (N, 3).
+    """Return (N, 3): each row of vectors (N, 3) times the transpose of matrix (3, 3), or of its own one (N, 3, 3).
 
     A row's result does not depend, to the last bit, on which rows stand around it; `@` (BLAS) does not promise that.
     """
-    turned: np.ndarray = vectors[:, :1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:] * matrix[:, 2]
+    turned: np.ndarray = vectors[:, :1] * matrix[..., 0] + vectors[:, 1:2] * matrix[..., 1] + vectors[:, 2:] * matrix[..., 2]
     return turned
 
 

@@ -1,4 +1,4 @@
-"""Scenes from files, as plain numpy data without OpenGL: `load` reads every format, `bundled` lists what comes with irrsplat."""
+"""Scenes from files as numpy data, without OpenGL: `load` reads every format, `bundled` lists the scenes of the package."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ FORMATS = (".scene", ".obj", ".ply", ".stl", ".glb", ".gltf")
 
 
 def bundled() -> tuple[str, ...]:
-    """The names of the bundled scenes, sorted; each lies in ``scenes/<name>/<name>.scene``."""
+    """Return the names of the bundled scenes, sorted; each lies in ``scenes/<name>/<name>.scene``."""
     return tuple(sorted(path.stem for path in paths.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
 
 
 def located(source: str | os.PathLike[str]) -> Path:
-    """The file that `load` reads for `source`; raises InputError where there is none, or one of another format."""
+    """Return the file that `load` reads for `source`; raise InputError for a missing file or an unknown format."""
     path = Path(source)
     try:
         exists, folder = path.exists(), path.is_dir()
-    except (OSError, ValueError):  # a name that no file system takes
+    except (OSError, ValueError):  # not a valid file name
         exists = folder = False
     names = bundled()
     if (folder or not exists) and os.fspath(source) in names:
@@ -54,13 +54,13 @@ def load(
     sky: str | None = None,
     allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
-    """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
+    """Load the scene at a path, or the bundled scene of that name, such as ``"cornell"``; an existing file takes precedence.
 
-    Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
-    right-handed, in metres; of a scene that lies far from 0 0 0 the meshes are relative to Scene.origin. `LoadOptions` says what
-    the keywords mean; a `.scene` needs none of them, but may have another `sky`.
-    A scene reads files that it names from its own folder and those below, and from the folders in `allow`, nowhere else.
-    Raises InputError, one line, for whatever is wrong with the file, the name or a keyword.
+    Formats are `.scene`, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
+    right-handed, in metres. Meshes are relative to Scene.origin, which is not 0 0 0 for a scene far from there. `LoadOptions`
+    documents the keywords; a `.scene` uses only `sky`.
+    A scene may refer to files in its own folder and below, and in the folders in `allow`.
+    Raises InputError, one line, for an invalid file, name or keyword.
     """
     options = LoadOptions(up_axis, crease_angle, time, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
     if not isinstance(source, (str, os.PathLike)):
@@ -75,7 +75,7 @@ def load(
 
 
 def _reader(ending: str) -> Callable[[Path, LoadOptions, tuple[float, float, float]], Scene]:
-    """What reads the files of this ending."""
+    """Return the reader for files of this ending."""
     if ending == ".scene":
         return load_text
     if ending in (".glb", ".gltf"):

@@ -1,10 +1,9 @@
-"""A bounding volume hierarchy over triangles: what a ray may hit, as tables that a shader traverses without a stack.
+"""Bounding volume hierarchy over triangles, as tables for a stackless traversal in shaders.
 
-The tree is split level by level, at the least surface area cost among some bins (Wald 2007, "On fast Construction of SAH-based
-Bounding Volume Hierarchies"): first cells of some triangles each, then the triangles in these (after
-Garanzha, Pantaleoni, McAllister 2011, "Simpler and Faster HLBVH with Work Queues"). It is stored in depth-first order, each node
-with a link to what follows its subtree, once for each octant of ray directions, so that the nearer child comes first (after
-Hachisuka 2015, "MTBVH").
+Nodes are split level by level by the binned surface area heuristic (Wald 2007, "On fast Construction of SAH-based Bounding
+Volume Hierarchies"): first grid cells of triangles, then the triangles of each cell (after Garanzha, Pantaleoni, McAllister
+2011, "Simpler and Faster HLBVH with Work Queues"). The tree is stored depth first, each node with a link past its subtree,
+once for each octant of ray directions, so that the nearer child comes first (after Hachisuka 2015, "MTBVH").
 """
 
 from __future__ import annotations
@@ -16,25 +15,24 @@ import numpy as np
 from irrsplat.core.vectors import morton_codes
 
 LEAF = 4  # triangles of a leaf at most; two bits of the shader's tables hold their number
-STEPS = 65533  # of the grid to which boxes are rounded, along an axis; with a margin of one on either side they fit in 16 bits
-_MARGIN = 0.05  # steps by which a box is larger than its content: more than what a shader's rounding may lose
+STEPS = 65533  # grid steps along an axis to which boxes are rounded; with a margin of one on either side they fit 16 bits
+_MARGIN = 0.05  # steps by which a box exceeds its content: more than the rounding error of a shader
 _BINS = 16  # per node and level at most
-_TOGETHER = 32  # triangles that are split from each other last: splitting all of them from the root on took twice as long
-_DEPTH = 10  # levels of the octree whose cells hold so many
+_CELL_TRIANGLES = 32  # triangles of a cell at most: splitting all triangles from the root took twice as long
+_DEPTH = 10  # levels of the octree of cells
 _SIZES = 1 / 8, 1 / 32  # of the whole: triangles of different sizes lie in different cells
-_LEVELS = 40  # after which nodes are halved by number: triangles whose sizes grow by powers would make a tree without end
-_FAR = np.float32(1e18)  # metres, an empty box's corners; its area is still a number
+_LEVELS = 40  # of splits by cost, then by number: sizes that grow by powers would give an unbounded depth
+_EMPTY_BOX = np.float32(1e18)  # metres, corners of an empty box; its area is finite
 
 
 @dataclass(frozen=True)
 class Bvh:
-    """The tree of F triangles, as a shader takes it (shaders/lib/rays/bvh.glsl).
+    """Tree of F triangles in the layout of shaders/lib/rays/bvh.glsl.
 
-    nodes: (8, N, 4) uint32, depth first, once for each octant of directions (bit i set: the i-th component is negative).
-    Of each: the 16-bit grid coordinates of the box's near corner x y z, then its far one's, two a word, low half first; then
-    the row of the node that follows the whole subtree, counted through all octants, or for a leaf
-    2³¹ + 4·(its first triangle) + (their number - 1).
-    grid: (2, 3) float32: grid coordinate g is at grid[0] + g·grid[1] metres. order: (F,) the triangles' numbers, leaf by leaf.
+    nodes: (8, N, 4) uint32, depth first, for each octant of directions (bit i set: component i is negative). The first three
+    words hold the box's near corner x y z, then its far corner, as 16-bit grid coordinates, two a word, low half first. The last
+    word is the row after the subtree, counted through all octants, or for a leaf 2³¹ + 4·(first triangle) + (count - 1). grid:
+    (2, 3) float32: grid coordinate g is at grid[0] + g·grid[1] metres. order: (F,) the triangles' numbers, leaf by leaf.
     """
 
     nodes: np.ndarray
@@ -43,9 +41,9 @@ class Bvh:
 
 
 def build(corners: np.ndarray) -> Bvh:
-    """The tree of triangles (F, 3, 3) of finite corners; the same corners make the same tree."""
+    """Return the tree of triangles (F, 3, 3) with finite corners; equal corners give an equal tree."""
     corners = np.asarray(corners, np.float32).reshape(-1, 3, 3)
-    if not len(corners):  # one node that no ray enters: its near corner is beyond its far one
+    if not len(corners):  # one node with an inverted box, which no ray enters
         link = np.arange(1, 9, dtype=np.uint32)[:, None, None]
         nodes = np.concatenate([np.broadcast_to(np.array([0xFFFFFFFF, 0xFFFF, 0], np.uint32), (8, 1, 3)), link], axis=2)
         return Bvh(nodes, np.array([[0.0] * 3, [1.0] * 3], np.float32), np.zeros(0, np.intp))
@@ -55,13 +53,13 @@ def build(corners: np.ndarray) -> Bvh:
 
 
 def _boxes(corners: np.ndarray) -> np.ndarray:
-    """(6, F) the boxes of triangles (F, 3, 3), as _Tree has them."""
-    a, b, c = (np.ascontiguousarray(corners[:, k].T) for k in range(3))  # numpy takes long over axes as short as 3
+    """Return (6, F) the boxes of triangles (F, 3, 3), in the form of _Tree."""
+    a, b, c = (np.ascontiguousarray(corners[:, k].T) for k in range(3))  # numpy is slow over axes as short as 3
     return np.concatenate([np.minimum(np.minimum(a, b), c), -np.maximum(np.maximum(a, b), c)])
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Bvh.grid of what lies between the corners low and high (3,); exact in float32, so that a shader has the same."""
+    """Return Bvh.grid between the corners low and high (3,); exact in float32, so that a shader computes the same."""
     step = np.maximum(high - low, 1e-3 * float((high - low).max()) + 1e-30) / STEPS
     start = np.nextafter(low - step, np.float32(-np.inf)).astype(np.float32)
     step = (np.maximum(high - start.astype(float), step * STEPS) / (STEPS + 1)).astype(np.float32)
@@ -70,11 +68,10 @@ def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Trees of some roots, N nodes level by level.
+    """Forest of some roots, N nodes level by level.
 
-    left: (N,) the left child; the right one is the next; -1: a leaf. axis: (N,) of the split.
-    first, count: (N,) of leaves the first item and their number. inner: the numbers of the nodes that
-    are no leaves, level by level. order: the items, leaf by leaf.
+    left: (N,) left child, followed by the right one; -1: a leaf. axis: (N,) of the split. first, count: (N,) first item and
+    number of items of a leaf. inner: numbers of the inner nodes, level by level. order: the items, leaf by leaf.
     """
 
     left: np.ndarray
@@ -87,20 +84,20 @@ class _Levels:
 
 @dataclass(frozen=True)
 class _Tree(_Levels):
-    """The tree of all triangles.
+    """Tree of all triangles.
 
-    boxes: (6, N) the least corner and the negative of the greatest, so that the minimum over boxes bounds all of them.
+    boxes: (6, N) the least corner and the negative of the greatest, so that one minimum bounds several boxes.
     """
 
     boxes: np.ndarray
 
 
 def _tree(boxes: np.ndarray) -> _Tree:
-    """The tree of triangles with these boxes (6, F): that of the cells in which they lie, and below it one for each of these."""
+    """Return the tree of triangles with these boxes (6, F): a tree of their cells, and below it one for each cell."""
     cells = _cells(boxes)
     top = _levels(cells.boxes, np.array([len(cells.count)]), cells.count)
     below = _levels(boxes, np.add.reduceat(cells.count[top.order], top.first[top.left < 0]), None, cells.triangles(top.order))
-    # a leaf of the upper tree is a root of the lower ones, which come first there; all of their other nodes follow the upper ones
+    # leaves of the upper tree are the roots of the lower ones, which come first there; other lower nodes follow the upper tree
     roots, nodes = int(np.count_nonzero(top.left < 0)), len(top.left)
     number = np.concatenate([np.flatnonzero(top.left < 0), nodes + np.arange(len(below.left) - roots)])
     left, axis, first, count = (np.zeros(nodes + len(below.left) - roots, np.intp) for _ in range(4))
@@ -118,15 +115,14 @@ def _tree(boxes: np.ndarray) -> _Tree:
 
 @dataclass(frozen=True)
 class _Cells:
-    """The cells in which triangles lie: their boxes (6, C) together, how many each one has, count (C,), and all of them cell by
-    cell, order (F,)."""
+    """Cells of triangles: their boxes (6, C), numbers of triangles `count` (C,), and triangles cell by cell `order` (F,)."""
 
     boxes: np.ndarray
     count: np.ndarray
     order: np.ndarray
 
     def triangles(self, cells: np.ndarray) -> np.ndarray:
-        """(F,) the triangles of all `cells` (C,), one cell after the other."""
+        """Return (F,) the triangles of `cells` (C,), cell by cell."""
         count, start = self.count[cells], (np.cumsum(self.count) - self.count)[cells]
         within = np.arange(len(self.order)) - np.repeat(np.cumsum(count) - count, count)
         found: np.ndarray = self.order[np.repeat(start, count) + within]
@@ -134,23 +130,25 @@ class _Cells:
 
 
 def _cells(boxes: np.ndarray) -> _Cells:
-    """The cells of an octree by the triangles' centres, cut down to _TOGETHER triangles in each or to its last level; large
-    triangles lie apart from small ones, whose boxes they would swell."""
+    """Return octree cells by the triangles' centres, of at most _CELL_TRIANGLES triangles or of the last level.
+
+    Large triangles have cells of their own, because they would enlarge the boxes of small ones.
+    """
     centre, wide = boxes[:3] - boxes[3:], -(boxes[:3] + boxes[3:]).min(axis=0)
     start = centre.min(axis=1, keepdims=True)
     whole = np.maximum((centre.max(axis=1, keepdims=True) - start).max(), np.float32(1e-30))
     code = morton_codes(np.minimum((centre - start) * np.float32(1 << _DEPTH) / whole, (1 << _DEPTH) - 1))
     for size in _SIZES:
-        code += (2.0 * wide > size * whole).astype(np.int64) << 3 * _DEPTH  # centres are twice as far apart as they seem
+        code += (2.0 * wide > size * whole).astype(np.int64) << 3 * _DEPTH  # the sums of corners are twice the centres
     packed = np.sort(code << 32 | np.arange(len(code)))
     order, differs = packed & 0xFFFFFFFF, np.full(len(packed), -1)
     differs[1:] = (packed[1:] ^ packed[:-1]) >> 32
     begin = np.flatnonzero(differs >> 3 * _DEPTH)
     for depth in range(1, _DEPTH + 1):
         count = np.diff(begin, append=len(code))
-        if count.max() <= _TOGETHER:
+        if count.max() <= _CELL_TRIANGLES:
             break
-        many = np.repeat(count > _TOGETHER, count)
+        many = np.repeat(count > _CELL_TRIANGLES, count)
         many[begin] = True
         begin = np.flatnonzero(many & (differs >> 3 * (_DEPTH - depth) != 0))
     bounds = np.minimum.reduceat(np.take(boxes, order, axis=1), begin, axis=1)
@@ -158,11 +156,12 @@ def _cells(boxes: np.ndarray) -> _Cells:
 
 
 def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:
-    """Split nodes of so many items each, `counts`, until LEAF of them are left, or of items with weights (N,) one, or as many as
-    weigh _TOGETHER.
+    """Split nodes of `counts` items until at most LEAF items remain.
 
-    boxes: (6, N) of the items. items: their numbers, root by root (default: all, in their order)."""
-    live = np.arange(boxes.shape[1]) if items is None else items  # those not in leaves yet, node by node
+    With `weights` (N,), nodes of one item or of at most _CELL_TRIANGLES in weight are leaves.
+    boxes: (6, N) of the items. items: their numbers, root by root (default: all, in order).
+    """
+    live = np.arange(boxes.shape[1]) if items is None else items  # items that are not in leaves yet, node by node
     part = boxes if items is None else np.take(boxes, items, axis=1)
     lefts, axes, numbers = [], [], []
     inner: list[np.ndarray] = []
@@ -171,7 +170,7 @@ def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, i
     while len(counts):
         leaf = counts <= LEAF
         if weights is not None:
-            leaf = (counts == 1) | (np.add.reduceat(weights[live], np.cumsum(counts) - counts) <= _TOGETHER)
+            leaf = (counts == 1) | (np.add.reduceat(weights[live], np.cumsum(counts) - counts) <= _CELL_TRIANGLES)
         keep = np.repeat(~leaf, counts)
         order.append(live[~keep])
         numbers.append(np.where(leaf, counts, 0))
@@ -196,11 +195,10 @@ def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, i
 def _split(
     boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, halve: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split N nodes, each of which has `counts` (N,) of the boxes (6, B), across the axis along which centres spread most.
+    """Split N nodes, each of which has `counts` (N,) of the boxes (6, B), across the axis of the greatest extent of centres.
 
-    Returns the boxes' new order, in which each node's left ones come first, the axes (N,), and how many boxes are left (N,).
-    weights: (B,) how many triangles each box has; None: one. halve: split by number at any cost, as is done where all centres
-    coincide.
+    Returns the boxes' new order with each node's left ones first, the axes (N,), and the numbers of left boxes (N,).
+    weights: (B,) triangles of each box; None: one. halve: split by number; also done where all centres coincide.
     """
     nodes, total = len(counts), boxes.shape[1]
     bins = int(np.clip(2 * total // nodes, 4, _BINS))
@@ -212,17 +210,17 @@ def _split(
     scale = np.float32(bins) / np.maximum(spread, np.float32(1e-30))
     offset = (centre.ravel()[axis[node] * total + np.arange(total)] - low[node]) * scale[node]
     key = node * bins + np.minimum(offset.astype(np.intp), bins - 1)
-    packed = np.sort(key << 32 | np.arange(total))  # the numbers make all keys different, so that every sort gives the same order
+    packed = np.sort(key << 32 | np.arange(total))  # the item numbers make all keys distinct, so that the order is unique
     place, key = packed & 0xFFFFFFFF, packed >> 32
 
     begin = np.flatnonzero(np.diff(key, prepend=-1))
     filled = key[begin]
-    bounds = np.full((6, nodes * bins), _FAR, np.float32)
+    bounds = np.full((6, nodes * bins), _EMPTY_BOX, np.float32)
     bounds[:, filled] = np.minimum.reduceat(np.take(boxes, place, axis=1), begin, axis=1)
     binned = bounds.reshape(6, nodes, bins)
 
     def up_to_each(of_bins: np.ndarray) -> np.ndarray:
-        """(N, bins - 1) the sums of what lies left of each split."""
+        """Return (N, bins - 1) the sums over the bins to the left of each split."""
         sums = np.zeros(nodes * bins, np.intp)
         sums[filled] = of_bins
         left: np.ndarray = np.cumsum(sums.reshape(nodes, bins), axis=1)[:, :-1]
@@ -240,14 +238,14 @@ def _split(
 
 
 def _area(boxes: np.ndarray) -> np.ndarray:
-    """Half the surface area of boxes (6, …); meaningless for empty ones."""
+    """Return half the surface area of boxes (6, …); meaningless for empty ones."""
     x, y, z = -(boxes[:3] + boxes[3:])
     area: np.ndarray = x * y + y * z + z * x
     return area
 
 
 def _table(tree: _Tree, grid: np.ndarray) -> np.ndarray:
-    """Bvh.nodes."""
+    """Return Bvh.nodes."""
     count = len(tree.left)
     size = np.ones(count, np.intp)  # of each node's subtree
     for nodes in reversed(tree.inner):

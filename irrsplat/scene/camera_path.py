@@ -1,4 +1,4 @@
-"""A flight through a scene: cameras as keys, a smooth curve between them, and the text file that holds both; and what moves."""
+"""Camera paths: keys, a smooth curve through them, their text file, and moving meshes and lights."""
 
 from __future__ import annotations
 
@@ -19,19 +19,16 @@ from irrsplat.scene.io.motion_keys import LightKey, MeshKey, Motions, light_key,
 from irrsplat.scene.io.text.scene_text import USAGE
 from irrsplat.scene.model import Camera
 
-SEGMENT = 30  # frames from key to key where a file does not say how many there are
+SEGMENT = 30  # frames from key to key by default
 _CAM = f"{USAGE['cam']} (a name may follow 'cam')"
 _FRAMES = "frames N, a whole number of at least 1"
-_LEVEL = 0.01  # the least sine between the view and the up vector that is still trusted
-_NEAR = 1e-9  # of the eye's coordinates: a target nearer than that is lost in rounding
+_LEAST_UP_SINE = 0.01  # least sine of the angle between view and up vector
+_LEAST_DISTANCE = 1e-9  # least distance of the target, relative to the eye's coordinates; smaller ones are lost in rounding
 
 
 @dataclass(frozen=True)
 class Path:
-    """Keys (at least one) and the number of frames (at least one) in which a camera passes through them; else InputError.
-
-    motions: the meshes and lamps that move meanwhile.
-    """
+    """Keys (at least one) and a number of frames (at least one), else InputError. motions: of meshes and lights."""
 
     keys: tuple[Camera, ...]
     frames: int
@@ -44,17 +41,17 @@ class Path:
             raise InputError(f"a path has at least 1 frame, not {self.frames}")
 
     def __iter__(self) -> Iterator[Camera]:
-        """The cameras of all frames, in order."""
+        """Yield the cameras of all frames, in order."""
         return map(self.camera, range(self.frames))
 
     def shifted(self, by: npt.ArrayLike) -> Path:
-        """The path with its keys `by` (3,) metres from here, as they are relative to an origin; motions stay in world space."""
+        """Return the path with its keys shifted by `by` (3,) metres, to another origin; motions stay in world space."""
         return replace(self, keys=tuple(key.shifted(by) for key in self.keys)) if np.any(by) else self
 
     def camera(self, frame: float) -> Camera:
-        """The camera at `frame`, which may lie between two frames: 0 is the first key, frames - 1 the last one.
+        """Return the camera at `frame`, which may be fractional: 0 is the first key, frames - 1 the last.
 
-        Before and after those it stands still. Keys are evenly spaced in time. Whatever the keys are, the camera is a valid one.
+        The camera is constant before and after these. Keys are evenly spaced in time. The result is always a valid camera.
         """
         if not math.isfinite(frame):
             raise InputError(f"a frame is a finite number, not {frame}")
@@ -68,10 +65,9 @@ class Path:
 
 
 def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
-    """The path in the text file `file`: a `cam` line a key, `frames N` at most once (without it: 30 from key to key), and
-    `mesh` and `light` lines for what moves.
+    """Read the path in the text file `file`: `cam` lines are keys, `frames N` is optional, `mesh` and `light` lines are motions.
 
-    fov: of every key, vertical, in degrees. Raises InputError with file and line for whatever is wrong in it.
+    fov: of every key, vertical, in degrees. Raises InputError with file and line for any error in it.
     """
     where = pathlib.Path(file)
     keys: list[Camera] = []
@@ -86,7 +82,7 @@ def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
         elif line.word == "light":
             lights.append(light_key(line))
         elif line.word != "frames":
-            raise line.error(f"unknown word {quote(line.word)}; a path knows cam, frames, mesh and light")
+            raise line.error(f"unknown word {quote(line.word)}; expected cam, frames, mesh or light")
         elif frames is not None:
             raise line.error(f"'frames' is given twice; first in line {frames.number}")
         else:
@@ -98,22 +94,22 @@ def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
 
 
 def path_text(path: Path) -> str:
-    """The text of a path's file, from which `load_path` reads the same eyes, targets, ups and frames again, bit by bit.
+    """Return the text of a path file, from which `load_path` restores eyes, targets, ups and frames exactly.
 
-    The field of view is not in it, nor are the keys' names, nor what moves.
+    Field of view, names of keys and motions are not included.
     """
-    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_words(key)[:3])}\n" for key in path.keys)])
+    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key)[:3])}\n" for key in path.keys)])
 
 
 def camera_line(camera: Camera) -> str:
-    """The `cam` line of one camera, as a `.scene` or a path has it, in numbers of six digits or to the millimetre; without name
-    and end of line."""
-    return f"cam {'  '.join(_words(camera, _short)[:3])}"
+    """Return the `cam` line of a camera for a `.scene` or a path, with six digits or to the millimetre, without name and line
+    end."""
+    return f"cam {'  '.join(_camera_words(camera, _short_number)[:3])}"
 
 
 def camera_flags(camera: Camera) -> str:
-    """One camera as flags of the command line: --eye, --target, --up and --fov, in such numbers."""
-    eye, target, up, fov = _words(camera, _short)
+    """Return the flags --eye, --target, --up and --fov of a camera, with six digits or to the millimetre."""
+    eye, target, up, fov = _camera_words(camera, _short_number)
     return f"--eye {eye} --target {target} --up {up} --fov {fov}"
 
 
@@ -121,33 +117,33 @@ def camera_flags(camera: Camera) -> str:
 
 
 def _between(around: list[Camera], t: float) -> Camera:
-    """The camera at 0 < t < 1 from the second to the third of four keys, by Catmull and Rom's spline (1974).
+    """Return the camera at 0 < t < 1 from the second to the third of four keys, by the spline of Catmull and Rom (1974).
 
-    Eye, unit view direction, unit up, log target distance and log tan(fov/2) are interpolated. Directions instead of targets:
-    the target never meets the eye on the way, a far target beside a near one does not throw the view about, and in an orbit
-    at constant distance the directions are the eyes' offsets negated, so that the view stays on the centre exactly.
+    Eye, unit view direction, unit up, log target distance and log tan(fov/2) are interpolated. Directions are better than
+    targets: the target never meets the eye, and targets at different distances do not swing the view. In an orbit at constant
+    distance the view stays on the centre exactly.
     """
     w = _weights(t)
     eye = w @ np.array([key.eye for key in around])
-    gaze = [np.subtract(key.target, key.eye) for key in around]
-    distance = math.exp(w @ np.log([np.linalg.norm(g) for g in gaze]))
-    distance = max(distance, _NEAR * float(np.abs(eye).max()))
+    aims = [np.subtract(key.target, key.eye) for key in around]
+    distance = math.exp(w @ np.log([np.linalg.norm(g) for g in aims]))
+    distance = max(distance, _LEAST_DISTANCE * float(np.abs(eye).max()))
     view = _view(around, w, t)
-    zoom = w @ np.log(np.clip([key.screen / 2.0 for key in around], 1e-9, 1e9))  # beyond, the curve's fov rounds to 0 or 180
+    zoom = w @ np.log(np.clip([key.screen / 2.0 for key in around], 1e-9, 1e9))  # beyond these limits the fov rounds to 0 or 180
     fov = math.degrees(2.0 * math.atan(math.exp(zoom)))
     return Camera(_triple(eye), _triple(eye + distance * view), _triple(_up(around, w, t, view)), fov)
 
 
 def _weights(t: float) -> np.ndarray:
-    """(4,): what the four keys count at t; 0 1 0 0 at t = 0 and 0 0 1 0 at t = 1, of sum 1."""
+    """Return (4,) the weights of the keys at t, of sum 1: 0 1 0 0 at t = 0 and 0 0 1 0 at t = 1."""
     return 0.5 * np.array([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3])
 
 
 def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
-    """(3,) unit: the interpolated view direction.
+    """Return (3,) the interpolated view direction, unit.
 
-    Where the view turns by more than 120°, the directions would nearly cancel out on the way: a swing to the side is added,
-    up to a whole unit for a turn back. It is 0 at both keys, and so is its slope. The sum is never shorter than 0.36.
+    Where the view turns by more than 120°, the directions would nearly cancel: a sideways swing is added, of length 1 for a turn
+    back. It vanishes at both keys with its slope. The sum is never shorter than 0.36.
     """
     views = np.array([-key.axes[2] for key in around])
     half = views[1] + views[2]
@@ -160,13 +156,13 @@ def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
 
 
 def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.ndarray:
-    """(3,): the interpolated up vector; where that is parallel to `view`, or nearly, the nearer key's, turned along with it."""
+    """Return (3,) the interpolated up vector; where nearly parallel to `view`, the nearer key's, rotated with the view."""
     up: np.ndarray = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
-    if np.linalg.norm(np.cross(view, up)) > _LEVEL:
+    if np.linalg.norm(np.cross(view, up)) > _LEAST_UP_SINE:
         return up
     key = around[1] if t < 0.5 else around[2]
     ahead, up = -key.axes[2], key.axes[1]
-    level: np.ndarray = up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the least turn that takes ahead to view
+    level: np.ndarray = up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the smallest rotation from ahead to view
     return level
 
 
@@ -200,14 +196,14 @@ def _count(line: Line) -> int:
     return int(line.args[0])
 
 
-def _words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
-    """Eye, target, up and fov as words, the numbers spelled by `write`; in full where the short ones would make no camera."""
+def _camera_words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
+    """Return eye, target, up and fov as text, with numbers by `write`; in full where short ones give no valid camera."""
     eye, target, up = (" ".join(write(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
     fov = write(float(camera.fov))
     try:
         Camera(_read(eye), _read(target), _read(up), float(fov))
     except InputError:
-        return _words(camera)
+        return _camera_words(camera)
     return eye, target, up, fov
 
 
@@ -215,5 +211,5 @@ def _read(words: str) -> tuple[float, float, float]:
     return _triple([float(word) for word in words.split()])
 
 
-def _short(x: float) -> str:
-    return f"{x:.6g}" if abs(x) < 1e3 else f"{round(x, 3):.15g}"  # far away to the millimetre
+def _short_number(x: float) -> str:
+    return f"{x:.6g}" if abs(x) < 1e3 else f"{round(x, 3):.15g}"  # far away: to the millimetre

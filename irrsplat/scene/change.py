@@ -1,4 +1,4 @@
-"""What is different between two states of one scene: computed once, and handed down to all who go by it."""
+"""The difference between two states of a scene."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 from irrsplat.scene.model import Mesh, Scene
 
-_ALIKE = 1e-6  # relative: lamps that are dimmed by factors as near as this are dimmed by the same one
+_SAME_FACTOR = 1e-6  # relative difference below which two dimming factors count as equal
 
 
 @dataclass(frozen=True)
 class SceneChange:
-    """From `old` to `new`, which have the same meshes in the same order.
+    """Change from `old` to `new`, which have the same meshes in the same order.
 
-    moved: the indices of the meshes that are elsewhere. relit: whether any light differs. repainted: the indices of the meshes
-    that have another material. other_sky: whether the sky differs, but for its suns, which are lights.
+    moved: indices of meshes with other vertices. relit: True if any light differs. repainted: indices of meshes with another
+    material. other_sky: True if the sky differs apart from its suns, which are lights.
     """
 
     old: Scene
@@ -29,7 +29,7 @@ class SceneChange:
 
     @classmethod
     def between(cls, old: Scene, new: Scene) -> SceneChange:
-        """What a renderer of `old` has to make anew for `new`."""
+        """Return the change from `old` to `new`."""
         if old is new:
             return cls(old, new, (), relit=False)
         pairs = list(zip(old.meshes, new.meshes, strict=True))
@@ -44,22 +44,24 @@ class SceneChange:
 
     @property
     def moved_pairs(self) -> list[tuple[Mesh, Mesh]]:
-        """The meshes that are elsewhere: each as it was, and as it is."""
+        """The moved meshes, each before and after."""
         return [(self.old.meshes[i], self.new.meshes[i]) for i in self.moved]
 
     def __bool__(self) -> bool:
-        """Whether anything differs."""
+        """True if anything differs."""
         return bool(self.moved or self.repainted) or self.relit or self.other_sky
 
     @property
     def looks_otherwise(self) -> bool:
-        """Whether all light may be another, since lights, the sky or materials differ."""
+        """True if all light may differ, because lights, the sky or materials do."""
         return self.relit or self.other_sky or bool(self.repainted)
 
     @cached_property
     def dimming(self) -> np.ndarray | None:
-        """(3,) the factors by which all light of red, green and blue has changed, where nothing else has: light is linear in its
-        sources, so whatever was lit by these is known at once. None where there is no such factor, or it would lead from 0."""
+        """The factors (3,) by which all red, green and blue light has changed, where only the lights' intensity differs.
+
+        Light is linear in its sources, so these factors scale any cached value. None where no factor exists, or a light was off.
+        """
         old, new = self.old.lights, self.new.lights
         others = self.moved or self.repainted or self.other_sky
         if not self.relit or others or len(old) != len(new):
@@ -73,18 +75,18 @@ class SceneChange:
         ratio = np.divide(after, before, out=np.full_like(before, np.nan), where=lit)
         least, most = (reduce(ratio, axis=0, initial=limit, where=lit) for reduce, limit in ((np.min, np.inf), (np.max, -np.inf)))
         factor: np.ndarray = np.where(lit.any(0), most, 1.0)
-        if (np.where(lit.any(0), most - least, 0.0) > _ALIKE * factor).any() or (shines(self.new) & (factor != 1.0)).any():
+        if (np.where(lit.any(0), most - least, 0.0) > _SAME_FACTOR * factor).any() or (shines(self.new) & (factor != 1.0)).any():
             return None
         return factor
 
     @property
     def hides(self) -> bool:
-        """Whether a mesh has vanished, or is there again (see motion.hidden)."""
+        """True if a mesh was hidden or is visible again (see motion.hidden)."""
         return any(self.old.meshes[i].is_point != self.new.meshes[i].is_point for i in self.moved)
 
 
 def shines(scene: Scene) -> np.ndarray:
-    """(3,) whether anything but its lamps sends out red, green and blue: a sky, or a surface."""
+    """Return (3,) bool: True if the sky or a surface emits red, green and blue."""
     if scene.environment is not None:
         return np.ones(3, bool)
     sources = [scene.sky, scene.sky_gradient, *(mesh.material.emission for mesh in scene.meshes)]
@@ -93,7 +95,7 @@ def shines(scene: Scene) -> np.ndarray:
 
 
 def is_elsewhere(before: Mesh, after: Mesh) -> bool:
-    """Whether a mesh's triangles are others now; a repainted mesh shares them with that before."""
+    """True if a mesh's vertices or faces changed; a repainted mesh shares these arrays with the former one."""
     if before is after:
         return False
     shared = before.positions is after.positions and before.normals is after.normals and before.faces is after.faces

@@ -1,4 +1,4 @@
-"""Which triangles of a scene are its area lights: how bright each one is in the mean, and in which clusters they lie."""
+"""The area lights of a scene: emissive triangles, their mean luminance, and clusters of them."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 
-_ENVIRONMENT = 0.125  # of all surfaces: a mesh that shines over more than that is what rays find anyway, no lamp
-_BRIGHTER = 4.0  # times the luminance of such a mesh: what shines less in front of it is no lamp either
-_SMALL = 0.01  # of the scene's diagonal: what is no larger is one cluster
-_FAINT = 1e-3  # of a mesh's brightest triangle: what is fainter counts as dark where the mesh's shining part is measured
-_POINTS = 4  # a textured triangle's mean emission is that of _POINTS² points
+_BACKDROP_SHARE = 0.125  # share of all surface area; hemisphere samples alone find an emissive mesh that is larger
+_LEAST_RATIO = 4.0  # least ratio of an area light's luminance to that of such a large mesh
+_SMALLEST_SPLIT = 0.01  # of the scene's diagonal; clusters of this size are not split
+_DARK = 1e-3  # of a mesh's brightest triangle; darker ones do not count towards the emissive area
+_POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² points
 
 
 @dataclass(frozen=True)
 class Emitters:
-    """N triangles that are area lights.
+    """N emissive triangles.
 
-    triangle: (N,) their numbers in the order of scene.flatten. luminance: (N,) of the emission's mean over each, W/(m² sr).
-    area: (N,) m². one_sided: (N,) bool, whether only the side that its winding makes the front one can be seen, since the mesh is
-    closed. cluster: (N,) which of the C clusters each belongs to. centre, radius: (C, 3) and (C,) metres, balls that hold them.
+    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). area: (N,) m².
+    one_sided: (N,) bool, True for triangles of closed meshes, whose back is invisible. cluster: (N,) number of each one's
+    cluster. centre, radius: (C, 3) and (C,) metres, bounding balls of the clusters.
     """
 
     triangle: np.ndarray
@@ -43,42 +43,41 @@ class Emitters:
 
 
 def emitters(scene: Scene) -> Emitters:
-    """The scene's area lights.
+    """Return the scene's area lights.
 
-    Left out are meshes that shine over more than an eighth of all surfaces, as domes and furnaces do: every gather's rays find
-    them by the hundred, and a room in which all shines needs no second way to see that; nor does what is hardly brighter than
-    such a mesh. What light passes is left out, too.
+    Meshes whose emissive area exceeds an eighth of all surfaces, such as domes and furnaces, are excluded: hundreds of rays of
+    each gather hit them. So are triangles that are hardly brighter than such a mesh, and surfaces that transmit light.
     """
     triangles: list[np.ndarray] = [np.zeros(0, int)]
     means: list[np.ndarray] = [np.zeros(0)]
     corners, one_sided, first = [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
-    surroundings = 0.0  # the luminance of the brightest mesh that is left out
-    all_of_it = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
+    backdrop_luminance = 0.0  # luminance of the brightest excluded mesh
+    total_area = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
             mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
             area = triangle_areas(at)
             power = mean * area
-            shining = float(area[mean > _FAINT * mean.max(initial=0.0)].sum())
+            emitting_area = float(area[mean > _DARK * mean.max(initial=0.0)].sum())
             kept = np.flatnonzero(power > 0.0)
-            if shining > _ENVIRONMENT * all_of_it:
-                surroundings, kept = max(surroundings, float(power.sum()) / shining), kept[:0]
+            if emitting_area > _BACKDROP_SHARE * total_area:
+                backdrop_luminance, kept = max(backdrop_luminance, float(power.sum()) / emitting_area), kept[:0]
             triangles.append(first + kept)
             means.append(mean[kept])
             corners.append(at[kept])
             one_sided.append(np.full(len(kept), sort_of(mesh) == CLOSED))
         first += len(mesh.faces)
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
-    lamps = luminance > _BRIGHTER * surroundings
-    triangle, luminance, at = triangle[lamps], luminance[lamps], at[lamps]
+    bright = luminance > _LEAST_RATIO * backdrop_luminance
+    triangle, luminance, at = triangle[bright], luminance[bright], at[bright]
     area = triangle_areas(at)
-    cluster = _clusters(at, luminance * area, _SMALL * scene.diagonal)
+    cluster = _clusters(at, luminance * area, _SMALLEST_SPLIT * scene.diagonal)
     centre, radius = _balls(at, cluster)
-    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[lamps], cluster, centre, radius)
+    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[bright], cluster, centre, radius)
 
 
 def _corners(mesh: Mesh) -> np.ndarray:
-    """(F, 3, 3) float64, metres."""
+    """Return (F, 3, 3) float64, metres."""
     corners: np.ndarray = mesh.positions[mesh.faces].astype(float)
     return corners
 
@@ -87,31 +86,34 @@ def _corners(mesh: Mesh) -> np.ndarray:
 
 
 def _clusters(corners: np.ndarray, power: np.ndarray, small: float) -> np.ndarray:
-    """(N,) the clusters of triangles (N, 3, 3): the one of most power times extent is halved across its longest side, until all
-    are as small as `small` metres or there are MAX_EMITTER_CLUSTERS."""
+    """Return (N,) the clusters of triangles (N, 3, 3).
+
+    The cluster with the greatest product of power and extent is halved across its longest side, until all are as small as `small`
+    metres or there are MAX_EMITTER_CLUSTERS.
+    """
     middle = corners.mean(axis=1)
     parts = [np.arange(len(corners))] if len(corners) else []
-    whole: list[np.ndarray] = []
-    while parts and len(parts) + len(whole) < MAX_EMITTER_CLUSTERS:
+    finished: list[np.ndarray] = []
+    while parts and len(parts) + len(finished) < MAX_EMITTER_CLUSTERS:
         low = [corners[part].min((0, 1)) for part in parts]
         extent = [float(np.linalg.norm(corners[part].max((0, 1)) - a)) for part, a in zip(parts, low, strict=True)]
-        worst = int(np.argmax([float(power[part].sum()) * size for part, size in zip(parts, extent, strict=True)]))
-        part = parts.pop(worst)
+        strongest = int(np.argmax([float(power[part].sum()) * size for part, size in zip(parts, extent, strict=True)]))
+        part = parts.pop(strongest)
         at = middle[part]
         axis = int(np.argmax(np.ptp(at, axis=0)))
         upper = at[:, axis] > 0.5 * (at[:, axis].min() + at[:, axis].max())
-        if extent[worst] <= small or not upper.any() or upper.all():
-            whole.append(part)
+        if extent[strongest] <= small or not upper.any() or upper.all():
+            finished.append(part)
         else:
             parts += [part[upper], part[~upper]]
     cluster = np.zeros(len(corners), int)
-    for number, part in enumerate(parts + whole):
+    for number, part in enumerate(parts + finished):
         cluster[part] = number
     return cluster
 
 
 def _balls(corners: np.ndarray, cluster: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The centres (C, 3) and radii (C,) of balls about the boxes of the clusters' triangles (N, 3, 3)."""
+    """Return the centres (C, 3) and radii (C,) of the bounding balls of clusters of triangles (N, 3, 3)."""
     count = int(cluster.max(initial=-1)) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, cluster, corners.min(axis=1))
@@ -123,7 +125,7 @@ def _balls(corners: np.ndarray, cluster: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _emission(mesh: Mesh) -> np.ndarray:
-    """(F, 3) the mean over each triangle of what it emits; colours and texture vary independently."""
+    """Return (F, 3) the mean emission of each triangle; vertex colours and texture are averaged independently."""
     plain, texture = np.asarray(mesh.material.emission, float), mesh.material.emission_texture
     if mesh.material.unlit and mesh.colors is not None:
         plain = plain * mesh.colors[mesh.faces].astype(float).mean(1)
@@ -135,9 +137,9 @@ def _emission(mesh: Mesh) -> np.ndarray:
 
 
 def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
-    """(F, 3) the texture's mean linear colour over triangles of these coordinates (F, 3, 2).
+    """Return (F, 3) the texture's mean linear colour over triangles with these coordinates (F, 3, 2).
 
-    By _POINTS² points of the level of an image pyramid whose texels are about as large as what a point stands for.
+    The samples are _POINTS² points at the mip level whose texels match the area of a sample.
     """
     a, b, c, d, e, f = texture.transform
     height, width = texture.image.pixels.shape[:2]
@@ -145,7 +147,7 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     one, two = ((at[:, k] - at[:, 0]) * (width, height) for k in (1, 2))
     texels = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / _POINTS**2
     level = np.maximum(np.log2(np.maximum(texels, 1.0)) / 2.0, 0.0).astype(int)
-    shares = _points()
+    shares = _barycentric_samples()
     mean = np.zeros((len(uvs), 3))
     image = linear_from_srgb(texture.image.pixels[..., :3].astype(np.float32) / np.float32(255.0))
     for number in range(int(level.max(initial=0)) + 1):
@@ -158,15 +160,15 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
     return mean
 
 
-def _points() -> np.ndarray:
-    """(_POINTS², 3) barycentric coordinates of points that share a triangle evenly."""
+def _barycentric_samples() -> np.ndarray:
+    """Return (_POINTS², 3) barycentric coordinates of points that are spread evenly over a triangle."""
     u, v = ((x.ravel() + 0.5) / _POINTS for x in np.indices((_POINTS, _POINTS)))
     root = np.sqrt(u)
     return np.stack([1.0 - root, root * (1.0 - v), root * v], axis=-1)
 
 
 def _texel(at: np.ndarray, size: int, wrap: Wrap) -> np.ndarray:
-    """The texels, of `size` along this axis, in which coordinates lie."""
+    """Return the texels at these coordinates, for `size` texels along this axis."""
     if wrap == "repeat":
         at = at - np.floor(at)
     elif wrap == "mirror":

@@ -1,4 +1,4 @@
-"""All meshes of a scene as one table of vertices and one of triangles, as a GPU takes them."""
+"""One table of vertices and one of triangles for all meshes of a scene, in the layout of the GPU."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from irrsplat.scene.seen_by_light import face_counts
 
 
 def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
-    """Vertices (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces (F, 3) int32; how many faces are closed.
+    """Return vertices (V, WIDTH) float32, rows as in core/vertex_layout.py, faces (F, 3) int32, and the number of closed faces.
 
-    The order of the faces is that of looks.in_order, which FaceCounts tells as well.
+    Faces are in the order of looks.in_order, as in FaceCounts.
     """
     meshes, numbers = in_order(scene), scene.materials
     vertices, faces, start = [np.zeros((0, WIDTH), "f4")], [np.zeros((0, 3), "i4")], 0

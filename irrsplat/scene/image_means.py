@@ -1,4 +1,4 @@
-"""Images scaled down in linear light: the mean over what each texel covers, which is what a surface that wears it reflects."""
+"""Downscaling of images in linear light, so that a texel is the mean reflectance of the area it covers."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ import numpy as np
 
 from irrsplat.core.color import linear_from_srgb, srgb
 
-_AT_ONCE = 1 << 16  # pixels that are decoded at once: so many stay in a processor's cache
+_CHUNK_PIXELS = 1 << 16  # pixels that are decoded together; they fit the processor's cache
 
-# tables for `half`
-_ROWS = 32  # of pixels at once, for the same reason
-_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
+_CHUNK_ROWS = 32  # rows of pixels that are processed together by `half`, for the same reason
+_LINEAR_STEPS = 65535  # linear values between 0 and 1: resolves the darkest sRGB colours
 _BYTES = np.arange(256) / 255.0
-_SAME = (_BYTES * _STEPS).round().astype("u4")
-_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
-_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
-_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
+_LINEAR_OF_BYTE = (_BYTES * _LINEAR_STEPS).round().astype("u4")
+_BYTE = (np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS * 255.0).round().astype("u1")
+_DECODE = (linear_from_srgb(_BYTES) * _LINEAR_STEPS).round().astype("u4")
+_ENCODE = (srgb(np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS) * 255.0).round().astype("u1")
 
 
 def _decoded() -> tuple[np.ndarray, np.ndarray]:
-    """(65536,) complex64 each, two numbers an entry: red and green, blue and alpha, by the two bytes that a pixel has of them."""
+    """Return two lookup tables (65536,) complex64: linear red and green, blue and alpha, by the two bytes of a pixel."""
     color, alpha = linear_from_srgb(np.arange(256) / 255.0), np.arange(256) / 255.0
     pairs = (np.stack(np.broadcast_arrays(color, second[:, None]), axis=-1) for second in (color, alpha))
     first, last = (pair.astype(np.float32).reshape(-1, 2).view(np.complex64).ravel() for pair in pairs)
@@ -30,14 +29,14 @@ _RED_GREEN, _BLUE_ALPHA = _decoded()
 
 
 def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
-    """(side, side, 4) float32, linear: the means over equal rectangles of an image of sRGB pixels (H, W, 4) uint8, with alpha.
+    """Return (side, side, 4) float32, linear: means over equal rectangles of an image of sRGB pixels (H, W, 4) uint8 with alpha.
 
-    weighted: colours count by their alpha; where all of that is 0 they are black.
+    weighted: colours are weighted by alpha; they are black where the total is 0.
     """
     height, width = pixels.shape[:2]
     down = _weights(height, side)
     out = np.empty((side, side, 8 if weighted else 4), np.float32)
-    step = max(_AT_ONCE * side // max(width * height, 1), 1)
+    step = max(_CHUNK_PIXELS * side // max(width * height, 1), 1)
     pairs = np.ascontiguousarray(pixels).view("<u2")
     for start in range(0, side, step):
         rows = down[start : start + step]
@@ -57,7 +56,7 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
 
 
 def sums_of_four(values: np.ndarray) -> np.ndarray:
-    """(⌈H/2⌉, ⌈W/2⌉, C) the sums over 2×2 pixels of an image (H, W, C), whose last row or column stands twice where it is odd."""
+    """Return (⌈H/2⌉, ⌈W/2⌉, C) the sums over 2×2 pixels of an image (H, W, C); an odd last row or column counts twice."""
     height, width = values.shape[:2]
     if height % 2 or width % 2:
         values = np.pad(values, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
@@ -67,29 +66,29 @@ def sums_of_four(values: np.ndarray) -> np.ndarray:
 
 
 def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
-    """(⌈H/2⌉, ⌈W/2⌉, 4) uint8: the means of 2×2 pixels (H, W, 4) uint8, of linear colours where they are `srgb_encoded`."""
+    """Return (⌈H/2⌉, ⌈W/2⌉, 4) uint8: means of 2×2 pixels (H, W, 4) uint8, in linear light if `srgb_encoded`."""
     height, width = pixels.shape[:2]
     out = np.empty(((height + 1) // 2, (width + 1) // 2, 4), "u1")
-    for row in range(0, height, _ROWS):
-        band = pixels[row : row + _ROWS]
-        values = np.take(_DECODE if srgb_encoded else _SAME, band, mode="clip")
-        values[..., 3] = np.take(_SAME, band[..., 3], mode="clip")
+    for row in range(0, height, _CHUNK_ROWS):
+        band = pixels[row : row + _CHUNK_ROWS]
+        values = np.take(_DECODE if srgb_encoded else _LINEAR_OF_BYTE, band, mode="clip")
+        values[..., 3] = np.take(_LINEAR_OF_BYTE, band[..., 3], mode="clip")
         means = sums_of_four(values) // 4
-        half_band = out[row // 2 : (row + _ROWS) // 2]
+        half_band = out[row // 2 : (row + _CHUNK_ROWS) // 2]
         half_band[:] = np.take(_ENCODE if srgb_encoded else _BYTE, means, mode="clip")
         half_band[..., 3] = _BYTE[means[..., 3]]
     return out
 
 
 def coverage(alpha: np.ndarray, side: int, cutoff: float) -> np.ndarray:
-    """(side, side) float32: of equal rectangles of an image with this `alpha` (H, W) uint8, the share where that is at least
-    `cutoff`, 0..1."""
+    """Return (side, side) float32: the share of pixels in each of equal rectangles of `alpha` (H, W) uint8 that reach `cutoff`,
+    0..1."""
     seen = (alpha >= cutoff * 255.0).astype(np.float32)
     return _means_across((_weights(len(alpha), side) @ seen)[..., None], side)[..., 0]
 
 
 def _weights(count: int, side: int) -> np.ndarray:
-    """(side, count) float32: how much of each of so many pixels lies in each of `side` equal parts of their row; sums are 1."""
+    """Return (side, count) float32: the share of each of `count` pixels in each of `side` equal parts of a row; rows sum to 1."""
     edges = np.arange(side + 1) * (count / side)
     at = np.arange(count)
     share = np.minimum(edges[1:, None], at + 1.0) - np.maximum(edges[:-1, None], at)
@@ -98,7 +97,7 @@ def _weights(count: int, side: int) -> np.ndarray:
 
 
 def _means_across(values: np.ndarray, side: int) -> np.ndarray:
-    """(R, side, C) the means over `side` equal parts of each of R rows of pixels (R, W, C)."""
+    """Return (R, side, C) the means over `side` equal parts of each of R rows of pixels (R, W, C)."""
     rows, width, channels = values.shape
     if width % side == 0:
         grouped: np.ndarray = np.einsum("rskc->rsc", values.reshape(rows, side, width // side, channels))

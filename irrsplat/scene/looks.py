@@ -1,4 +1,4 @@
-"""How a camera draws materials: which of them can be drawn together, and how triangles are numbered so that they are."""
+"""Draw states of materials: materials of one state are drawn together, and triangles are numbered accordingly."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from irrsplat.scene.seen_by_light import sort_of
 
 @dataclass(frozen=True)
 class Look:
-    """What the materials of one draw have in common; in all else they differ by vertices and the table of materials.
+    """The draw state of materials; other properties come from vertices and the table of materials.
 
-    alpha_cutoff: Material.alpha_cutoff where `alpha` is "mask", else 0. filters: Material.filters.
-    glows: whether they are filters that emit.
+    alpha_cutoff: Material.alpha_cutoff where `alpha` is "mask", else 0. filters: Material.filters. glows: True for filters that
+    emit.
     """
 
     albedo: Texture | None = None
@@ -28,16 +28,16 @@ class Look:
 
     @property
     def solid(self) -> bool:
-        """Whether any of it may be a surface that hides what is behind it; the rest tints only."""
+        """True if some of the surface may hide the background; otherwise it only filters."""
         return self.alpha == "blend" or not self.filters
 
 
-PLAIN = Look()  # no texture, opaque, seen from both sides
+PLAIN = Look()  # no texture, opaque, double-sided
 
 
 @dataclass(frozen=True)
 class Run:
-    """Successive triangles of one look: `count` of them from the number `first` on."""
+    """Consecutive triangles of one draw state: `count` triangles from number `first`."""
 
     look: Look
     first: int
@@ -45,7 +45,7 @@ class Run:
 
 
 def look_of(material: Material) -> Look:
-    """How a material is drawn; what cannot show (a map of a black emission, say) is left out."""
+    """Return the draw state of a material, without invisible parts such as the texture of a black emission."""
     return Look(
         albedo=material.albedo_texture,
         emission=material.emission_texture if any(material.emission) else None,
@@ -60,13 +60,12 @@ def look_of(material: Material) -> Look:
 
 
 def in_order(scene: Scene) -> list[Mesh]:
-    """The scene's meshes as their triangles are numbered: by seen_by_light.sort_of, and of each sort the plain ones first and
-    those of any other look side by side."""
+    """Return the scene's meshes in the order of their triangles' numbers: by seen_by_light.sort_of, then by draw state."""
     return [scene.meshes[i] for i in order(scene)]
 
 
 def order(scene: Scene) -> list[int]:
-    """The indices of the meshes in the order of in_order."""
+    """Return the indices of the meshes in the order of in_order."""
     looks = {material: look_of(material) for material in scene.materials}
     numbers = {look: i for i, look in enumerate(dict.fromkeys([PLAIN, *looks.values()]))}
     keys = [(sort_of(mesh), numbers[looks[mesh.material]]) for mesh in scene.meshes]
@@ -74,12 +73,12 @@ def order(scene: Scene) -> list[int]:
 
 
 def numbered_alike(a: Scene, b: Scene) -> bool:
-    """Whether the triangles of two states of one scene have the same numbers, as in_order gives them."""
+    """True if triangles have the same numbers in two states of a scene."""
     return order(a) == order(b) and all(sort_of(x) == sort_of(y) for x, y in zip(a.meshes, b.meshes, strict=True))
 
 
 def runs(scene: Scene) -> tuple[Run, ...]:
-    """All triangles as runs of one look, in the order of their numbers."""
+    """Return all triangles as runs of one draw state, in the order of their numbers."""
     looks = {material: look_of(material) for material in scene.materials}
     found: list[Run] = []
     for mesh in in_order(scene):

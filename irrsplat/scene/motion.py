@@ -1,4 +1,4 @@
-"""Meshes that change: the scene with one of them elsewhere, repainted or hidden, and the checks of what a caller asks for."""
+"""Changes of meshes: move, repaint and hide them, and check the arguments."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from irrsplat.core.words import quote
 from irrsplat.scene.change import is_elsewhere
 from irrsplat.scene.model import Material, Mesh, Scene
 
-_FLAT = 1e-12  # least determinant of a transform, relative to the cube of its largest element: less would flatten a mesh
+_LEAST_DETERMINANT = 1e-12  # least determinant of a transform, relative to the cube of its largest element
 
 
 def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.ArrayLike) -> Scene:
-    """The scene with `mesh`, an index or the name of one mesh, where the matrix takes it from where it was `loaded`, in the
-    material that it has now.
+    """Return the scene with `mesh`, an index or a unique name, at `transform` from its `loaded` place, in its present material.
 
-    transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers; a mirrored mesh gets its winding reversed,
-    so that a closed mesh stays closed. Raises InputError for an unknown mesh and for a matrix that is not affine, or singular.
+    transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers. The winding of a mirrored mesh is
+    reversed, so that a closed mesh stays closed. Raises InputError for an unknown mesh and for a matrix that is not affine, or
+    singular.
     """
     number, matrix = find(scene, mesh), affine(transform)
     meshes = list(scene.meshes)
-    if any(scene.origin):  # which the mesh's positions are relative to
+    if any(scene.origin):  # positions are relative to the origin
         matrix[:3, 3] += matrix[:3, :3] @ scene.origin - scene.origin
     meshes[number] = transformed(replace(loaded[number], material=meshes[number].material), matrix)
     return replace(scene, meshes=tuple(meshes))
 
 
 def repainted(scene: Scene, mesh: int | str, material: Material) -> Scene:
-    """The scene with another material on `mesh`, an index or the name of one mesh; raises InputError for an unknown mesh."""
+    """Return the scene with another material on `mesh`, an index or a unique name; raise InputError for an unknown mesh."""
     number, meshes = find(scene, mesh), list(scene.meshes)
     if meshes[number].material == material:
         return scene
@@ -42,8 +42,10 @@ def repainted(scene: Scene, mesh: int | str, material: Material) -> Scene:
 
 
 def posed(present: Scene, pose: Scene) -> Scene:
-    """The `present` scene with the lights, the sky, and the places and materials of meshes of a `pose` of it. Meshes that are
-    alike in both stay the present ones. Raises InputError for a pose of other meshes."""
+    """Return the `present` scene with the lights, sky, mesh places and materials of a `pose` of it.
+
+    Meshes that are equal in both stay the present objects. Raises InputError for a pose with other meshes.
+    """
     pairs = zip(pose.meshes, present.meshes, strict=False)
     if len(pose.meshes) != len(present.meshes) or any(len(a.faces) != len(b.faces) for a, b in pairs):
         raise InputError("a pose has the same meshes as the renderer's scene, in the same order")
@@ -54,7 +56,7 @@ def posed(present: Scene, pose: Scene) -> Scene:
 
 
 def _posed(mesh: Mesh, present: Mesh) -> Mesh:
-    """The `mesh`, as far as it differs from the `present` state of the same mesh: that itself where it does not."""
+    """Return `mesh`, or its `present` state where that is equal."""
     if mesh is present:
         return present
     if is_elsewhere(mesh, present) and not (
@@ -65,13 +67,15 @@ def _posed(mesh: Mesh, present: Mesh) -> Mesh:
 
 
 def hidden(mesh: Mesh, at: np.ndarray) -> Mesh:
-    """The mesh with all its vertices in the point `at` (3,): no camera sees it, no ray meets it, and it lights nothing. Its
-    triangles keep their numbers, so that it can be shown again in place."""
+    """Return the mesh with all vertices in the point `at` (3,), so that neither cameras nor rays find it.
+
+    Its triangles keep their numbers, so that it can be shown again in place.
+    """
     return replace(mesh, positions=np.tile(np.asarray(at, np.float32), (len(mesh.positions), 1)))
 
 
 def find(scene: Scene, mesh: int | str) -> int:
-    """The index of a mesh given by index or name; raises InputError, listing the meshes, for an unknown or ambiguous one."""
+    """Return the index of a mesh given by index or name; raise InputError, with the meshes, for an unknown or ambiguous one."""
     count = len(scene.meshes)
     if isinstance(mesh, str):
         found = [i for i, one in enumerate(scene.meshes) if one.name == mesh]
@@ -89,7 +93,7 @@ def find(scene: Scene, mesh: int | str) -> int:
 
 
 def affine(transform: npt.ArrayLike) -> np.ndarray:
-    """(4, 4) float64 of a 4×4 or 3×4 matrix; raises InputError for other shapes, a matrix that is not affine, a singular one."""
+    """Return a 4×4 or 3×4 matrix as (4, 4) float64; raise InputError for other shapes and for a singular or not affine matrix."""
     try:
         given = np.asarray(transform, float)
     except (TypeError, ValueError):
@@ -102,17 +106,17 @@ def affine(transform: npt.ArrayLike) -> np.ndarray:
     matrix[: len(given)] = given
     if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise InputError("the last row of a transform is 0 0 0 1: points are columns, and the last column says how far it moves")
-    if not abs(np.linalg.det(matrix[:3, :3])) > _FLAT * np.abs(matrix[:3, :3]).max() ** 3:
+    if not abs(np.linalg.det(matrix[:3, :3])) > _LEAST_DETERMINANT * np.abs(matrix[:3, :3]).max() ** 3:
         raise InputError("the transform is singular: it would flatten the mesh")
     return matrix
 
 
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """The mesh, transformed by an affine matrix (4, 4); raises InputError where float32 overflows."""
+    """Return the mesh, transformed by an affine matrix (4, 4); raise InputError where float32 overflows."""
     with np.errstate(over="ignore"):
         positions = (times(mesh.positions.astype(float), matrix[:3, :3]) + matrix[:3, 3]).astype(np.float32)
     if not np.isfinite(positions).all():
-        raise InputError("the transform takes the mesh beyond what 32-bit floats hold")
+        raise InputError("the transformed mesh exceeds the range of 32-bit floats")
     normals = unit(times(mesh.normals.astype(float), np.linalg.inv(matrix[:3, :3]).T)).astype(np.float32)
     mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
     return replace(mesh, positions=positions, normals=normals, faces=mesh.faces[:, ::-1].copy() if mirrored else mesh.faces)

@@ -1,4 +1,4 @@
-"""What a mesh is to light: all there, there in parts, or not there; the triangles of a scene are numbered in this order."""
+"""Visibility of meshes to light: whole, cut out, or not at all; triangles are numbered in this order."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ CLOSED, OPEN, CUT_OUT, UNSEEN = range(4)
 
 @dataclass(frozen=True)
 class FaceCounts:
-    """How many triangles of a scene are of which sort; they are numbered in this order.
+    """Numbers of a scene's triangles of each kind, in the order of the triangles' numbers.
 
-    closed: of closed meshes that light sees all of. open: of others that it sees all of. cut_out: of meshes whose opacity decides
-    from place to place. unseen: of those that light passes everywhere, as if they were not there.
+    closed: of closed meshes that are wholly visible to light. open: of other wholly visible meshes. cut_out: of meshes whose
+    opacity varies across the cutoff. unseen: of meshes that light passes everywhere.
     """
 
     closed: int
@@ -26,17 +26,17 @@ class FaceCounts:
 
     @property
     def solid(self) -> int:
-        """Those that light sees all of."""
+        """Number of triangles that are wholly visible to light."""
         return self.closed + self.open
 
     @property
     def lit(self) -> int:
-        """Those that it sees something of: their numbers are the lowest."""
+        """Number of triangles that are at least partly visible to light; their numbers are the lowest."""
         return self.solid + self.cut_out
 
 
 def sort_of(mesh: Mesh) -> int:
-    """What the mesh is to light: CLOSED, OPEN, CUT_OUT or UNSEEN, by Material.light_cutoff and all opacities that it has."""
+    """Return CLOSED, OPEN, CUT_OUT or UNSEEN for a mesh, by Material.light_cutoff and the range of its opacities."""
     material = mesh.material
     cutoff = material.light_cutoff
     if cutoff > 0.0:
@@ -51,7 +51,7 @@ def sort_of(mesh: Mesh) -> int:
 
 
 def face_counts(scene: Scene) -> FaceCounts:
-    """How many of the triangles that `flatten` gives are of which sort."""
+    """Return the numbers of the triangles of `flatten` by kind."""
     counts = [0] * 4
     for mesh in scene.meshes:
         counts[sort_of(mesh)] += len(mesh.faces)

@@ -1,4 +1,4 @@
-"""What tests of scene files share: writing a few files beside each other and loading the first."""
+"""Fixtures for tests of scene files, which write small files and load the first."""
 
 from __future__ import annotations
 
@@ -17,10 +17,8 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[..., Scene]:
-    """Writes `text` to the file `name`, and each of `files` beside it (`a_light="…"` is the file a.light), and loads the first.
-
-    The file t.obj, one triangle, is always there.
-    """
+    """Write `text` to the file `name`, and `files` to the same folder (`a_light="…"` is the file a.light), and load the first.
+    The file t.obj, one triangle, always exists."""
 
     def write(text: str | bytes, name: str = "a.scene", **files: str) -> Scene:
         (tmp_path / "t.obj").write_text(TRIANGLE)
@@ -36,18 +34,18 @@ def write(tmp_path: Path) -> Callable[..., Scene]:
 @pytest.fixture
 def without_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Skip the search for a room in models without a camera: it takes most of the time of loading a small file."""
-    monkeypatch.setattr(camera, "hollow", lambda *_: camera.Hollow(()))
+    monkeypatch.setattr(camera, "room_places", lambda *_: camera.RoomPlaces(()))
 
 
 @pytest.fixture
 def file() -> GltfFile:
-    """An empty glTF file."""
+    """Return an empty glTF file."""
     return GltfFile()
 
 
 @pytest.fixture
 def show(file: GltfFile, tmp_path: Path) -> Callable[..., Scene]:
-    """Load the glTF file, whose one scene holds all nodes that are no children."""
+    """Load the glTF file with one scene of all nodes without parents."""
 
     def show(**options: Any) -> Scene:
         return load(file.gltf(tmp_path / "a.gltf"), **options)

@@ -1,4 +1,4 @@
-"""Meshes from OBJ, PLY, STL and glTF: geometry, colours and normals as the file has them, and one line for a damaged file."""
+"""Meshes from OBJ, PLY, STL and glTF: geometry, colours and normals of the file, and one line for a damaged file."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ FLAT = np.array([*POINTS[:3], [0.5, 0.5, 0]], np.float32)  # the slanted face of
 
 
 def solid(points: np.ndarray = POINTS, **node: Any) -> GltfFile:
-    """A glTF file of the tetrahedron."""
+    """Return a glTF file of the tetrahedron."""
     file = GltfFile()
     file.node(mesh=file.mesh(POSITION=points), **node)
     return file
 
 
 def stl(triangles: np.ndarray) -> bytes:
-    """A binary STL of triangles (F, 3, 3)."""
+    """Return a binary STL of triangles (F, 3, 3)."""
     rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("rest", "<u2")])
     rows["vertices"] = triangles
     return b"\0" * 80 + struct.pack("<I", len(triangles)) + rows.tobytes()
 
 
 def ascii_stl() -> str:
-    """The tetrahedron as text."""
+    """Return the tetrahedron as text."""
 
     def facet(face: np.ndarray) -> str:
         corners = "".join("vertex {:g} {:g} {:g}\n".format(*POINTS[i]) for i in face)
@@ -91,7 +91,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "says"),
+    ("name", "data", "message"),
     [
         ("a.ply", PLY.replace("3 1 2 3\n", ""), "truncated|no PLY"),
         ("a.ply", PLY.replace("uchar red", "uchur red"), "this is no line of a PLY header: 'property uchur red'"),
@@ -110,7 +110,7 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.glb", solid().packed().replace(b"glTF\2", b"glTF\1"), "this is glTF 1.0; expected version 2.0"),
         ("a.gltf", {"asset": {"version": "2.0"}}, "there are no meshes in this file; nothing"),
         ("a.gltf", {**TREE, "scene": 0, "scenes": [{}]}, "none of the 1 meshes in this file is in its scene; nothing"),
-        ("a.gltf", solid(scale=[1, 0, 0]).inline(), "scaled to nothing"),
+        ("a.gltf", solid(scale=[1, 0, 0]).inline(), "its scale is 0"),
         ("a.gltf", {**TREE, "asset": {"version": "1.0"}}, "glTF 1.0"),
         ("a.gltf", {**TREE, "asset": None}, "no glTF"),
         ("a.gltf", {**TREE, "buffers": [{"byteLength": 10, "uri": "gone.bin"}]}, "gone.bin is missing"),
@@ -123,14 +123,14 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.gltf", {**TREE, "accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "a.gltf: "),
     ],
 )  # fmt: skip
-def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: Any, says: str) -> None:
-    with pytest.raises(InputError, match=says) as caught:
+def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
         write(name, json.dumps(data) if isinstance(data, dict) else data)
     assert re.search(rf"{name}(:\d+)?: ", str(caught.value)) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "left", "says"),
+    ("name", "data", "left", "message"),
     [
         ("a.obj", OBJ + "f 1 1 2\n", 4, "1 degenerate triangle dropped"),
         ("a.ply", PLY.replace("element face 4", "element face 5") + "3 1 1 2\n", 4, "1 degenerate triangle dropped"),
@@ -143,11 +143,11 @@ def test_a_file_with_nothing_to_show_is_one_line(write: Write, name: str, data: 
     ],
 )
 def test_faces_that_cant_be_drawn_are_left_out_with_one_notice(
-    write: Write, name: str, data: bytes | str, left: int, says: str
+    write: Write, name: str, data: bytes | str, left: int, message: str
 ) -> None:
-    """A face without an area; or three of the four faces have the fourth vertex, which is bad, or not there."""
+    """A face without an area; or three of the four faces have the fourth vertex, which is invalid or missing."""
     scene = write(name, data)
-    assert scene.triangles == left and sum(bool(re.search(says, notice)) for notice in scene.notices) == 1
+    assert scene.triangles == left and sum(bool(re.search(message, notice)) for notice in scene.notices) == 1
 
 
 def test_ply_vertex_colours_become_linear(write: Write) -> None:
@@ -178,7 +178,7 @@ ROWS = [(0, 0, 0, 0, 0), (1, 0, 0, 0.5, 0), (1, 1, 0, 0.5, 0.25), (0, 1, 0, 0, 0
 
 
 def quads(form: str, image: str = "gone.png") -> bytes:
-    """A square and a triangle on it: rows of different lengths."""
+    """Return a square with a triangle on it: rows of different lengths."""
     head = QUADS.format(format=form, image=image).encode()
     if form == "ascii":
         rows = "".join(" ".join(map(str, row)) + "\n" for row in ROWS)
@@ -189,7 +189,7 @@ def quads(form: str, image: str = "gone.png") -> bytes:
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_ply_polygons_of_several_sizes_wear_their_texture(write: Write, tmp_path: Path, form: str) -> None:
+def test_ply_polygons_of_several_sizes_have_their_texture(write: Write, tmp_path: Path, form: str) -> None:
     """v runs downward from the image's top: t 0.25 is v 0.75."""
     scene = write("a.ply", quads(form))
     assert scene.triangles == 3 and any("there is no image 'gone.png'" in notice for notice in scene.notices)
@@ -209,36 +209,36 @@ COLORS = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
 
 
 def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> str:
-    """The tetrahedron with one more line in its header, and one more property of its faces, all of the values `row`."""
+    """Return the tetrahedron with one more line in its header, and one more property of its faces with the values `row`."""
     text = text.replace("element vertex", head + "element vertex").replace("end_header", of_face + "end_header")
     return re.sub(r"\n(3 \d \d \d)", rf"\n\1 {row}", text)
 
 
 @pytest.mark.parametrize(
-    ("data", "says", "green", "uv"),
+    ("data", "message", "green", "uv"),
     [
         (ply("\ncomment by hand\n"), "", 3, None),
-        (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are not there, nor drawn
+        (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are missing and not drawn
         (ply("comment TextureFile t.png\ncomment TextureFile u.png\n"), "only the first of its 2 textures", 3, None),
         (ply("comment TextureFile bad.png\n"), "cannot read the image", 3, None),
         (ply("comment TextureFile t.png\n", "property list uchar float texcoord\n", "6 0 0 1 0 0 1"), "", None, 1.0),
         (ply("", COLORS, "0 255 0", PLY.replace(COLORS, "", 1)), "", 12, None),
     ],
 )
-def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, says: str, green: int | None, uv: float | None) -> None:
-    """Four triangles apart, with white where three of them meet, or all green by the faces' colour."""
+def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, message: str, green: int | None, uv: float | None) -> None:
+    """Four separate triangles, with white where three of them meet, or all green by the faces' colour."""
     PIL.Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
     (tmp_path / "bad.png").write_bytes(b"no image")
     write("a.ply", data)
     scene = load(tmp_path / "a.ply", crease_angle=0.0)
     (mesh,) = scene.meshes
-    assert scene.triangles == 4 and any(says in notice for notice in scene.notices)
+    assert scene.triangles == 4 and any(message in notice for notice in scene.notices)
     assert (None if mesh.colors is None else np.count_nonzero(mesh.colors[:, 1] == 1.0)) == green
     assert (None if mesh.uvs is None else mesh.uvs[:, :2].max()) == uv
 
 
 def test_binary_faces_whose_rows_grow_are_read_one_by_one(write: Write) -> None:
-    """A triangle, then a square, each behind a number of its own; and the colours of an STL are told."""
+    """A triangle, then a square, each with its own count; and a notice on the colours of an STL."""
     head = QUADS.format(format="binary_little_endian", image="").replace("comment TextureFile \n", "")
     head = head.replace("element face 2\n", "element face 2\nproperty int id\n")
     rows = b"".join(struct.pack("<5f", *row) for row in ROWS) + struct.pack("<iB3iiB4i", 7, 3, 3, 2, 4, 8, 4, 0, 1, 2, 3)

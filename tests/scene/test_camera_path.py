@@ -1,4 +1,4 @@
-"""Paths of cameras, meshes and lights: a smooth curve through the keys, the text file of them, and what differs after a step."""
+"""Paths of cameras, meshes and lights: smooth curves through the keys, their text file, and the differences after a step."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CAM = "frames 21\ncam 0 0 5 0 0 0 0 1 0\n"
 
 
 def view(camera: Camera) -> np.ndarray:
-    """(3,): the unit view direction."""
+    """Return (3,) the unit view direction."""
     return -camera.axes[2]
 
 
@@ -33,29 +33,27 @@ def random_camera(rng: np.random.Generator, scale: float = 1.0) -> Camera:
 
 
 def world() -> Scene:
-    """A floor, a box about (1, 2, 3), a lamp and a spot."""
+    """Return a floor, a box about (1, 2, 3), a point light and a spot."""
     spot = Light((0, 5, 0), (1, 1, 1), spot_target=(0, 0, 0), spot_cutoff=20.0)
     return scene(floor(9.0), box((0, 1, 2), (2, 3, 4)), lights=(lamp((0, 3, 0)), spot))
 
 
-def test_it_passes_through_its_keys() -> None:
+def test_the_curve_passes_through_its_keys() -> None:
     rng = np.random.default_rng(1)
     keys = tuple(random_camera(rng) for _ in range(4))
     path = Path(keys, 31)  # keys at frames 0, 10, 20 and 30
     assert [path.camera(frame) for frame in (-5, 0, 10, 20, 30, 99)] == [keys[0], *keys, keys[-1]]
     assert Path(keys, 12).camera(11) == keys[-1]  # 11 frames do not divide into three: the ends still hold
     assert set(Path(keys[:1], 4)) == set(keys[:1]) and list(Path(keys, 1)) == [keys[0]]
-    for count, frames, frame, says in ((0, 3, 0.0, "at least one camera"), (1, 0, 0.0, "1 frame"), (1, 3, math.nan, "finite")):
-        with pytest.raises(InputError, match=says):
+    for count, frames, frame, message in ((0, 3, 0.0, "at least one camera"), (1, 0, 0.0, "1 frame"), (1, 3, math.nan, "finite")):
+        with pytest.raises(InputError, match=message):
             Path(keys[:count], frames).camera(frame)
 
 
-def test_straight_uniform_motion_stays_so() -> None:
-    """Catmull and Rom's spline has linear precision: Σw = 1 and Σw·k = t for neighbours -1, 0, 1, 2 (their 1974 paper).
-
-    In the first segment the end key counts twice: -1 is 0 there, which adds w(-1) = -t/2 + t² - t³/2 to Σw·k = t, so that
-    the camera sets off gently from half the speed; the last segment is its mirror image.
-    """
+def test_uniform_motion_on_a_line_is_exact() -> None:
+    """The spline of Catmull and Rom has linear precision: Σw = 1 and Σw·k = t for neighbours -1, 0, 1, 2 (their 1974 paper). In
+    the first segment the end key counts twice: -1 is 0 there, which adds w(-1) = -t/2 + t² - t³/2 to Σw·k = t, so that the
+    camera starts at half the speed; the last segment is its mirror image."""
     step, offset = np.array([0.5, 0.25, -1.0]), np.array([1.0, -0.5, 2.0])
     keys = tuple(Camera(tuple(k * step), tuple(k * step + offset), (0, 1, 0), 40.0) for k in range(6))
     path = Path(keys, 51)
@@ -63,17 +61,17 @@ def test_straight_uniform_motion_stays_so() -> None:
         camera, s = path.camera(frame), frame / 10.0
         t = s if s < 1.0 else 5.0 - s
         lag = -t / 2 + t**2 - t**3 / 2 if t < 1.0 else 0.0
-        along = s + lag if s < 1.0 else s - lag
-        np.testing.assert_allclose(camera.eye, along * step, atol=1e-12)
-        np.testing.assert_allclose(camera.target, along * step + offset, atol=1e-12)
+        travelled = s + lag if s < 1.0 else s - lag
+        np.testing.assert_allclose(camera.eye, travelled * step, atol=1e-12)
+        np.testing.assert_allclose(camera.target, travelled * step + offset, atol=1e-12)
         assert camera.fov == pytest.approx(40.0, rel=1e-12)
         np.testing.assert_allclose(camera.up, (0, 1, 0), atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_it_bends_nowhere(seed: int) -> None:
-    """C1: at each inner key the slopes of both sides agree, of eye, view, up and field of view.
-    The second turn is nearly back, exactly so for seed 0: there the view swings out to the side."""
+def test_the_curve_has_no_kink(seed: int) -> None:
+    """C1: at each inner key both slopes agree, of eye, view, up and field of view. The second turn is nearly back, exactly so for
+    seed 0: there the view swings to the side."""
     rng = np.random.default_rng(seed)
     keys = [random_camera(rng) for _ in range(5)]
     gaze = np.subtract(keys[1].target, keys[1].eye)
@@ -92,7 +90,7 @@ def test_it_bends_nowhere(seed: int) -> None:
 
 
 def test_a_turn_back_is_a_turn_to_the_side() -> None:
-    """A level camera turns by 180° on the spot: halfway it looks to its right, level, and never twice the same way."""
+    """A level camera turns by 180° on the spot: halfway its view is to the right, level, and no direction occurs twice."""
     path = Path((Camera(ORIGIN, (0, 0, -1)), Camera(ORIGIN, (0, 0, 1))), 101)
     np.testing.assert_allclose(view(path.camera(50)), (1, 0, 0), atol=1e-12)
     headings = [math.atan2(v[0], -v[2]) for v in map(view, path)][:-1]  # the last is ±180°
@@ -101,8 +99,8 @@ def test_a_turn_back_is_a_turn_to_the_side() -> None:
 
 
 def test_over_the_pole_up_is_carried_along() -> None:
-    """From 45° down ahead to 45° down behind by way of straight down, where the common up (0 1 0) is no up: there the top of the
-    picture is what was ahead of the nearer key, as when a head is bowed."""
+    """From 45° down ahead to 45° down behind by way of straight down, where the common up (0 1 0) is invalid. There the top of
+    the picture is the forward direction of the nearer key, as for a bowed head."""
     down = Path((Camera(ORIGIN, (0, -1, -1)), Camera(ORIGIN, (0, -1, 1))), 11).camera(5)
     np.testing.assert_allclose(view(down), (0, -1, 0), atol=1e-12)
     np.testing.assert_allclose(down.axes[1], (0, 0, 1), atol=1e-9)  # halfway, the second key counts as the nearer one
@@ -141,7 +139,7 @@ def test_a_file_s_keys_and_frames(read: Read) -> None:
     [
         ("# nothing\n", "a.path: there is no 'cam' line; expected at least one: cam EX"),
         ("", "empty"),
-        (CAM + "obj a.obj\n", "a.path:3: unknown word 'obj'; a path knows cam, frames, mesh and light"),
+        (CAM + "obj a.obj\n", "a.path:3: unknown word 'obj'; expected cam, frames, mesh or light"),
         ("cam 0 0 5 0 0 0 0 1\n", "a.path:1: 'cam' has 8 values; expected: cam EX EY EZ TX TY TZ UX UY UZ"),
         ("cam a b 0 0 5 0 0 0 0 1 0\n", "a.path:1: 'cam' has 11 values"),
         ("cam 0 0 x 0 0 0 0 1 0\n", "a.path:1: 'x' is not a number; expected: cam EX"),
@@ -152,7 +150,7 @@ def test_a_file_s_keys_and_frames(read: Read) -> None:
         (CAM[10:] + "frames 3 4\n", "a.path:2: expected: frames N"),
         (CAM + "frames 3\n", "a.path:3: 'frames' is given twice; first in line 1"),
         (CAM + "mesh 1 0 1 2\n", "a.path:3: 'mesh' has 4 values; expected: mesh NAME FRAME X Y Z"),
-        (CAM + "mesh 1 0 1 2 3 90 0 0 0\n", "a.path:3: the axis of the turn is 0 0 0"),
+        (CAM + "mesh 1 0 1 2 3 90 0 0 0\n", "a.path:3: the axis of the rotation is 0 0 0"),
         (CAM + "mesh 1 0 1 0 0 0 0 1 0 0 0 0 0 0\n", "a.path:3: the transform is singular"),
         (CAM + "mesh ball 0 1 2 3\n", "a.path:3: there is no mesh 'ball'"),
         (CAM + "mesh 1 21 1 2 3\n", "a.path:3: frame 21: the path's frames are 0 to 20"),
@@ -164,7 +162,7 @@ def test_a_file_s_keys_and_frames(read: Read) -> None:
         (CAM + "light 0 0 spotDirection 1 2 3\n", "a.path:3: light 0 has no cone"),
     ],
 )
-def test_what_a_file_may_not_say(read: Read, text: str, words: str) -> None:
+def test_an_invalid_path_file_is_one_line(read: Read, text: str, words: str) -> None:
     with pytest.raises(InputError) as caught:
         read(text).motions.check(world(), 21)
     assert words in str(caught.value) and "\n" not in str(caught.value)
@@ -187,8 +185,8 @@ def test_a_line_is_a_valid_camera_whatever_six_digits_make_of_it(read: Read) -> 
     assert "--fov 179.99999999" in camera_flags(Camera((0, 0, 1), ORIGIN, fov=179.99999999))
 
 
-def test_a_mesh_goes_turns_and_stretches(read: Read) -> None:
-    """By number: half a way on and half a turn about its own middle at half time; by a matrix mirrored and larger."""
+def test_a_mesh_moves_turns_and_stretches(read: Read) -> None:
+    """By number: halfway and half a turn about its own centre at half time; by a matrix mirrored and larger."""
     there = world()
     motions = read(CAM + "mesh 1 0 0 0 0\nmesh 1 20 4 0 0 90 0 3 0\n").motions
     motions.check(there, 21)
@@ -201,7 +199,7 @@ def test_a_mesh_goes_turns_and_stretches(read: Read) -> None:
     assert np.allclose(matrix, before * (-2, 2, 2) + (1, 0, 0), atol=1e-5)
 
 
-def test_lights_go_look_and_dim(read: Read) -> None:
+def test_lights_move_turn_and_dim(read: Read) -> None:
     text = "light 0 0 position 0 3 0\nlight 0 20 position 2 3 0\nlight 1 4 spotDirection 1 0 0\n"
     text += "light 1 0 color 2 2 2\nlight 1 20 color 0 0 4\n"
     motions = read(CAM + text).motions

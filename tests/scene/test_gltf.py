@@ -1,4 +1,4 @@
-"""glTF's geometry: accessors of every kind, nodes, instances, skins, morphs, animations; a bad part costs that part alone."""
+"""glTF's geometry: all kinds of accessors, nodes, instances, skins, morphs, animations; a damaged part costs only itself."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURN_Z = [0, 0, HALF, HALF]  # about z: x becomes y
 
 
 def corners(scene: Scene) -> np.ndarray:
-    """(F, 3, 3): the corners of all triangles."""
+    """Return (F, 3, 3) the corners of all triangles."""
     return np.concatenate([mesh.positions[mesh.faces] for mesh in scene.meshes])
 
 
@@ -29,7 +29,7 @@ def corners(scene: Scene) -> np.ndarray:
     ("kind", "most", "rows", "stride"),
     [
         (np.uint8, 255, [[0, 0], [64, 255], [255, 128]], None),
-        (np.int8, 127, [[-128, 0], [32, 127], [127, 64]], None),  # -128 counts as -1, as glTF 2.0 section 3.11 says
+        (np.int8, 127, [[-128, 0], [32, 127], [127, 64]], None),  # -128 counts as -1, glTF 2.0 section 3.11
         (np.int16, 32767, [[0, 0], [8192, 32767], [32767, 16384]], 8),
         (np.int16, None, [[0, 0], [0, 1], [1, 0]], None),
     ],
@@ -77,7 +77,7 @@ def test_lists_strips_and_fans_make_the_triangles_of_the_standard(file, show, mo
     assert {tuple(map(tuple, np.roll(c, -int(np.lexsort(c.T)[0]), 0).tolist())) for c in corners(show())} == turned
 
 
-def test_nodes_stand_where_their_parents_matrices_put_them(file, show):
+def test_nodes_are_placed_by_their_parents_matrices(file, show):
     # parent: translate (0 0 3), quarter turn about z; child: scale (2 1 1); (1 0 0) -> (2 0 0) -> (0 2 0) -> (0 2 3)
     normals = f32([[-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     child = file.node(mesh=file.mesh(NORMAL=normals), matrix=np.diag([2.0, 1, 1, 1]).reshape(-1).tolist(), name="child")
@@ -92,7 +92,7 @@ def test_nodes_stand_where_their_parents_matrices_put_them(file, show):
 
 @pytest.mark.parametrize("smooth", [True, False])
 def test_a_mirroring_node_keeps_its_outside_outside(file, show, smooth):
-    """Normals of the sphere about the middle, or of the faces, point outward after the mirror."""
+    """Normals of the sphere about the centre, or of the faces, point outward after the mirror."""
     normals = (POINTS - POINTS.mean(0)).astype(np.float32)
     file.node(mesh=file.mesh(**({"NORMAL": normals} if smooth else {})), scale=[-1, 1, 1])
     (mesh,) = show().meshes
@@ -100,7 +100,7 @@ def test_a_mirroring_node_keeps_its_outside_outside(file, show, smooth):
 
 
 def test_instances_stand_at_each_of_their_places(file, show):
-    # rotations as normalised int16; a mirrored instance is wound outward as well
+    # rotations as normalized int16; a mirrored instance is wound outward as well
     file.used("EXT_mesh_gpu_instancing")
     quarter = round(HALF * 32767)
     turns = typed(np.int16, [[0, 0, 0, 32767], [0, 0, quarter, quarter], [0, 0, 0, 32767]])
@@ -132,7 +132,7 @@ def test_only_the_default_scene_is_shown_and_of_it_what_is_visible(file, show):
 
 
 def bent(file: GltfFile, places: int) -> None:
-    """Two joints, the second 1 above the first and turned a quarter about x; a triangle that hangs on both."""
+    """Add two joints, the second 1 above the first and turned a quarter about x, and a triangle bound to both."""
     second = file.node(translation=[0, 1, 0], rotation=TURN_X, name="second")
     first = file.node(children=[second], name="first")
     binds = f32([np.eye(4), transforms(np.array([[0, -1, 0]]), np.array([[0, 0, 0, 1]]), np.ones((1, 3)))[0]])
@@ -149,7 +149,7 @@ def bent(file: GltfFile, places: int) -> None:
 
 @pytest.mark.parametrize("places", [1, 2])
 def test_a_skin_moves_vertices_with_their_joints_and_not_with_their_node(file, show, places):
-    # (0 2 0) is 1 above the second joint: turned it is (0 1 1), its normal z; (1 0 0) stays; (0 2 2) goes half way to (0 -1 1)
+    # (0 2 0) is 1 above the second joint: turned it is (0 1 1), its normal z; (1 0 0) stays; (0 2 2) moves halfway to (0 -1 1)
     bent(file, places)
     scene = show()
     np.testing.assert_allclose(corners(scene)[0], np.array([[0, 1, 1], [1, 0, 0], [0, 0.5, 1.5]]), atol=1e-6)
@@ -206,13 +206,13 @@ def test_rotations_take_the_short_arc_at_constant_speed_and_weights_are_animated
 
 
 def test_a_damaged_node_costs_only_itself(file, show):
-    """A mesh scaled to nothing, nodes in a circle, and a vertex that is not a number, of which three triangles hang."""
+    """A mesh of scale 0, nodes in a cycle, and a vertex that is not a number, used by three triangles."""
     wrong = POINTS.copy()
     wrong[3, 1] = np.nan
     mesh = file.mesh()
     file.node(mesh=mesh)
     file.node(mesh=mesh, scale=[0, 0, 0], name="dot")
-    file.node(mesh=mesh, scale=[1, 0, 1], name="sheet")  # flat, and still there
+    file.node(mesh=mesh, scale=[1, 0, 1], name="sheet")  # flat, but visible
     file.node(mesh=mesh, children=[4])
     file.node(mesh=mesh, children=[3])
     file.node(mesh=file.mesh(POSITION=wrong), name="torn")
@@ -221,7 +221,7 @@ def test_a_damaged_node_costs_only_itself(file, show):
     file.tree["scenes"] = [{"nodes": [0, 1, 2, 3, 5]}]
     scene = show()
     assert {m.name: len(m.faces) for m in scene.meshes} == {"node 0": 4, "sheet": 2, "torn": 1}
-    assert f"{scene.path}: node 'dot' is left out: it is scaled to nothing" in scene.notices
+    assert f"{scene.path}: node 'dot' is left out: its scale is 0" in scene.notices
     assert f"{scene.path}: not shown: points, lines" in scene.notices
     assert any("3 triangles of node 'torn' is left out: its vertices are not finite" in notice for notice in scene.notices)
     np.testing.assert_array_equal(corners(scene)[-1], POINTS[FACES[0]])
@@ -253,7 +253,7 @@ def test_draco_gives_the_triangles_that_were_packed(file, show):
     assert mesh.closed and len(mesh.faces) == 4
     np.testing.assert_allclose(np.unique(mesh.positions.round(3), axis=0), np.unique(POINTS, axis=0), atol=1e-3)
     file.tree["bufferViews"][-1]["byteLength"] = 20
-    with pytest.raises(InputError, match="its packed data are damaged"):
+    with pytest.raises(InputError, match="its compressed data are damaged"):
         show()
 
 

@@ -1,4 +1,4 @@
-"""Odd and damaged parts of a glTF file: each costs itself and a notice, and the tetrahedron beside it is shown."""
+"""Odd and damaged parts of a glTF file: each costs itself and a notice, and the tetrahedron remains visible."""
 
 from __future__ import annotations
 
@@ -15,65 +15,67 @@ pytestmark = pytest.mark.usefixtures("without_stand_ins")
 JOINTS, WEIGHTS = typed(np.uint8, [[0, 0, 0, 0]] * 4), f32([[1, 0, 0, 0]] * 4)
 
 
-def odd(f: GltfFile, indices: np.ndarray | None = FACES, more: dict[str, Any] | None = None, **attributes: Any) -> dict[str, Any]:
-    """The primitive of a new mesh of the node `odd`, which has `more`."""
+def oddity(
+    f: GltfFile, indices: np.ndarray | None = FACES, more: dict[str, Any] | None = None, **attributes: Any
+) -> dict[str, Any]:
+    """Add a node `odd` with a new mesh, and return its primitive, which has `more`."""
     mesh = f.mesh(None, indices, **attributes)
     f.node(mesh=mesh, name="odd", **(more or {}))
     return f.tree["meshes"][mesh]["primitives"][0]
 
 
 def sparse(f: GltfFile) -> int:
-    """An accessor that replaces its ninth element of four."""
+    """Return an accessor that replaces its ninth element of four."""
     at, new = f.view(b"\x08"), f.view(f32([0, 0, 0]).tobytes())
     kinds = {"indices": {"bufferView": at, "componentType": 5121}, "values": {"bufferView": new}}
     return f.accessor(POINTS, sparse={"count": 1, **kinds})
 
 
-def bombed(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
-    """Add something and let its last accessor announce much without bytes."""
+def bomb(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
+    """Add an object whose last accessor declares many elements without bytes."""
     add(f, *args)
     f.tree["accessors"][-1]["count"] = 10**8
     del f.tree["accessors"][-1]["bufferView"]
 
 
 def draco(f: GltfFile, kind: int, at: int) -> None:
-    """The node `odd` is packed by Draco, whose header of this kind announces 2²⁷ of what is counted first."""
+    """Compress the node `odd` by Draco, with a header of this kind that declares a count of 2²⁷ first."""
     data = b"DRACO\2\2" + bytes((kind, 0, 0, 0)) + b"\x80\x80\x80\x40" + b"\1" * 99
     packed = {"bufferView": f.view(data), "attributes": {"POSITION": 0}}
-    odd(f)["extensions"] = {"KHR_draco_mesh_compression": packed}
+    oddity(f)["extensions"] = {"KHR_draco_mesh_compression": packed}
     del f.tree["accessors"][-2]["bufferView"]
 
 
 def instanced(f: GltfFile, attributes: object) -> None:
-    """The node `odd` stands where these instances say."""
-    odd(f, more={"extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}})
+    """Give the node `odd` these instances."""
+    oddity(f, more={"extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}})
 
 
 def skinned(f: GltfFile, joints: list[int], numbers: np.ndarray = JOINTS) -> None:
-    """The node `odd` hangs on a skin of these joints."""
-    odd(f, more={"skin": f.add("skins", {"joints": joints})}, JOINTS_0=numbers, WEIGHTS_0=WEIGHTS)
+    """Bind the node `odd` to a skin with these joints."""
+    oddity(f, more={"skin": f.add("skins", {"joints": joints})}, JOINTS_0=numbers, WEIGHTS_0=WEIGHTS)
 
 
-def lit(f: GltfFile, **light: Any) -> None:
-    """A node `odd` with a light."""
+def add_light(f: GltfFile, **light: Any) -> None:
+    """Add a node `odd` with a light."""
     f.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot", **light}]}}
     f.node(name="odd", extensions={"KHR_lights_punctual": {"light": 0}})
 
 
-def lens(f: GltfFile, kind: str, **values: float) -> None:
-    """A node `odd` with a camera."""
+def add_camera(f: GltfFile, kind: str, **values: float) -> None:
+    """Add a node `odd` with a camera."""
     f.node(name="odd", camera=f.add("cameras", {"type": kind, kind: values}))
 
 
 def animated(f: GltfFile, keys: object, path: str = "translation", values: object = (), node: int | None = 0) -> None:
-    """The node of the tetrahedron moves."""
+    """Animate the node of the tetrahedron."""
     sampler = {"input": f.accessor(f32(keys)), "output": f.accessor(f32(values))}
     channel = {"sampler": 0, "target": {"path": path} if node is None else {"path": path, "node": node}}
     f.add("animations", {"samplers": [sampler], "channels": [channel]})
 
 
 def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
-    """An image-based light of radiance 147, whose faces have `sides` columns and four rows."""
+    """Add an image-based light of radiance 147, whose faces have `sides` columns and four rows."""
     pixels = [np.full((4, side, 4), [200, 200, 200, 1], np.uint8) for side in sides]
     images = [f.add("images", {"bufferView": f.view(encoded(p)), "mimeType": "image/png"}) for p in pixels]
     f.tree["extensions"] = {"EXT_lights_image_based": {"lights": [{"specularImages": [images], **entry}]}}
@@ -81,48 +83,48 @@ def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("damage", "says"),
+    ("damage", "message"),
     [
-        (lambda f: odd(f, FACES + 9), "node 'odd' is left out: a face refers to vertex 12 (from 0), but there are 4 vertices"),
-        (lambda f: odd(f, FACES + typed(np.uint32, [[0], [0], [0], [9]])), "they refer to vertices that are not there"),
-        (lambda f: odd(f, typed(np.int8, [0, 1, -1])), "node 'odd' is left out: a face refers to vertex -1"),
-        (lambda f: odd(f).update(mode="x"), "node 'odd' is left out: its mode is damaged"),
-        (lambda f: odd(f, f32([0, 1, 2])), "accessor 3 holds no integers"),
-        (lambda f: odd(f, POSITION=f32([[0, 0]] * 4)), "accessor 2 is of a type that is not expected there"),
-        (lambda f: odd(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
-        (lambda f: odd(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})), "in a file of"),
-        (lambda f: bombed(f, animated, [0], "translation", [[1, 0, 0]]), "animation 0 is left out: accessor 3 announces"),
-        (lambda f: bombed(f, odd), "accessor 3 announces 100000000 elements in a file of"),
-        (lambda f: draco(f, 1, 11), "node 'odd' is left out: its packed data announce more than they can hold"),
-        (lambda f: draco(f, 0, 11), "node 'odd' is left out: its packed data are damaged"),  # points alone
+        (lambda f: oddity(f, FACES + 9), "node 'odd' is left out: a face refers to vertex 12 (from 0), but there are 4 vertices"),
+        (lambda f: oddity(f, FACES + typed(np.uint32, [[0], [0], [0], [9]])), "they refer to vertices that do not exist"),
+        (lambda f: oddity(f, typed(np.int8, [0, 1, -1])), "node 'odd' is left out: a face refers to vertex -1"),
+        (lambda f: oddity(f).update(mode="x"), "node 'odd' is left out: its mode is damaged"),
+        (lambda f: oddity(f, f32([0, 1, 2])), "accessor 3 holds no integers"),
+        (lambda f: oddity(f, POSITION=f32([[0, 0]] * 4)), "accessor 2 has an unexpected type"),
+        (lambda f: oddity(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
+        (lambda f: oddity(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})), "in a file of"),
+        (lambda f: bomb(f, animated, [0], "translation", [[1, 0, 0]]), "animation 0 is left out: accessor 3 declares"),
+        (lambda f: bomb(f, oddity), "accessor 3 declares 100000000 elements in a file of"),
+        (lambda f: draco(f, 1, 11), "node 'odd' is left out: its compressed data declare more than they can hold"),
+        (lambda f: draco(f, 0, 11), "node 'odd' is left out: its compressed data are damaged"),  # points alone
         (lambda f: f.node(mesh=9, name="odd"), "node 'odd' is left out: there is no mesh 9"),
-        (lambda f: odd(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
-        (lambda f: odd(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),
-        (lambda f: odd(f, more={"matrix": [1] * 16}), "node 'odd' is left out: its matrix is not affine"),
+        (lambda f: oddity(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
+        (lambda f: oddity(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),
+        (lambda f: oddity(f, more={"matrix": [1] * 16}), "node 'odd' is left out: its matrix is not affine"),
         (lambda f: instanced(f, 5), "node 'odd' is left out: its instances are damaged"),
         (lambda f: instanced(f, {}), "node 'odd' is left out: its instances are damaged"),
         (lambda f: skinned(f, []), "the skin of node 'odd' is left out: it has no joints"),
         (lambda f: skinned(f, [0], JOINTS + 7), "it refers to joints that its skin does not have"),
-        (lambda f: lit(f, intensity=-1), "the light of node 'odd' is left out: its intensity is negative"),
-        (lambda f: lit(f, spot={"innerConeAngle": 1.0}), "the light of node 'odd' is left out: its cone is damaged"),
-        (lambda f: lit(f, intensity=1e10, color=[1e10] * 3), "it lies farther away, or is brighter, than 32-bit floats can"),
-        (lambda f: lens(f, "perspective", yfov=4.0), "the camera of node 'odd' is left out: its field of view is damaged"),
-        (lambda f: lens(f, "orthographic"), "the camera of node 'odd' is left out: its field of view is damaged"),
+        (lambda f: add_light(f, intensity=-1), "the light of node 'odd' is left out: its intensity is negative"),
+        (lambda f: add_light(f, spot={"innerConeAngle": 1.0}), "the light of node 'odd' is left out: its cone is damaged"),
+        (lambda f: add_light(f, intensity=1e10, color=[1e10] * 3), "its place or intensity exceeds"),
+        (lambda f: add_camera(f, "perspective", yfov=4.0), "the camera of node 'odd' is left out: its field of view is damaged"),
+        (lambda f: add_camera(f, "orthographic"), "the camera of node 'odd' is left out: its field of view is damaged"),
         (lambda f: animated(f, [np.nan], values=[[1, 0, 0]]), "it has no keys, or damaged ones"),
         (lambda f: sky(f, intensity=-1), "its image-based light is left out: its intensity is negative"),
-        (lambda f: sky(f, intensity=1e14), "it is brighter than 32-bit floats can reckon with"),
+        (lambda f: sky(f, intensity=1e14), "its radiance exceeds the range of 32-bit floats"),
         (lambda f: sky(f, (4, 4, 4, 4, 4, 5)), "the faces of its cube are not squares of one size"),
         (lambda f: sky(f, (4, 4), irradianceCoefficients=[1]), "its irradianceCoefficients are damaged"),
     ],
 )  # fmt: skip
 def test_a_damaged_part_costs_itself_and_a_notice(
-    file: GltfFile, show: Callable[..., Any], damage: Callable[[GltfFile], object], says: str
+    file: GltfFile, show: Callable[..., Any], damage: Callable[[GltfFile], object], message: str
 ) -> None:
-    """The first node is whole, and keeps its four triangles."""
+    """The first node is intact, and keeps its four triangles."""
     file.node(mesh=file.mesh())
     damage(file)
     scene = show(time=0.0)
-    assert sum(says in notice for notice in scene.notices) == 1, scene.notices
+    assert sum(message in notice for notice in scene.notices) == 1, scene.notices
     assert len(scene.meshes[0].faces) == 4 and "odd" not in [light.name for light in scene.lights]
 
 
@@ -130,7 +132,7 @@ def test_a_damaged_part_costs_itself_and_a_notice(
     ("path", "keys", "values", "node", "moved"),
     [
         ("translation", [0], [[1, 0, 0]], 0, 1.0),
-        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # what this path means is not known
+        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # an unknown path
         ("translation", [0], [[1, 0, 0]], None, 0.0),
         ("rotation", [0, 2], [[0, 0, 1, 0]] * 2, 0, -1.0),  # half a turn about z, between two equal keys
     ],
@@ -147,13 +149,13 @@ def test_the_first_animation_of_a_property_counts(
 
 
 def test_a_mirrored_joint_and_mirrored_instances_keep_their_outside_outside(file: GltfFile, show: Callable[..., Any]) -> None:
-    """The skin has no normals; the instances have, and stand by SCALE alone. White vertex colours change nothing."""
+    """The skin has no normals; the instances have normals, and only SCALE. White vertex colours change nothing."""
     joint = file.node(scale=[-1, 1, 1])
     skinned(file, [joint])
     place = {"attributes": {"SCALE": file.accessor(f32([[1, 1, 1], [-1, 1, 1]]))}}
     points = POINTS + f32([1, 0, 0])
     more = {"NORMAL": f32(points - points.mean(0)), "COLOR_0": f32([[1] * 3] * 4)}
-    odd(file, more={"extensions": {"EXT_mesh_gpu_instancing": place}}, POSITION=points, **more)
+    oddity(file, more={"extensions": {"EXT_mesh_gpu_instancing": place}}, POSITION=points, **more)
     skin, two = show().meshes
     assert skin.closed and skin.positions[:, 0].min() == -1.0
     assert two.closed and len(two.faces) == 8 and two.colors is None

@@ -1,4 +1,4 @@
-"""glTF's materials, textures, cameras and lights: as the file says them, in this project's units."""
+"""glTF's materials, textures, cameras and lights, in this project's units."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ PIXELS = typed(np.uint8, [[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255
 
 
 @pytest.fixture
-def wear(file: GltfFile, show):
-    """The mesh that wears a material, with these attributes."""
+def mesh_with(file: GltfFile, show):
+    """Return the mesh with a material and these attributes."""
 
-    def wear(material: dict[str, Any], **attributes: Any) -> Mesh:
+    def mesh_with(material: dict[str, Any], **attributes: Any) -> Mesh:
         file.tree.pop("nodes", None)
         file.node(mesh=file.mesh(material, **attributes))
         (mesh,) = show().meshes
         return mesh
 
-    return wear
+    return mesh_with
 
 
 def base(**metallic_roughness: Any) -> dict[str, Any]:
@@ -65,25 +65,25 @@ def base(**metallic_roughness: Any) -> dict[str, Any]:
         ),
     ],
 )
-def test_a_material_is_what_its_entry_says(wear, entry, expected):
-    assert wear(entry).material == expected
+def test_a_material_has_the_values_of_its_entry(mesh_with, entry, expected):
+    assert mesh_with(entry).material == expected
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
-def test_vertex_colours_are_linear_factors_of_colour_and_opacity(wear, kind):
+def test_vertex_colours_are_linear_factors_of_colour_and_opacity(mesh_with, kind):
     # (1, 1/2, 0) and an alpha of 1/4 times a base colour of (1, 1/2, 1) and an alpha of 1/2
     most = 1.0 if kind is np.float32 else float(np.iinfo(kind).max)
     colors = np.tile(np.array([1, 0.5, 0, 0.25]) * most, (4, 1)).astype(kind)
-    mesh = wear({**base(baseColorFactor=[1, 0.5, 1, 0.5]), "alphaMode": "BLEND"}, COLOR_0=colors)
+    mesh = mesh_with({**base(baseColorFactor=[1, 0.5, 1, 0.5]), "alphaMode": "BLEND"}, COLOR_0=colors)
     np.testing.assert_allclose(mesh.colors, [[1, 0.25, 0]] * len(mesh.positions), atol=0.002)
     assert mesh.opacities is not None
     np.testing.assert_allclose(mesh.opacities, 0.125, atol=0.002)
-    opaque = wear(base(), COLOR_0=np.ascontiguousarray(colors[:, :3]))
+    opaque = mesh_with(base(), COLOR_0=np.ascontiguousarray(colors[:, :3]))
     assert opaque.opacities is None
     np.testing.assert_allclose(opaque.colors, [[1, 0.5, 0]] * len(mesh.positions), atol=0.002)
 
 
-def test_textures_are_shared_images_with_their_own_ways_of_lying(file, wear):
+def test_textures_share_images_with_separate_mappings(file, mesh_with):
     index = file.texture(PIXELS, wrapS=33071, wrapT=33648, magFilter=9728)
     plain = file.add("textures", {"source": file.tree["textures"][index]["source"]})
     entry = {
@@ -92,7 +92,7 @@ def test_textures_are_shared_images_with_their_own_ways_of_lying(file, wear):
         "emissiveFactor": [1, 1, 1],
         "normalTexture": {"index": plain, "scale": 0.5},
     }
-    material = wear(entry, TEXCOORD_0=np.zeros((4, 2), np.float32)).material
+    material = mesh_with(entry, TEXCOORD_0=np.zeros((4, 2), np.float32)).material
     assert (material.albedo_texture.wrap, material.albedo_texture.nearest) == (("clamp", "mirror"), True)
     assert (material.emission_texture.wrap, material.emission_texture.nearest) == (("repeat", "repeat"), False)
     assert (material.albedo_texture.uv_set, material.emission_texture.uv_set, material.normal_scale) == (0, 1, 0.5)
@@ -100,11 +100,11 @@ def test_textures_are_shared_images_with_their_own_ways_of_lying(file, wear):
     np.testing.assert_array_equal(material.albedo_texture.image.pixels, PIXELS)
 
 
-def test_a_texture_transform_scales_turns_and_moves(file, wear):
+def test_a_texture_transform_scales_turns_and_moves(file, mesh_with):
     # the example of KHR_texture_transform: the lower left quadrant, turned clockwise; and its texCoord overrides
     moved = {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5], "texCoord": 1}
     info = {"index": file.texture(PIXELS), "texCoord": 0, "extensions": {"KHR_texture_transform": moved}}
-    texture = wear(base(baseColorTexture=info), TEXCOORD_1=np.ones((4, 2), np.float32)).material.albedo_texture
+    texture = mesh_with(base(baseColorTexture=info), TEXCOORD_1=np.ones((4, 2), np.float32)).material.albedo_texture
     assert texture.uv_set == 1
     a, b, c, d, e, f = texture.transform
     corners = [(a * u + b * v + c, d * u + e * v + f) for u, v in ((0, 0), (1, 0), (0, 1), (1, 1))]
@@ -112,7 +112,7 @@ def test_a_texture_transform_scales_turns_and_moves(file, wear):
 
 
 @pytest.mark.parametrize("way", ["data", "file", "webp", "ktx2"])
-def test_images_are_found_wherever_a_file_may_keep_them(file, wear, tmp_path, way):
+def test_images_are_found_wherever_a_file_may_keep_them(file, mesh_with, tmp_path, way):
     index = file.texture(PIXELS)
     if way == "data":
         file.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(encoded(PIXELS)).decode()}]
@@ -128,36 +128,36 @@ def test_images_are_found_wherever_a_file_may_keep_them(file, wear, tmp_path, wa
         packed = alktx2.encode_bytes_to_ktx2(encoded(PIXELS.repeat(8, 0).repeat(8, 1)), mime="image/png", codec="uastc")
         image = file.add("images", {"bufferView": file.view(packed)})
         file.tree["textures"][index] = {"source": 99, "extensions": {"KHR_texture_basisu": {"source": image}}}
-    pixels = wear(base(baseColorTexture={"index": index})).material.albedo_texture.image.pixels
+    pixels = mesh_with(base(baseColorTexture={"index": index})).material.albedo_texture.image.pixels
     step = pixels.shape[0] // 2
     np.testing.assert_allclose(pixels[step // 2 :: step, step // 2 :: step, :3], PIXELS[..., :3], atol=12 if way == "ktx2" else 0)
 
 
-def test_metals_of_specular_and_glossiness_reflect_their_specular_colour(file, wear):
+def test_metals_of_specular_and_glossiness_reflect_their_specular_colour(file, mesh_with):
     """A texel of wood (specular 0.04) and one of gold, on a diffuse image of brown and black; specular halved in red."""
     brown, gold, dark = [99, 66, 33], [255, 200, 100], [56, 56, 56]
     columns = [np.repeat(np.repeat(typed(np.uint8, [pair]), 2, 0), 2, 1) for pair in ([brown, [0, 0, 0]], [dark, gold])]
     names = ("diffuseTexture", "specularGlossinessTexture")
     infos = {name: {"index": file.texture(pixels)} for name, pixels in zip(names, columns, strict=True)}
     name = "KHR_materials_pbrSpecularGlossiness"
-    pixels = wear({"extensions": {name: {**infos, "specularFactor": [0.5, 1, 1]}}}).material.albedo_texture.image.pixels
+    pixels = mesh_with({"extensions": {name: {**infos, "specularFactor": [0.5, 1, 1]}}}).material.albedo_texture.image.pixels
     np.testing.assert_array_equal(pixels[:, :2, :3], np.tile(brown, (2, 2, 1)))
     np.testing.assert_array_equal(pixels[:, 2:, :3], np.tile([188, 200, 100], (2, 2, 1)))  # sRGB 188 is linear 1/2
-    plain = wear({"extensions": {name: {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3]}}}).material
+    plain = mesh_with({"extensions": {name: {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3]}}}).material
     assert plain.albedo == (0.9, 0.6, 0.3)
 
 
 def projected(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
-    """(2,) where the camera sees a point: -1 to 1 from left to right and from bottom to top of a square picture."""
+    """Return (2,) the projection of a point: -1 to 1 from left to right and from bottom to top of a square picture."""
     clip = camera.clip_from_view(1.0, 1.0, 1e7) @ camera.view_from_world @ [*point, 1.0]
     return clip[:2] / clip[3]
 
 
-def test_every_camera_is_there_by_its_name_and_looks_along_its_node(file, show):
-    # the node is turned a quarter about z and scaled; its camera looks along -z, and up is -x
+def test_cameras_have_the_name_and_direction_of_their_node(file, show):
+    # the node is turned a quarter about z and scaled; its camera has the view direction -z and up -x
     file.node(mesh=file.mesh())
-    lens = {"type": "perspective", "perspective": {"yfov": math.pi / 2, "aspectRatio": 2, "znear": 0.1}}
-    first, second = file.add("cameras", {**lens, "name": "own"}), file.add("cameras", lens)
+    add_camera = {"type": "perspective", "perspective": {"yfov": math.pi / 2, "aspectRatio": 2, "znear": 0.1}}
+    first, second = file.add("cameras", {**add_camera, "name": "own"}), file.add("cameras", add_camera)
     place: dict[str, Any] = {"rotation": [0, 0, HALF, HALF], "translation": [0, 0, 5], "scale": [3, 3, 3]}
     file.node(camera=first, name="node", **place)
     file.node(camera=first)
@@ -172,16 +172,16 @@ def test_every_camera_is_there_by_its_name_and_looks_along_its_node(file, show):
 
 
 def test_an_orthographic_camera_draws_parallels(file, show):
-    """With ymag 2, y = 1 stands half way up at any depth."""
+    """With ymag 2, y = 1 is at half height at any depth."""
     file.node(mesh=file.mesh())
-    lens = {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 2, "znear": 0.1, "zfar": 10}}
-    file.node(camera=file.add("cameras", lens), translation=[0, 0, 3])
+    add_camera = {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 2, "znear": 0.1, "zfar": 10}}
+    file.node(camera=file.add("cameras", add_camera), translation=[0, 0, 3])
     for depth in (-1, 0, 1):
         np.testing.assert_allclose(projected(show().cameras[0], (-1, 1, depth)), [-0.5, 0.5], atol=1e-3)
 
 
 def test_lights_keep_their_units_directions_and_cones(file, show):
-    # lux: a surface that faces the light has E = π·diffuse; the node turns -z to -x about y, so light comes from +x
+    # lux: a surface perpendicular to the light has E = π·diffuse; the node turns -z to -x about y, so light comes from +x
     lights = [
         {"type": "directional", "intensity": math.pi, "color": [1, 0.5, 0]},
         {"type": "point", "intensity": 40, "color": [1, 0.5, 0], "range": 3, "name": "bulb"},
@@ -220,7 +220,7 @@ def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
     for line in (
         "material 0 is left out: its baseColorFactor is damaged",
         "the camera of node 2 is left out: its perspective is damaged",
-        "the camera of node 'flat' is left out: its node is scaled to nothing",
+        "the camera of node 'flat' is left out: the scale of its node is 0",
         "the light of node 4 is left out: there is no light 5",
         "gone.png and 1 more images are missing; surfaces are shown without them",
         "its image-based light is left out: its specularImages are damaged",
@@ -228,7 +228,7 @@ def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
         assert any(notice.startswith(f"{scene.path}: {line}") for notice in scene.notices), scene.notices
 
 
-# the middle of each face of OpenGL's cube maps, and the axes along which its columns and rows go (table 3.19 of OpenGL 2.0)
+# the centre of each face of OpenGL's cube maps, and the axes of its columns and rows (table 3.19 of OpenGL 2.0)
 CUBE = [
     ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
     ((-1, 0, 0), (0, 0, 1), (0, -1, 0)),
@@ -241,7 +241,7 @@ SIDE = 16
 
 
 def faces() -> np.ndarray:
-    """(6, SIDE, SIDE, 4) uint8 in RGBD: each face another colour, that changes to the right and downward."""
+    """Return (6, SIDE, SIDE, 4) uint8 in RGBD: each face another colour, that changes to the right and downward."""
     k, row, column = np.meshgrid(np.arange(6), np.linspace(60, 160, SIDE), np.linspace(60, 160, SIDE), indexing="ij")
     return np.stack([column, row, 80 + 20 * k, np.where(k % 2, 255, 128)], axis=-1).astype(np.uint8)
 
@@ -257,7 +257,7 @@ def image_light(file: GltfFile, pixels: np.ndarray, **entry: Any) -> None:
 
 def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
     """Mirrored about their vertical axes, its images are the faces of OpenGL's cube map: rgb are sRGB, divided by alpha. A turn
-    by 90° about y takes what was along x to −z; the intensity is a factor."""
+    by 90° about y moves the direction x to −z; the intensity is a factor."""
     pixels = faces()
     image_light(file, pixels, intensity=2.0, rotation=[0, HALF, 0, HALF], irradianceCoefficients=[[1, 1, 1]] * 9)
     scene = show()
@@ -274,8 +274,8 @@ def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
             assert found == pytest.approx(radiance[k, row, SIDE - 1 - column], rel=0.03), (k, column, row)
 
 
-def test_where_no_image_can_be_read_the_irradiance_coefficients_shine(file, show):
-    """E(n) = Σ c·Y(n) again, by a sum over the sphere."""
+def test_irradiance_coefficients_replace_unreadable_images(file, show):
+    """E(n) = Σ c·Y(n) is restored, by a sum over the sphere."""
     c = np.outer([3.0, 0.5, -0.3, 0.4, 0.1, 0.0, 0.05, -0.1, 0.1], [1.0, 0.5, 0.25])
     image_light(file, faces(), irradianceCoefficients=c.tolist())
     file.tree["images"] = []

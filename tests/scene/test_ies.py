@@ -1,4 +1,4 @@
-"""Luminaires: files of ANSI/IES LM-63 written from numbers, their flux and symmetries, where they stand, and what is refused."""
+"""Luminaires: files of ANSI/IES LM-63 written from numbers, their flux and symmetries, their places, and errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ V, V2 = steps(0, 180, 73), steps(0, 90, 37)
 
 @pytest.fixture
 def read(tmp_path: Path) -> Callable[..., Photometry]:
-    """Reads the text of a file."""
+    """Read the text of a file."""
 
     def read(text: str | bytes, notices: list[str] | None = None, files: list[Path] | None = None) -> Photometry:
         path = tmp_path / "a.ies"
@@ -33,14 +33,14 @@ def read(tmp_path: Path) -> Callable[..., Photometry]:
 
 
 def directions(count: int = 500) -> np.ndarray:
-    """(N, 3) unit, all around, and along the axes."""
+    """Return (N, 3) unit directions on the whole sphere, and along the axes."""
     found = np.random.default_rng(1).normal(size=(count, 3))
     return np.concatenate([found / np.linalg.norm(found, axis=1, keepdims=True), np.eye(3), -np.eye(3)])
 
 
 def test_the_flux_is_the_integral(read: Callable[..., Photometry]) -> None:
-    """Of 100 cd all around 400π lm; of 1000·cos γ downwards 1000π. Linear between angles of 2.5°, a little less of what bends:
-    a chord lies below the curve by Δ²/8 of it at most, 2.4e-4, and by Δ²/12 on average."""
+    """A uniform intensity of 100 cd has a flux of 400π lm; 1000·cos γ downwards has 1000π. Linear interpolation between angles of
+    2.5° is slightly less for a curve: a chord lies below it by at most Δ²/8 of it, 2.4e-4, and by Δ²/12 on average."""
     assert read(ies_text(V, [0], isotropic)).flux == pytest.approx(400.0 * np.pi, rel=1e-9)
     assert read(ies_text(V2, [0], lambert)).flux == pytest.approx(1000.0 * np.pi, rel=2e-4)
     assert read(ies_text([0, 90], [0], isotropic)).flux == pytest.approx(200.0 * np.pi, rel=1e-9)
@@ -67,10 +67,10 @@ QUARTERS = [0, 20, 45, 90, 135, 160, 180, 200, 225, 270, 315, 340, 360]
     ],
     ids=["few angles", "bilateral", "all around", "without 360°", "quadrants", "about the 90° plane"],
 )
-def test_what_the_symmetries_leave_out_is_filled_in(
+def test_symmetric_parts_are_completed(
     read: Callable[..., Photometry], vertical: list[float], horizontal: list[float], candela: Any, around: list[float]
 ) -> None:
-    """Against an interpolation over all angles around, of intensities that have the symmetry by their formula."""
+    """The reference is an interpolation over all angles, of intensities that have the symmetry by their formula."""
     found = read(ies_text(vertical, horizontal, candela))
     expected = bilinear(candela, vertical, around, directions())
     np.testing.assert_allclose(found.intensity(directions()), expected, rtol=1e-6, atol=1e-6 * found.peak)
@@ -78,8 +78,8 @@ def test_what_the_symmetries_leave_out_is_filled_in(
 
 @pytest.mark.parametrize(("kind", "one_sided"), [(2, False), (3, True)])
 def test_floodlights(read: Callable[..., Photometry], kind: int, one_sided: bool) -> None:
-    """Type B turns the plane by the vertical angle and has the horizontal one within it, type A the other way round: with +x up,
-    the way is (cos H·sin V, −sin H, −cos H·cos V), or (sin V, −cos V·sin H, −cos V·cos H)."""
+    """Type B turns the plane by the vertical angle and has the horizontal one within it, type A the other way round. With +x up,
+    the direction is (cos H·sin V, −sin H, −cos H·cos V), or (sin V, −cos V·sin H, −cos V·cos H)."""
     vertical, horizontal = steps(-90, 90, 37), steps(0, 90, 19) if one_sided else steps(-90, 90, 37)
 
     def candela(v: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -94,12 +94,12 @@ def test_floodlights(read: Callable[..., Photometry], kind: int, one_sided: bool
         way = [np.sin(v), -np.cos(v) * np.sin(h), -np.cos(v) * np.cos(h)]
     np.testing.assert_allclose(found.intensity(np.stack(way, -1)), candela(v, h), rtol=3e-3, atol=0.5)
     assert found.intensity(np.array([0.0, 0.0, 1.0])) == 0.0 and found.reach == pytest.approx(90.0)
-    if kind == 2 and not one_sided:  # 500·cos of the angle to the aim, and what cancels out on the other side
+    if kind == 2 and not one_sided:  # 500·cos of the angle to the aim, and terms that cancel on the other side
         assert found.flux == pytest.approx(500.0 * np.pi, rel=2e-3)
 
 
 def test_multiplier_factors_and_units(read: Callable[..., Photometry]) -> None:
-    """The ballast-lamp factor counts up to 1991; what stands there since 1995 is no factor. Feet are 0.3048 m."""
+    """The ballast-lamp factor applies until 1991; its field since 1995 is no factor. Feet are 0.3048 m."""
     text = ies_text([0, 90], [0], isotropic, multiplier=2.0, units=1, factors="0.9 0.5 100")
     assert read(text).peak == pytest.approx(180.0)
     assert read(text).opening == pytest.approx((0.1524, 0.1524, 0.0))
@@ -114,13 +114,13 @@ def test_line_breaks_commas_encodings_and_what_ends_old_files(read: Callable[...
     words = tail.split()
     numbers = [",\n".join(words[:3]), " , ".join(words[3:40]), "", "\t" + "\n".join(words[40:])]
     broken = head + "tilt = none\n" + "\n".join(numbers) + "\x1a"
-    odd = broken.replace("made for a test", "f\xfcr 30\xb0 TILT=NONE").encode("latin-1").replace(b"\n", b"\r\n")
+    odd_primitive = broken.replace("made for a test", "f\xfcr 30\xb0 TILT=NONE").encode("latin-1").replace(b"\n", b"\r\n")
     expected = read(plain).candela
-    assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd).candela, expected)
+    assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd_primitive).candela, expected)
 
 
 def test_a_tilt_table_counts_as_it_is_at_0(read: Callable[..., Photometry], tmp_path: Path) -> None:
-    """It is interpolated there, and a notice says so; the table may lie in a file beside it."""
+    """It is interpolated there, with a notice; the table may be in a separate file."""
     table = "1\n3\n-30 30, 90\n0.8 1.0 0.5\n"
     (tmp_path / "lamp tilt.tlt").write_text(table)
     notices: list[str] = []
@@ -138,10 +138,10 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "line", "says"),
+    ("old", "new", "line", "message"),
     [
         ("TILT=NONE\n", "", None, "no line TILT="),
-        ("TILT=NONE", "TILT=", 2, "TILT= says nothing"),
+        ("TILT=NONE", "TILT=", 2, "TILT= has no value"),
         ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 -1", 6, "TILT factor is negative"),
         ("TILT=NONE", "TILT=no.tlt", 2, "no TILT file 'no.tlt'"),
         ("TILT=NONE", "TILT=INCLUDE\n4\n1\n0\n1", 3, "geometry is 4; expected 1, 2 or 3"),
@@ -162,29 +162,29 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
     ],
 )  # fmt: skip
 def test_a_malformed_file_is_one_line_with_its_place(
-    read: Callable[..., Photometry], tmp_path: Path, old: str, new: str, line: int | None, says: str
+    read: Callable[..., Photometry], tmp_path: Path, old: str, new: str, line: int | None, message: str
 ) -> None:
     assert old in GOOD
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         read(GOOD.replace(old, new))
     place = f"{tmp_path / 'a.ies'}:" + ("" if line is None else f"{line}:")
     assert str(caught.value).startswith(place) and "\n" not in str(caught.value)
 
 
 def lights(write: Callable[..., Scene], text: str, **files: str) -> tuple[Light, ...]:
-    """The lights of a scene with this text and the file a.ies, an asymmetric one."""
+    """Return the lights of a scene with this text and the file a.ies, an asymmetric one."""
     return write("obj t.obj\n" + CAM + text, a_ies=ies_text(V2, steps(0, 180, 37), street), **files).lights
 
 
-def along(light: Light, way: np.ndarray) -> np.ndarray:
-    """(N,) cd along ways (N, 3) in world space."""
+def intensity_along(light: Light, way: np.ndarray) -> np.ndarray:
+    """Return (N,) cd along directions (N, 3) in world space."""
     assert light.photometry is not None
     return light.photometry.intensity(way @ light.frame.T)
 
 
 def test_the_matrix_stack_places_turns_mirrors_and_scales_it(write: Callable[..., Scene]) -> None:
-    """Theta from −z, phi from +x towards +y, as ies2rad has it. By the matrices of OpenGL written out the intensity along M·d is
-    that along d, whatever the scale."""
+    """Theta is from −z, phi from +x towards +y, as in ies2rad. With OpenGL's matrices written out, the intensity along M·d is
+    that along d, at any scale."""
     c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
     about_x = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # by -90°
     M = about_x @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -193,12 +193,12 @@ def test_the_matrix_stack_places_turns_mirrors_and_scales_it(write: Callable[...
     assert plain.kind == "luminaire" and plain.position == (0, 0, 0) and turned.position == mirrored.position == (1, 2, 3)
     way, expected = directions(), bilinear(street, V2, steps(0, 360, 73), directions())
     for light, ways in ((plain, way), (turned, way @ M.T), (mirrored, way @ (M @ np.diag([-1, 1, 1])).T)):
-        np.testing.assert_allclose(along(light, ways), expected, rtol=1e-6, atol=1e-3)
+        np.testing.assert_allclose(intensity_along(light, ways), expected, rtol=1e-6, atol=1e-3)
     assert turned.photometry is plain.photometry, "a file is read once"
 
 
-def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> None:
-    """Aimed at a point; 0° towards +x, or what else is asked for, as far as that is across the aim."""
+def test_a_light_file_sets_place_and_brightness(write: Callable[..., Scene]) -> None:
+    """Aimed at a point; 0° is towards +x, or the requested direction, projected across the aim."""
     body = "ies a.ies\nposition 1 4 1 1\nspotDirection 1 0 1\n"
     other_body = body + "zeroDirection 0 5 -2\nintensity 0.5 0.25 0\n"
     level_body = "ies a.ies\nposition 0 0 0 1\nspotDirection 2 0 0\n"
@@ -211,7 +211,7 @@ def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> 
 
 
 @pytest.mark.parametrize(
-    ("text", "file", "line", "says"),
+    ("text", "file", "line", "message"),
     [
         ("scale 1 2 1\nlight a.ies\n", "a.scene", 4, "stretches the luminaire"),
         ("ies a.ies\nposition 0 0 0 1\n", "a.light", 1, "add: spotDirection X Y Z"),
@@ -225,9 +225,9 @@ def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> 
     ],
 )  # fmt: skip
 def test_a_luminaire_s_malformed_line_is_an_error_with_its_place(
-    write: Callable[..., Scene], text: str, file: str, line: int | None, says: str
+    write: Callable[..., Scene], text: str, file: str, line: int | None, message: str
 ) -> None:
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         if file == "a.scene":
             lights(write, text)
         else:

@@ -32,7 +32,7 @@ def test_formats_without_loss_give_the_same_pixels(kind, mode):
     np.testing.assert_array_equal(image.pixels, RGBA)
 
 
-def test_greys_of_any_depth_and_alpha_are_told_apart():
+def test_depths_of_grey_and_alpha_are_distinguished():
     # 16 bits: 65535 is 255 and 257·n is n; linear floats are sRGB-encoded (0.2140 is 127.5/255); a palette may have alpha
     deep = PIL.Image.fromarray(np.array([[0, 257 * 77, 65535]], np.uint16))
     np.testing.assert_array_equal(read_image(encoded(deep, "PNG"), "a").pixels[0, :, 0], [0, 77, 255])

@@ -1,4 +1,4 @@
-"""An .obj's material library: colours, textures with their options, opacity, and what is strange in it."""
+"""The material library of an .obj: colours, textures with their options, opacity, and oddities."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RED = np.full((2, 2, 3), (255, 0, 0), np.uint8)
 
 @pytest.fixture
 def mtl(tmp_path: Path) -> Callable[..., Scene]:
-    """Loads a square of the material `a` in the library `text`; images are saved beside it by name."""
+    """Load a square of the material `a` in the library `text`; images are saved in its folder by name."""
 
     def mtl(text: str | bytes, **images: np.ndarray) -> Scene:
         for name, pixels in images.items():
@@ -37,14 +37,14 @@ def material(scene: Scene) -> Material:
     return scene.meshes[0].material
 
 
-def known(value: Any) -> Any:
-    """`value`, of which the test knows that it isn't None."""
+def not_none(value: Any) -> Any:
+    """Return `value`, which is not None."""
     assert value is not None
     return value
 
 
 def alpha(values: np.ndarray | list[list[int]], rgb: int = 200) -> np.ndarray:
-    """(H, W, 4) grey with these alphas."""
+    """Return (H, W, 4) grey with these alphas."""
     a = np.asarray(values, np.uint8)
     return np.dstack([np.full((*a.shape, 3), rgb, np.uint8), a])
 
@@ -86,10 +86,10 @@ def test_every_texture_has_its_place(mtl):
     scene = mtl("newmtl a\nmap_Kd red.png\nmap_Ke green.png\nmap_Kn blue.png\n", **images)
     found = material(scene)
     textures = found.albedo_texture, found.emission_texture, found.normal_texture
-    assert [known(texture).image.pixels[0, 0, :3].tolist() for texture in textures] == np.diag([255] * 3).tolist()
+    assert [not_none(texture).image.pixels[0, 0, :3].tolist() for texture in textures] == np.diag([255] * 3).tolist()
     assert len(scene.files) == 5
     mesh = scene.meshes[0]  # v upward becomes v downward; a missing v is 0
-    uvs = {tuple(p[:2]): uv[:2] for p, uv in zip(mesh.positions.tolist(), known(mesh.uvs).tolist(), strict=True)}
+    uvs = {tuple(p[:2]): uv[:2] for p, uv in zip(mesh.positions.tolist(), not_none(mesh.uvs).tolist(), strict=True)}
     assert uvs == {(0, 0): [0, 1], (1, 0): [1, 1], (1, 1): [1, 0], (0, 1): [0, 1]}
 
 
@@ -105,7 +105,7 @@ def test_every_texture_has_its_place(mtl):
 def test_options_stand_before_the_file(mtl, tmp_path, options, name, s, o, wrap):
     # a point (u, v), v upward, shows the image's (s u + o, …): so the model's, downward, shows 1 - (s (1 - v) + o)
     Image.fromarray(RED).save(tmp_path / name)
-    texture = known(material(mtl(f"newmtl a\nmap_Kd {options} {name}\n")).albedo_texture)
+    texture = not_none(material(mtl(f"newmtl a\nmap_Kd {options} {name}\n")).albedo_texture)
     a, b, c, d, e, f = texture.transform
     for u, v in ((0, 0), (1, 0), (0.3, 0.8)):
         assert (a * u + b * v + c, d * u + e * v + f) == pytest.approx((s[0] * u + o[0], 1 - (s[1] * (1 - v) + o[1])))
@@ -126,7 +126,7 @@ def test_options_stand_before_the_file(mtl, tmp_path, options, name, s, o, wrap)
         ("map_Kd full.png\nmap_d -imfchan m shape.png", "opaque", None),
     ],
 )
-def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
+def test_an_alpha_channel_implies_its_mode(mtl, lines, mode, means):
     # only 0 and 255: a mask; much between: blended; all 0 or a picture under it: no opacity at all
     picture = alpha(LEAF)
     picture[..., :3] = np.random.default_rng(0).integers(0, 255, (10, 10, 3))
@@ -135,14 +135,14 @@ def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
     found = material(mtl(f"newmtl a\n{lines}\n", shape=shape, **images))
     assert found.alpha_mode == mode
     if means:
-        pixels = known(found.albedo_texture).image.pixels
+        pixels = not_none(found.albedo_texture).image.pixels
         assert (pixels[0, 0, 3], pixels[0, -1, 3]) == means and len(pixels) == (20 if "shape" in lines else 10)
         assert found.albedo == (0.5, 0.5, 0.5) if "map_Kd" not in lines else found.albedo == (1, 1, 1)
         assert pixels[0, 0, 0] == (200 if "map_Kd" in lines else 255)
 
 
 @pytest.mark.parametrize(
-    ("lines", "says"),
+    ("lines", "message"),
     [
         ("Kd 1 x 0", "a.mtl:2: Kd: 'x' is not a number; the line is left out"),
         ("Kd\nKd xyz 1 2 3\nKe 1 2", "a.mtl:2: Kd: 0 values; expected 3; 3 such lines are left out"),
@@ -150,10 +150,10 @@ def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
         ("map_Kd gone.png\nmap_Ke lost.png", "there is no image 'gone.png' and 1 more"),
         ("map_Kd a.obj", "cannot read the image 'a.obj'"),
         ("bump -bm 2 b.png\nmap_bump c.png", "a.mtl: 2 height maps (bump, disp) not shown"),
-        ("d 0", "every material is transparent altogether"),
+        ("d 0", "every material is fully transparent"),
     ],
 )
-def test_a_strange_line_costs_itself_and_a_notice(mtl, lines, says):
+def test_a_strange_line_costs_itself_and_a_notice(mtl, lines, message):
     scene = mtl(f"newmtl a\n{lines}\nKe 1 2 3\n")
-    assert sum(says in notice for notice in scene.notices) == 1, scene.notices
+    assert sum(message in notice for notice in scene.notices) == 1, scene.notices
     assert material(scene).emission == (1, 2, 3) and material(scene).albedo == (0.5, 0.5, 0.5)

@@ -1,4 +1,4 @@
-"""An .obj that is opened by itself: what it may look like, and what becomes of it."""
+"""An .obj as a scene of its own: allowed and damaged forms, and their meshes."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ def obj(tmp_path: Path):
 
 
 def areas(mesh: Mesh) -> np.ndarray:
-    """The area vectors (F, 3) of a mesh's triangles."""
+    """Return the area vectors (F, 3) of a mesh's triangles."""
     a, b, c = (mesh.positions[mesh.faces[:, i]].astype(float) for i in range(3))
     return 0.5 * np.cross(b - a, c - a)
 
 
 def remarks(scene: Scene) -> str:
-    """The notices, but for those of a camera and light that stand in."""
+    """Return the notices, except those on a stand-in camera and light."""
     return "\n".join(notice for notice in scene.notices if ": no camera; " not in notice and " light; " not in notice)
 
 
 def test_every_number_is_what_python_reads(tmp_path):
-    """To the bit: of digits, signs and exponents of all sizes, 17 digits among them."""
+    """Exact equality for digits, signs and exponents of all sizes, 17 digits among them."""
     generator = random.Random(3)
     words = ["1.", "+.5", "-0", "1e-3", "1E+2", "00012.50", "123456789012345", "4.9e-324", ".1e1"]
     for i in range(891):
@@ -61,14 +61,14 @@ def test_every_number_is_what_python_reads(tmp_path):
     "face", ["f 1 2 3", "f  1//1\t2//1 3//1 ", "f 1/1 2/2 3/3", "f 1/1/1 2/2/1 3/3/1", "f -4/-3/-1 2 -2//1", "f +1 2/ 3//"]
 )
 def test_corners_of_every_form_may_stand_in_one_face(obj, face):
-    # behind faces of other forms, so that no form is the only one of the file; four vertices: -4 is the first
+    # after faces of other forms, so that no form is the only one of the file; four vertices: -4 is the first
     mesh = obj(f"{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nf 1 3 4\n{face} # the lower right half\nf 1/1 3/3 4/2\n").meshes[0]
     assert areas(mesh)[1].tolist() == [0, 0, 0.5] and len(mesh.faces) == 3
     np.testing.assert_allclose(mesh.normals, [[0, 0, 1]] * len(mesh.normals), atol=1e-7)
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "message"),
     [
         ("f 1 2", "1 face can't be read and is left out; the first is line 8: a face has 2 corners"),
         ("f 1 2 9", "line 8: the face refers to vertex 9, but there are 4 'v' lines"),
@@ -79,13 +79,13 @@ def test_corners_of_every_form_may_stand_in_one_face(obj, face):
         ("v 1 2 x\nf 1 2 5", "line 9: one of its vertices can't be read"),
         ("v 1 1e300 2\nf 1 2 5", "line 8: '1e300' is beyond 1e+15"),
         ("vn 0 0\nvt\nf 1/1/1 2 3", "1 'vn' line can't be read"),
-        ("f 1/7 2/8/9 3//9", "4 corners refer to texture coordinates or normals that are not there"),
+        ("f 1/7 2/8/9 3//9", "4 corners refer to texture coordinates or normals that do not exist"),
         ("l 1 2\nl 1 2\np 1", "2 lines and 1 points are not shown"),
     ],
 )  # fmt: skip
-def test_a_bad_line_costs_itself_and_a_notice(obj, line, says):
+def test_a_bad_line_costs_itself_and_a_notice(obj, line, message):
     scene = obj(f"# a square\n{SQUARE}vn 0 0 1\nf 1 2 3\n{line}\nf 1 3 4\n")
-    assert says in remarks(scene), scene.notices
+    assert message in remarks(scene), scene.notices
     assert all("\n" not in notice and notice.isprintable() for notice in scene.notices)
     kept = line.startswith(("f 1/7", "vn")) + line.startswith("f 1 2 3\n")
     np.testing.assert_array_equal(areas(scene.meshes[0]).sum(0), [0, 0, 1 + 0.5 * kept])
@@ -102,26 +102,26 @@ WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "green", "says"),
+    ("text", "green", "message"),
     [
         (SQUARE + " " * 100 + "f 1 2 3\n", None, ""),
         (WHITE + "f 1 2 3\n", None, ""),
-        (WHITE.replace("1 1 1", "0 0 -1") + "f 1 2 3\n", None, ""),  # normals, which some programs write there
+        (WHITE.replace("1 1 1", "0 0 -1") + "f 1 2 3\n", None, ""),  # normals, as from some programs
         (WHITE.replace("1 1 1", "0 1 0") + "f 1 2 3\n", 1.0, ""),
         (WHITE.replace("1 1 1", "0 1 0") + "usemtl black\nf 1 2 3\n", 1.0, ""),  # a black material hides no colours
-        (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file knows 'gone' and 1 more"),
+        (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file defines 'gone' and 1 more"),
     ],
 )
-def test_colours_and_materials_that_say_nothing(obj, tmp_path, text, green, says):
+def test_colours_and_materials_without_effect(obj, tmp_path, text, green, message):
     """One triangle in each mesh, which is not closed; colours that are all white are none."""
     (tmp_path / "a.mtl").write_text("newmtl black\nKd 0 0 0\n")
     scene = obj("mtllib a.mtl\n" + text)
-    assert says in remarks(scene) and not any(mesh.closed for mesh in scene.meshes)
+    assert message in remarks(scene) and not any(mesh.closed for mesh in scene.meshes)
     assert areas(scene.meshes[0])[0].tolist() == [0, 0, 0.5]
     assert (None if scene.meshes[0].colors is None else scene.meshes[0].colors[:, 1].min()) == green
 
 
-RING = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]  # a hole, reached by a bridge to and fro
+RING = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]  # a hole, connected by a bridge
 ARROW = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]
 COMB = [(0, 0), *((x, y) for i in range(8) for x, y in ((2 * i, 5), (2 * i + 1, 1))), (16, 0)]
 
@@ -133,13 +133,13 @@ COMB = [(0, 0), *((x, y) for i in range(8) for x, y in ((2 * i, 5), (2 * i + 1, 
         (ARROW, 7.0),
         (COMB, None),
         ([(0, 0), (2, 1), (4, 0), (2, 5)], 8.0),  # concave at 1: not the diagonal from 0
-        ([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], 4.0),  # corners in one line
+        ([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], 4.0),  # collinear corners
         ([(math.cos(t), math.sin(t)) for t in np.arange(60) * math.pi / 30], None),
     ],
 )
 @pytest.mark.parametrize("turn", [0, 3])
 def test_polygons_are_covered_once(outline, area, turn):
-    # in a tilted plane; the triangles' area vectors add up to the polygon's (the shoelace formula), and so do their lengths
+    # in a tilted plane; the triangles' area vectors sum to the polygon's (the shoelace formula), and so do their lengths
     flat = np.roll(np.array(outline, float), turn, axis=0)
     x, y = flat.T
     shoelace = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
@@ -153,7 +153,7 @@ def test_polygons_are_covered_once(outline, area, turn):
 
 
 def fold(degrees: float) -> str:
-    """Two squares that meet at an angle along the z axis, without normals."""
+    """Return two squares that meet at an angle along the z axis, without normals."""
     x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return f"v -1 0 0\nv 0 0 0\nv {x} {y} 0\nv -1 0 1\nv 0 0 1\nv {x} {y} 1\nf 1 4 5 2\nf 2 5 6 3\n"
 
@@ -222,7 +222,7 @@ def test_every_encoding_is_read(obj, tmp_path, encoding):
     "written", ["./my colours.MTL", "sub\\My Colours.mtl", "My%20Colours.mtl", "b.mtl My Colours.mtl", "gone"]
 )
 def test_material_files_are_found_under_other_names(obj, tmp_path, written):
-    # the last is missing: one that is called like the .obj is read instead
+    # the last is missing: the one named like the .obj is read instead
     (tmp_path / ("a.mtl" if written == "gone" else "My Colours.mtl")).write_text("newmtl Red\nKd 1 0 0\n")
     (tmp_path / "b.mtl").write_text("newmtl other\nKd 0 1 0\n")
     scene = obj(f"mtllib {written}\n{SQUARE}usemtl red\nf 1 2 3\n")

@@ -1,4 +1,4 @@
-"""Scenes of trimesh and arrays that are odd, what a .scene keeps of a scene, and the edges of what meshes and lights can do."""
+"""Odd scenes of trimesh and arrays, losses of the .scene format, and edge cases of meshes and lights."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene import load
 from irrsplat.scene.change import shines
 from irrsplat.scene.image_means import sums_of_four
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.motion_keys import LightKey, Motions
+from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Image, Light, Material, Scene
@@ -34,15 +36,35 @@ SUN = Light((0, 1, 0), (1, 1, 1), directional=True)
 
 
 def solid(points: Any = POINTS, faces: Any = FACES, material: Any = None, **visual: Any) -> trimesh.Trimesh:
-    """The tetrahedron, with a material where one is given."""
+    """Return the tetrahedron, with a material if one is given."""
     made = trimesh.Trimesh(points, faces, process=False)
     if material is not None or visual:
         made.visual = trimesh.visual.TextureVisuals(uv=POINTS[:, :2], material=material, **visual)
     return made
 
 
+def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
+    """A mesh is a function of its part: built with others of all layouts, or alone, it is the same to the last bit."""
+    chance, parts = np.random.default_rng(3), []
+    for i in range(64):
+        points, corners, matrix = chance.normal(size=(9, 3)), chance.integers(0, 9, (i % 7, 3)), np.eye(4)  # some have no area
+        matrix[:3] = chance.normal(size=(3, 4)) if i != 40 else np.nan
+        part = Part(points, corners + 9 * (i == 41), None if i % 4 < 2 else points, None, matrix, name=f"{i}")
+        if i % 4 == 1:
+            part = replace(part, normals=points[:5], corner_normals=chance.integers(-1, 5, corners.shape), colors=points)
+        if i % 3:
+            part = replace(part, uvs=points[:7, [0, 1, 0, 1]], corner_uvs=chance.integers(-1, 7, corners.shape))
+        parts.append(part)
+    together, alone = list(build_meshes(parts)), [next(build_meshes([part])) for part in parts]
+    assert [one.part.name for one in together if one.problem] == ["40", "41"] and sum(one.dropped for one in together) > 0
+    for one, other in zip(together, alone, strict=True):
+        assert (one.problem, one.dropped) == (other.problem, other.dropped)
+        for name in ("positions", "normals", "faces", "colors", "uvs", "closed"):
+            np.testing.assert_array_equal(getattr(one.mesh, name, None), getattr(other.mesh, name, None), name, strict=True)
+
+
 def test_trimesh_s_units_materials_and_images() -> None:
-    """Inches, an unknown unit, a material for each half of the faces, one without a colour, one image worn twice."""
+    """Inches, an unknown unit, a material for each half of the faces, one without a colour, one image used twice."""
     picture = PIL.Image.new("RGB", (2, 2), (255, 0, 0))
     several = MultiMaterial([PBRMaterial(baseColorFactor=[1.0, 0.0, 0.0, 1.0]), PBRMaterial(baseColorTexture=picture)])
     inches, ells = solid(material=several, face_materials=[0, 0, 1, 1]), solid(material=PBRMaterial(baseColorTexture=picture))
@@ -59,7 +81,7 @@ def test_trimesh_s_units_materials_and_images() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "says"),
+    ("call", "message"),
     [
         (lambda: irrsplat.from_trimesh(solid(POINTS * np.nan)), "the vertices of '.*' must be finite numbers"),
         (lambda: irrsplat.from_trimesh(solid(faces=[[0, 1, 9]])), r"refers to vertex 9 \(from 0\), but there are 4"),
@@ -73,14 +95,14 @@ def test_trimesh_s_units_materials_and_images() -> None:
         (lambda: Motions((), (LightKey(0, 0.0, "position", (0, 0, 0)),)).check(scene(floor(), lights=(SUN,)), 2), "is not 0 0 0"),
     ],
 )
-def test_what_cannot_be_is_told_in_a_line(call: Callable[[], object], says: str) -> None:
-    with pytest.raises(InputError, match=says) as raised:
+def test_invalid_arguments_are_one_line(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message) as raised:
         call()
     assert "\n" not in str(raised.value)
 
 
-def test_a_large_map_of_a_sky_is_halved_and_shines_in_every_channel() -> None:
-    """4096 rows become 2048, each the mean of two; no map counts as dark in any channel."""
+def test_a_large_map_of_a_sky_is_halved_and_emits_in_every_channel() -> None:
+    """4096 rows become 2048, each the mean of two; a map emits in every channel."""
     sky = np.zeros((4096, 2, 3), np.float32)
     sky[::2] = [2.0, 0.0, 0.0]
     made = irrsplat.make_scene(floor(), sky=sky)
@@ -90,7 +112,7 @@ def test_a_large_map_of_a_sky_is_halved_and_shines_in_every_channel() -> None:
 
 
 def test_a_sky_that_stands_in_is_not_written_and_a_map_by_its_mean(tmp_path: Path) -> None:
-    """The reader has the same sky to stand in; a map that no file holds is lost."""
+    """The reader adds the same stand-in; a map without a file is lost."""
     assert write_scene(replace(scene(floor(), sky=1.0), own_sky=False), tmp_path / "a.scene") == ""
     assert "\nsky " not in (tmp_path / "a.scene").read_text() and load(tmp_path / "a.scene").sky == (1.0, 1.0, 1.0)
     mapped = irrsplat.make_scene(floor(), sky=np.ones((8, 16, 3)) * [1.0, 2.0, 3.0])
@@ -99,7 +121,7 @@ def test_a_sky_that_stands_in_is_not_written_and_a_map_by_its_mean(tmp_path: Pat
 
 
 def test_a_luminaire_is_written_with_its_tilt_file(write: Callable[..., Scene], tmp_path: Path) -> None:
-    """Read again it has the same flux, whether it is mirrored or not; a light without photometry has none."""
+    """Read again it has the same flux, mirrored or not; a light without photometry has none."""
     light = "ies b.ies\nposition 0 3 0 1\nspotDirection 0 0 0\nintensity 2 2 2\n"
     text = "obj t.obj\ncam 0 0 5  0 0 0  0 1 0\nlight a.light\nscale -1 1 1\nlight b.ies\n"
     made = write(text, a_light=light, b_ies=ies_text([0, 90], [0, 90, 180], isotropic, tilt="TILT=t.tlt"), t_tlt="1 2 0 90 1 0.8")
@@ -110,8 +132,8 @@ def test_a_luminaire_is_written_with_its_tilt_file(write: Callable[..., Scene], 
     assert sorted(file.name for file in (tmp_path / "c-files").glob("*.tlt")) == ["t.tlt"]
 
 
-def test_nothing_hides_nothing_and_has_no_look() -> None:
-    """A caster of no triangles, a mesh without faces, the odd row of an image, a sun that is shifted."""
+def test_empty_geometry() -> None:
+    """A caster of no triangles, a mesh without faces, the odd row of an image, a shifted sun."""
     pytest.importorskip("embreex")
     caster, axes = RayCaster(np.zeros((0, 3), np.float32), np.zeros((0, 3), int)), np.eye(3)[None]
     assert caster.first_hits(np.zeros((1, 3)), axes, np.eye(3)).tolist() == [[-1] * 3]

@@ -1,4 +1,4 @@
-"""The bundled scenes: found by name, as their descriptions say, and equal to what their generator makes."""
+"""The bundled scenes: found by name, consistent with their descriptions, and equal to their generator's output."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ def test_the_bundled_scenes_load_without_a_notice():
             assert 0.0 <= min(mesh.material.albedo) <= max(mesh.material.albedo) <= 1.0
 
 
-def test_names_paths_and_what_is_neither(tmp_path, monkeypatch):
+def test_names_paths_and_invalid_sources(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "thing.txt").write_text("hello")
-    for odd, says in (
+    for odd_primitive, message in (
         ("nope", "no file 'nope'; the bundled scenes are atrium, cornell"),
         ("thing.txt", r"unknown ending '\.txt'; expected one of \.scene"),
         (tmp_path, "directory"),
-        *((odd, "") for odd in ("", "x" * 5000, "a\0b", "two\nlines", "../cornell", "cornell/")),
+        *((odd_primitive, "") for odd_primitive in ("", "x" * 5000, "a\0b", "two\nlines", "../cornell", "cornell/")),
     ):
-        with pytest.raises(InputError, match=says or None) as caught:
-            load(odd)
+        with pytest.raises(InputError, match=message or None) as caught:
+            load(odd_primitive)
         assert "\n" not in str(caught.value)
     (tmp_path / "furnace").mkdir()
     assert load("furnace").path != "furnace"  # a folder of that name is no file: the bundled scene is meant
     (tmp_path / "UPPER.SCENE").write_text("sky 1 2 3\n")
     assert load("UPPER.SCENE").sky == (1, 2, 3)
     (tmp_path / "cornell").write_text("sky 1 2 3\n")
-    with pytest.raises(InputError, match="unknown ending"):  # an existing file wins
+    with pytest.raises(InputError, match="unknown ending"):  # an existing file has precedence
         load("cornell")
 
 
@@ -55,7 +55,7 @@ def test_cornell_is_the_measured_box():
     camera = scene.camera()
     assert camera.eye == (2.78, 2.73, -8.0)
     assert camera.fov == pytest.approx(2 * math.degrees(math.atan(0.0125 / 0.035)), abs=1e-3)
-    # red stands on the left of the picture: +x is left where one looks along +z with +y up
+    # red is on the left of the picture: +x is left for a view along +z with +y up
     red = next(mesh for mesh in scene.meshes if mesh.name == "red")
     view = camera.view_from_world[:3, :3] @ red.positions.mean(0) + camera.view_from_world[:3, 3]
     assert view[0] < 0 and red.material.albedo[0] > 5 * red.material.albedo[1]
@@ -64,7 +64,7 @@ def test_cornell_is_the_measured_box():
 
 
 def test_the_furnace_is_closed_and_uniform():
-    """The argument of a furnace needs one reflectance, one emission, no other light, and no way out."""
+    """A furnace needs one reflectance, one emission, no other light, and no opening."""
     scene = load("furnace")
     assert {mesh.material for mesh in scene.meshes} == {scene.meshes[0].material}
     assert scene.lights == () and scene.sky == (0, 0, 0)
@@ -74,7 +74,7 @@ def test_the_furnace_is_closed_and_uniform():
 
 
 def numbers(path: Path) -> tuple[list[str], np.ndarray]:
-    """The words of a file that are no numbers, and those that are."""
+    """Return the words of a file that are no numbers, and the numbers."""
     words, values = [], []
     for word in path.read_text().replace("//", " ").split():
         try:
@@ -86,7 +86,7 @@ def numbers(path: Path) -> tuple[list[str], np.ndarray]:
 
 @pytest.mark.parametrize("name", GENERATED)
 def test_the_generator_makes_what_is_committed(name, tmp_path):
-    # to one unit of the last decimal that it writes: another machine's sine may round the other way
+    # to one unit of the last written decimal: another machine's sine may round the other way
     generate.SCENES[name](tmp_path, 1.0)
     committed = {file.name: file for file in (paths.folder("scenes") / name).iterdir()}
     assert set(committed) == {file.name for file in tmp_path.iterdir()}
@@ -98,7 +98,7 @@ def test_the_generator_makes_what_is_committed(name, tmp_path):
 
 
 def test_detail_scales_the_triangles(tmp_path, monkeypatch):
-    """A quarter of the detail makes about a quarter of the triangles of what is curved."""
+    """A quarter of the detail gives about a quarter of the triangles of curved objects."""
     monkeypatch.setattr("sys.argv", ["generate.py", "curved", "--detail", "0.25", "-o", str(tmp_path)])
     generate.main()
     assert 0.2 < load(tmp_path / "curved.scene").triangles / load("curved").triangles < 0.35

@@ -1,4 +1,4 @@
-"""What stands in where a file has no light, no camera, or does not say what is up."""
+"""Stand-ins for a missing light, camera or up axis of a file."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def finished(*meshes: Mesh, lights: tuple[Light, ...] = (), cameras: tuple[Camer
 
 
 def turned(mesh: Mesh, up: str) -> Mesh:
-    """A mesh that stands upright with y up, standing upright with another axis up."""
-    matrix = axes(UPS[up])  # rows right, up and front: where x, y and z go
+    """Return an upright mesh for y up, upright with another axis up."""
+    matrix = axes(UPS[up])  # rows right, up and front: the images of x, y and z
     return replace(mesh, positions=(mesh.positions @ matrix).astype("f4"), normals=(mesh.normals @ matrix).astype("f4"))
 
 
 def inside(scene: Scene, points: np.ndarray) -> np.ndarray:
-    """(N,) whether the default camera's square picture shows the points (N, 3)."""
+    """Return (N,) bool: True for points (N, 3) in the default camera's square picture."""
     camera = scene.camera()
     x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
     shown: np.ndarray = np.maximum(np.abs(x), np.abs(y)) <= -z * math.tan(math.radians(camera.fov / 2.0)) + 1e-9
@@ -62,7 +62,7 @@ def test_load_takes_the_up_axis(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("thing", "up"), [(sphere((1, 2, 3), 0.5), "x"), (box((0, 0, 0), (1, 5, 0.2)), "z"), (floor(3.0), "y")])
-def test_a_thing_is_seen_whole_from_the_front_and_above(thing: Mesh, up: str) -> None:
+def test_an_object_is_wholly_in_view_from_the_front_and_above(thing: Mesh, up: str) -> None:
     scene = finished(turned(thing, up), up=up)
     camera, world = scene.camera(), axes(UPS[up])
     right, above, front = world @ np.subtract(camera.eye, camera.target)
@@ -74,7 +74,7 @@ def test_a_thing_is_seen_whole_from_the_front_and_above(thing: Mesh, up: str) ->
 
 
 @pytest.mark.parametrize(("up", "at"), [("y", (0.4, 0.5)), ("z", (-1.7, -2.6))])
-def test_in_a_closed_room_one_stands_at_eye_height_and_looks_at_what_is_in_it(up: str, at: tuple[float, float]) -> None:
+def test_the_camera_of_a_closed_room_is_at_eye_height_and_shows_its_contents(up: str, at: tuple[float, float]) -> None:
     table = box((at[0], 0, at[1]), (at[0] + 1.0, 0.8, at[1] + 1.2))
     scene = finished(turned(ROOM, up), turned(table, up), up=up)
     camera, world = scene.camera(), axes(UPS[up])
@@ -86,7 +86,7 @@ def test_in_a_closed_room_one_stands_at_eye_height_and_looks_at_what_is_in_it(up
 
 
 def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
-    """Its side at greater x is open; the camera stands outside of it, and looks in."""
+    """Its side at greater x is open; the camera is outside, in front of it."""
     x, y, z, low = (2, 0, 0), (0, 2, 0), (0, 0, 2), (-1, 0, -1)
     walls = [quad(low, z, x), quad((-1, 2, -1), x, z), quad(low, y, z), quad(low, x, y), quad((-1, 0, 1), y, x)]
     scene = finished(*walls)
@@ -94,16 +94,16 @@ def test_a_room_that_lacks_a_wall_is_seen_from_there() -> None:
     assert camera.eye[0] > 2.0 and abs(camera.eye[2]) < 0.3 and inside(scene, np.concatenate([w.positions for w in walls])).all()
 
 
-def test_what_stands_on_a_vast_ground_fills_the_picture() -> None:
-    """The camera is about as near as without the ground, and looks at the same."""
+def test_an_object_on_a_vast_ground_fills_the_picture() -> None:
+    """The camera is about as near as without the ground, with the same target."""
     ground, thing = floor(80.0), sphere((3, 1, -2), 1.0)
     alone, camera = finished(thing).camera(), finished(ground, thing).camera()
     far, farther = (np.linalg.norm(np.subtract(one.eye, one.target)) for one in (alone, camera))
     assert far < farther < 2.0 * far and np.allclose(camera.target, alone.target, atol=0.1)
 
 
-def lit_by_itself(scene: Scene) -> bool:
-    """Whether nothing stands in for light."""
+def has_own_light(scene: Scene) -> bool:
+    """True if no light stands in."""
     own = not any(light.name == "key" for light in scene.lights)
     assert own == (not any(scene.sky)) == (not any("stand in" in notice for notice in scene.notices))
     assert not scene.own_sky
@@ -111,7 +111,7 @@ def lit_by_itself(scene: Scene) -> bool:
 
 
 def glowing(radiance: float, share: float) -> list[Mesh]:
-    """A ball of radius 1, and on it a patch of this share of 4π m² that glows."""
+    """Return a ball of radius 1, and on it a glowing patch of this share of 4π m²."""
     side = math.sqrt(share * 4.0 * math.pi)
     return [sphere((0, 0, 0), 1.0), quad((0, 1.001, 0), (0, 0, side), (side, 0, 0), material(0.5, radiance))]
 
@@ -121,29 +121,29 @@ def glowing(radiance: float, share: float) -> list[Mesh]:
     [
         (glowing(1.0, 0.01), False),  # a small display
         (glowing(1000.0, 0.01), True),
-        ([sphere((0, 0, 0), 1.0, material(0.0, 1.0))], True),  # a lamp, and nothing else
+        ([sphere((0, 0, 0), 1.0, material(0.0, 1.0))], True),  # a luminous ball only
         ([ROOM, quad((-0.5, 2.4, -0.5), (1, 0, 0), (0, 0, 1), material(0.5, 1.0))], True),  # lit by a panel
-        ([ROOM, quad((0, 1.4, -2.99), (0.02, 0, 0), (0, 0.02, 0), material(0.5, 1.0))], False),  # a switch that glows
+        ([ROOM, quad((0, 1.4, -2.99), (0.02, 0, 0), (0, 0.02, 0), material(0.5, 1.0))], False),  # a glowing switch
     ],
 )
-def test_emission_that_is_minor_lights_nothing(meshes: list[Mesh], own: bool) -> None:
-    assert lit_by_itself(finished(*meshes)) == own
+def test_minor_emission_does_not_count(meshes: list[Mesh], own: bool) -> None:
+    assert has_own_light(finished(*meshes)) == own
 
 
-def test_lamps_that_are_off_light_nothing() -> None:
+def test_lights_that_are_off_do_not_count() -> None:
     for light, own in ((lamp((0, 2, 0), 1e-9), False), (lamp((0, 2, 0), 1.0), True)):
-        assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == own
+        assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == own
 
 
 def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
-    """What falls on the side away is 0.3 of what falls on the other, however strong it is; with a lamp none stands in."""
+    """Irradiance on the far side is 0.3 of that on the near side, at any strength; with a point light no sky stands in."""
     suns = Light((0.0, 2.0, 1.0), (1e5,) * 3, directional=True, name="key"), Light((1.0, 2.0, 0.0), (2e5,) * 3, directional=True)
     for lights, strength in (suns, 3e5), (suns[:1], 1e5):
         scene = finished(sphere((0, 0, 0), 1.0), lights=lights)
         assert scene.lights == lights and not scene.own_sky
-        assert any("directional light alone" in notice for notice in scene.notices)
+        assert any("only directional light" in notice for notice in scene.notices)
         assert scene.sky == pytest.approx((0.3 * strength,) * 3) and 0.0 < scene.sky_gradient[0] < scene.sky[0]
-    assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
+    assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
 
 
 def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:
@@ -157,7 +157,7 @@ def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:
 
 
 def test_a_white_sphere_stands_out_and_has_a_shape() -> None:
-    """It is neither as bright as what is behind it nor the same all over."""
+    """It differs from its background, and its brightness varies."""
     model = finished(sphere((0, 0, 0), 1.0, material(1.0), rings=12, segments=24))
     frame = irrsplat.render(model, (64, 64), bounces=1, gather_size=8, shadow_size=256)
     seen, picture = frame.alpha == 1.0, frame.picture.mean(-1)

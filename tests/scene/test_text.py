@@ -1,4 +1,4 @@
-"""The .scene, .light and .obj grammar: what each line means, and the place of each malformed one."""
+"""The grammar of .scene, .light and .obj: the meaning of each line, and the place of each error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_matrices_multiply_on_the_right_as_opengl_does(write):
 
 
 def test_push_and_pop_save_the_matrix_and_not_the_material(write):
-    # a material holds until the next of its kind; before any line the surface is 0.5 and dark
+    # a material applies until the next of its kind; before any line the surface is 0.5 and dark
     text = "obj t.obj\npush\ntrans 5 0 0\nbrdf diffuse 1 0 0 1\nobj t.obj\npop\nbrdf emission 1 2 3\nobj t.obj\n"
     scene = write(text)
     assert [m.positions[0, 0] for m in scene.meshes] == [0.0, 5.0, 0.0]
@@ -65,7 +65,7 @@ def test_face_forms_polygons_and_negative_indices(tmp_path):
 
 
 def test_cameras_and_projection(write):
-    # the unnamed camera is the default wherever it stands; `proj` holds for all, above and below it
+    # the unnamed camera is the default at any position; `proj` holds for all, above and below it
     scene = write("cam left 1 0 5 0 0 0 0 1 0\n" + CAM + "proj 30 1.5 0.1 10\ncam right 2 0 5 0 0 0 0 1 0\n")
     assert [(c.name, c.eye[0], c.fov) for c in scene.cameras] == [("", 0, 30), ("left", 1, 30), ("right", 2, 30)]
     assert write("cam left 1 0 5 0 0 0 0 1 0\ncam right 2 0 5 0 0 0 0 1 0\n").camera().name == "left"
@@ -81,15 +81,15 @@ def test_lights(write):
     assert (spot.spot_cutoff, spot.spot_inner, spot.spot_exponent) == (30, 20, 2)
     hard = light(write, "position 0 5 0 1\nintensity 1 2 3\nspotDirection 0 0 0\nspotCutoff 30\n")
     assert hard.spot_inner == 30  # a hard edge
-    for cutoff in (90, 180):  # no cone: a direction and an exponent are read and mean nothing
+    for cutoff in (90, 180):  # no cone: a direction and an exponent are read and have no effect
         text = f"position 0 5 0 1\ndiffuse 1 1 1 1\nspotDirection 0 0 0\nspotExponent 3\nspotCutoff {cutoff}\n"
         assert light(write, text).spot_target is None
 
 
-def test_where_nothing_shines_a_sky_stands_in(write):
+def test_a_sky_stands_in_where_nothing_emits(write):
     plain = write("obj t.obj\n" + CAM)
     assert plain.sky == (1.0, 1.0, 1.0) and plain.sky_gradient == (0.0, 0.0, 0.0) and "sky" in plain.notices[0]
-    assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a black sky that was asked for
+    assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a requested black sky
     assert write("brdf emission 1 1 1\nobj t.obj\n" + CAM).sky == (0.0, 0.0, 0.0)
     assert write("obj t.obj\nlight a.light\n" + CAM, a_light="position 0 0 0 1\ndiffuse 1 1 1 1\n").notices == ()
 
@@ -100,14 +100,14 @@ def test_closed_means_watertight_and_wound_outward(write):
 
     inward = re.sub(r"f (\d) (\d) (\d) (\d)", r"f \4 \3 \2 \1", CUBE)
     assert closed("rotate 33 1 2 3")
-    assert not closed("scale -1 1 1")  # a mirror turns the winding: the surface now faces inward
+    assert not closed("scale -1 1 1")  # a mirror reverses the winding: the surface faces inward
     assert closed("scale 1 1 -1", inward)
     assert not closed("", CUBE.rsplit("f", 1)[0])  # one face is missing
 
 
 @pytest.mark.parametrize(("units", "watt"), [("units photometric", 179.0), ("units radiometric", 1.0), ("", 1.0)])
 def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt):
-    """Lamps, sky and emission are divided; an albedo has no unit."""
+    """Lights, sky and emission are divided; an albedo has no unit."""
     light = "light a.light\nlight b.light\nsky 17.9 0 0\nbrdf emission 0 358 0\nbrdf diffuse 1 0 0 1\n"
     text = f"# first\n{units}\n{CAM}{light}obj t.obj\n"
     lamps = {"a_light": "position 0 1 0 1\nintensity 179 358 537\n", "b_light": "position 0 1 0 0\ndiffuse 179 179 0 1\n"}
@@ -117,16 +117,16 @@ def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt
     assert scene.meshes[0].material.albedo == (1, 0, 0)
 
 
-def refused(write, text, file, line, says, **files):
-    """Reading `text`, a .scene, fails with one line that begins with the place and contains `says`."""
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+def refused(write, text, file, line, message, **files):
+    """Expect reading `text`, a .scene, to fail with one line that starts with the place and contains `says`."""
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         write(text, **files)
     place = f"{file}: " if line is None else f"{file}:{line}: "
     assert place in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         ("\nfoo 1\n", 2, "unknown word 'foo'"),
         ("units candela\n", 1, "'candela' are no units; expected: units radiometric, or: units photometric"),
@@ -159,15 +159,15 @@ def refused(write, text, file, line, says, **files):
         ("scale 1e14 1e14 1e14\nscale 1e14 1 1\nscale 1e14 1 1\nobj t.obj\n", 4, "32-bit"),
     ],
 )  # fmt: skip
-def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):
-    refused(write, text, "a.scene", line, says)
+def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, message):
+    refused(write, text, "a.scene", line, message)
 
 
 POINT = "position 0 5 0 1\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         (POINT + "colour 1 1 1\n", 2, "unknown word 'colour'"),
         (POINT + POINT, 2, "given twice"),
@@ -190,12 +190,12 @@ POINT = "position 0 5 0 1\n"
         ("\n", None, "empty"),
     ],
 )  # fmt: skip
-def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
-    refused(write, "light a.light\n", "a.light", line, says, a_light=text)
+def test_a_malformed_light_is_an_error_with_its_place(write, text, line, message):
+    refused(write, "light a.light\n", "a.light", line, message, a_light=text)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "says"),
+    ("text", "line", "message"),
     [
         ("v 1 2\n", 1, "'v' has 2 values"),
         ("v 1 2 3\n\nv 1 x 3\n", 3, "'x' is not a number"),
@@ -208,16 +208,16 @@ def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
         (TRIANGLE + "f 1/1/2 2/1/1 3/1/1\nvn 0 0 1\n", 5, "normal 2, but there are 1"),
         (TRIANGLE + "f 1 2//1 3\n", 5, "different kinds"),
         (TRIANGLE + "f 1 2 99999999999999999999\n", 5, "is no corner"),
-        ("hello\nworld\n", None, "no line of this file is OBJ"),
+        ("hello\nworld\n", None, "no line of this file is an OBJ command"),
         ("", None, "empty"),
     ],
 )  # fmt: skip
-def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says):
-    refused(write, "obj x.obj\n", "x.obj", line, says, x_obj=text)
+def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, message):
+    refused(write, "obj x.obj\n", "x.obj", line, message, x_obj=text)
 
 
 @pytest.mark.parametrize(
-    ("data", "says"),
+    ("data", "message"),
     [
         (b"", "empty"),
         (b"sky 1 1 1\n\0\1\2garbage", "binary"),
@@ -225,7 +225,7 @@ def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says
         (b"\x1b[31m 1 2\n", "unknown word"),
     ],
 )  # fmt: skip
-def test_what_is_no_text_is_an_error(write, data, says):
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
+def test_binary_data_is_an_error(write, data, message):
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         write(data)
     assert "a.scene" in str(caught.value) and str(caught.value).isprintable()

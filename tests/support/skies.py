@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from irrsplat.scene.io.defaults import under
+from irrsplat.scene.io.defaults import with_sky
 from irrsplat.scene.model import Scene
 from irrsplat.sky.cie import CieSky
 from irrsplat.sky.environment import Environment
@@ -19,12 +19,12 @@ from irrsplat.sky.split import split
 def mapped(scene: Scene, radiance: np.ndarray, turn: float = 0.0) -> Scene:
     """The scene under an equirectangular map (H, W, 3), as a file of it would be read; up is y."""
     light, suns = split(radiance.astype("f4"))
-    return under(Sky(environment=Environment(radiance.astype("f4"), light, suns), turn=turn), scene, np.eye(3))
+    return with_sky(Sky(environment=Environment(radiance.astype("f4"), light, suns), turn=turn), scene, np.eye(3))
 
 
 def cie(scene: Scene, sky: CieSky) -> Scene:
     """The scene under a CIE sky; up is y."""
-    return under(Sky(environment=sky.environment("CIE")), scene, np.eye(3))
+    return with_sky(Sky(environment=sky.environment("CIE")), scene, np.eye(3))
 
 
 def without_lights(scene: Scene) -> Scene:

@@ -1,4 +1,4 @@
-"""Makes vertex normals for triangles that have none: smooth where they meet at less than an angle, sharp elsewhere."""
+"""Vertex normals for triangles without normals: smooth across edges below a crease angle, sharp elsewhere."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import numpy as np
 from irrsplat.core.vectors import as_float32, unit
 from irrsplat.scene.io.mesh_builder import welded
 
-_PAIRS = 1 << 21  # of corners that are compared at once
-_CROWD = 256  # corners at one place beyond which they aren't compared in pairs: those of a crease there stay flat
+_CHUNK_PAIRS = 1 << 21  # pairs of corners that are compared together; bounds the temporary memory
+_MOST_COMPARED = 256  # corners at one place above which they are not compared in pairs; those at a crease stay flat
 
 
 def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) unit normals, and (F, 3) which of them each corner has, for triangles `corners` (F, 3) into positions (V, 3).
+    """Return (N, 3) unit normals and (F, 3) indices into them, for triangles `corners` (F, 3) into positions (V, 3).
 
-    A corner's normal is the mean of the normals of those triangles at its place that deviate from its own triangle by less than
-    `angle`, in degrees, weighted by their angle there (Thürmer & Wüthrich 1998). Vertices at the same place count as one.
+    A corner's normal is the mean over the triangles at its place, weighted by their angle there (Thürmer & Wüthrich 1998). Only
+    triangles count whose normals deviate from its own triangle's by less than `angle`, in degrees. Vertices at the same place
+    count as one.
     """
     _, place = welded(as_float32(positions))
     at = place[corners]
@@ -31,34 +32,37 @@ def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> 
         return mean, at
     with np.errstate(all="ignore"):
         off: np.ndarray = (face[:, None] * mean[at]).sum(2) < np.cos(np.radians(0.5 * angle)) + 1e-6
-    creased = np.zeros(count, bool)  # others have all their triangles within half the angle of the mean: within it of each other
+    creased = np.zeros(
+        count, bool
+    )  # elsewhere normals lie within half the angle of the mean, hence within the angle of one another
     real = np.abs(face).max(axis=1, initial=0.0) > 0.0
     creased[at[off & real[:, None]]] = True
     sharp = np.flatnonzero(creased[flat_at])
     sharp = sharp[np.argsort(flat_at[sharp], kind="stable")]
-    own = _alike(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
+    own = _normal_sums(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
     number = at.reshape(-1).copy()
-    kept, number_of = _different(flat_at[sharp], own)
+    kept, number_of = _distinct_pairs(flat_at[sharp], own)
     number[sharp] = count + number_of
     return np.concatenate([mean, own[kept]]), number.reshape(-1, 3)
 
 
 def _angles(points: np.ndarray) -> np.ndarray:
-    """(F, 3) radians: the angle at each corner of triangles (F, 3, 3)."""
+    """Return (F, 3) radians: the angle at each corner of triangles (F, 3, 3)."""
     forward = np.roll(points, -1, axis=1) - points
     backward = np.roll(points, 1, axis=1) - points
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(forward, backward), axis=2), (forward * backward).sum(2)))
 
 
-def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: float) -> np.ndarray:
-    """(R, 3) unit: each corner's sum of `weighted` over those at its place whose `face` has a cosine above `least` with its own.
+def _normal_sums(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: float) -> np.ndarray:
+    """Return (R, 3) unit sums of `weighted` over the corners at the same place with a cosine above `least` between `face`
+    normals.
 
-    place: (R,) in ascending order.
+    place: (R,) ascending.
     """
     first = np.flatnonzero(np.diff(place, prepend=-1))
     size = np.diff(first, append=len(place))
     begin, count = np.repeat(first, size), np.repeat(size, size)
-    crowded = count > _CROWD
+    crowded = count > _MOST_COMPARED
     begin[crowded], count[crowded] = np.flatnonzero(crowded), 1
     sums = np.empty_like(weighted)
     x, y, z = (np.ascontiguousarray(face[:, i]) for i in range(3))
@@ -67,7 +71,7 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     low = 0
     while low < len(place):
         done = int(ends[low - 1]) if low else 0
-        high = max(low + 1, int(np.searchsorted(ends, done + _PAIRS, "right")))
+        high = max(low + 1, int(np.searchsorted(ends, done + _CHUNK_PAIRS, "right")))
         rows = slice(low, high)
         starts = ends[rows] - count[rows] - done
         one = np.repeat(np.arange(low, high), count[rows])
@@ -80,8 +84,8 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     return unit(sums)
 
 
-def _different(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One of each different pair of place (R,) and normal (R, 3), (M,) into them, and (R,) which of those each is."""
+def _distinct_pairs(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the indices (M,) of distinct pairs of place (R,) and normal (R, 3), and the pair (R,) of each row."""
     rows = np.column_stack([place.astype(float), normals + 0.0])
     bits = rows.view(np.uint64)
     with np.errstate(over="ignore"):
@@ -91,4 +95,4 @@ def _different(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.n
     number = number.reshape(-1)
     if np.array_equal(rows[kept][number], rows):
         return kept, number
-    return np.arange(len(place)), np.arange(len(place))  # two with one hash: all stay apart
+    return np.arange(len(place)), np.arange(len(place))  # two pairs with one hash: keep all apart

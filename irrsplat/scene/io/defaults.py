@@ -1,4 +1,4 @@
-"""Completes what a loader has read: light where nothing shines, a camera where there is none, and notices that say so."""
+"""Completion of loaded scenes: stand-in light and camera, and notices about them."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
 from irrsplat.sky.environment import frame_of
 from irrsplat.sky.sky_text import Sky
 
-WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene that lies near enough to it
+WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene near 0 0 0
 
 
 class FarAway(Exception):
-    """A scene lies too far from its origin for float32; it is read again with this one, in which nothing is lost."""
+    """A scene is too far from its origin for float32; the loader reads it again with this origin, without loss."""
 
     def __init__(self, origin: Vector) -> None:
         super().__init__(f"it lies far from the origin of coordinates, near {origin}")
@@ -43,14 +43,13 @@ def finish(
     origin: Vector = WORLD,
     invent: bool = True,
 ) -> Scene:
-    """The Scene of these parts, the meshes relative to `origin`. `sky` None: none was asked for.
+    """Return the Scene of these parts; meshes are relative to `origin`. `sky` None: none was requested.
 
-    dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
-    from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
-    as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak;
-    beside directional light alone the sky does. invent: False, and nothing stands in beside light that is there, however weak.
-    Raises FarAway where the meshes lie far from 0 0 0 without another origin, and
-    InputError for a file with an `up` that has no triangle with an area.
+    dropped: degenerate triangles left out, by file. remarks: notices so far. files: read apart from `path`. up: the up vector.
+    None: that of the first camera, and a plain sky stands in where there is no light, as for a `.scene`. Otherwise a sky with a
+    gradient and a key light stand in where there is too little light; next to directional light only the sky does. invent: False
+    leaves existing light alone, however weak. Raises FarAway where the meshes are far from 0 0 0 and `origin` is not set, and
+    InputError for a file with an `up` and no triangle with an area.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
@@ -68,44 +67,46 @@ def finish(
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
-    part = scene if cameras else subject(scene)
-    points = surface_points(part)
-    hollow = camera.hollow(part, points, world) if up is not None or not cameras else camera.Hollow(())
+    main_part = scene if cameras else subject(scene)
+    points = surface_points(main_part)
+    room_places = camera.room_places(main_part, points, world) if up is not None or not cameras else camera.RoomPlaces(())
     inside = False
     if not cameras:
-        stand = camera.default_camera(part, points, world, hollow)
+        stand = camera.default_camera(main_part, points, world, room_places)
         inside = stand.inside
-        where = "one in the room" if inside else "one that sees the whole scene" if part is scene else "one that sees most of it"
+        where = (
+            "one in the room" if inside else "one that sees the whole scene" if main_part is scene else "one that sees most of it"
+        )
         notices.append(f"{path}: no camera; {where} stands in")
-        scene, part = replace(scene, cameras=(stand.camera,)), replace(part, cameras=(stand.camera,))
+        scene, main_part = replace(scene, cameras=(stand.camera,)), replace(main_part, cameras=(stand.camera,))
     if up is None:
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
     elif sky is None and (invent or not (lights or any(any(mesh.material.emission) for mesh in meshes))):
-        around = camera.closed_in(part, points, world, hollow)
+        around = camera.enclosure_of_camera(main_part, points, world, room_places)
         inside = inside or around is not None
-        own = light.lit_by(scene, "closed" if inside else "half" if hollow.places else "none")
+        own = light.own_light(scene, "closed" if inside else "half" if room_places.places else "none")
         if own == "nothing":
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
-            what = "a sky and a lamp" if inside else "a sky that is brighter above and a key light"
+            what = "a sky and a point light" if inside else "a sky that is brighter above and a key light"
             notices.append(f"{path}: {few}; {what} stand in")
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
         elif own == "sun":
-            notices.append(f"{path}: directional light alone; a sky that is brighter above stands in beside it")
-            mean, gradient = light.fill(scene)
+            notices.append(f"{path}: there is only directional light; a sky that is brighter above is added")
+            mean, gradient = light.fill_sky(scene)
             scene = replace(scene, sky=mean, sky_gradient=gradient)
     if sky is not None:
-        scene = under(sky, scene, world)
+        scene = with_sky(sky, scene, world)
         notices += sky.notices
     if meshes and not face_counts(scene).lit:
         notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
     return replace(scene, notices=tuple(notices)).placed(origin)
 
 
-def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
-    """The scene under a sky, with its suns as lights beside its own. world: (3, 3) rows right, up and front."""
+def with_sky(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
+    """Return the scene under a sky, whose suns are added to the lights. world: (3, 3) rows right, up and front."""
     if sky.environment is None:
         return replace(scene, sky=sky.radiance)
     environment = replace(sky.environment, frame=frame_of(world, sky.turn))

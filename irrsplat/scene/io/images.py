@@ -1,4 +1,4 @@
-"""Reads images that surfaces wear, and finds files under the names that other programs have written."""
+"""Decoding of texture images, and search for files under the names that other programs write."""
 
 from __future__ import annotations
 
@@ -28,27 +28,29 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
 GREATEST_PIXELS = 16384**2
-# Those of Pillow's formats that surfaces wear; among the others is PostScript, which is a program.
+# Pillow's formats for textures; others, such as PostScript, can execute code.
 _FORMATS = tuple("AVIF BMP DDS DIB GIF ICO JPEG JPEG2000 MPO PCX PNG PPM PSD SGI TGA TIFF WEBP".split())  # noqa: SIM905
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
 def read_image(data: bytes, name: str) -> Image:
-    """The image in the bytes of a PNG, JPEG, WebP, BMP, TGA, TIFF, GIF or KTX2 file: (H, W, 4) uint8, the first frame of several.
+    """Decode a PNG, JPEG, WebP, BMP, TGA, TIFF, GIF or KTX2 file to (H, W, 4) uint8, the first of several frames.
 
     Palettes, greys, 16 bits and CMYK become 8-bit sRGB with alpha; floats count as linear. Orientation tags and colour profiles
-    are ignored, as glTF asks. name: for the message.
+    are ignored, as glTF requires. name: for the message.
     Raises InputError, one line without a place, for a broken image, one of more than 16384² pixels, and where the images of the
-    scene have more pixels than `paths.take_pixels` grants.
+    scene have more pixels than `paths.take_pixels` allows.
     """
-    with _without_complaints():
-        _grant(data, name)
+    with _pillow_unlimited():
+        _check_pixels(data, name)
         return _decoded(data, name)
 
 
 def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
-    """What `read_image` gives for the bytes and the name of each file, or raises; on all processors, which its decoders leave
-    free for one another. Files of the same bytes share one image."""
+    """Return the image or the error of `read_image` for the bytes and name of each file, decoded on all processors.
+
+    Files with equal bytes share one image.
+    """
 
     def found(file: tuple[bytes, str]) -> Image | InputError:
         try:
@@ -63,10 +65,10 @@ def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
     for key, file in zip(keys, files, strict=True):
         first.setdefault(key, file)
     images: dict[bytes, Image | InputError] = {}
-    with _without_complaints(), ThreadPoolExecutor(os.cpu_count()) as threads:
+    with _pillow_unlimited(), ThreadPoolExecutor(os.cpu_count()) as threads:
         for key, file in first.items():
             try:
-                _grant(*file)
+                _check_pixels(*file)
             except InputError as error:
                 images[key] = error
         granted = [key for key in first if key not in images]
@@ -75,11 +77,11 @@ def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
 
 
 @contextmanager
-def _without_complaints() -> Iterator[None]:
-    """A `with` block in which Pillow neither warns nor bounds the size of images; both are the whole program's settings."""
+def _pillow_unlimited() -> Iterator[None]:
+    """A `with` block without Pillow's warnings and size limit, which are global settings."""
     import PIL.Image  # takes 50 ms: imported only for files with images
 
-    bound, PIL.Image.MAX_IMAGE_PIXELS = PIL.Image.MAX_IMAGE_PIXELS, None  # `_decoded` checks it
+    bound, PIL.Image.MAX_IMAGE_PIXELS = PIL.Image.MAX_IMAGE_PIXELS, None  # `_decoded` checks the size
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -88,8 +90,8 @@ def _without_complaints() -> Iterator[None]:
         PIL.Image.MAX_IMAGE_PIXELS = bound
 
 
-def _grant(data: bytes, name: str) -> None:
-    """Raises InputError where an image has more pixels than may be decoded; it is not decoded for that."""
+def _check_pixels(data: bytes, name: str) -> None:
+    """Raise InputError, without decoding, for an image with more pixels than the scene may have."""
     if data.startswith(_KTX2) and len(data) >= 28:
         width, height = struct.unpack_from("<2I", data, 20)
     else:
@@ -122,7 +124,7 @@ def _opened(data: bytes) -> Picture:
 
 @contextmanager
 def _reading(name: str) -> Iterator[None]:
-    """Turns what a decoder raises into one InputError; a damaged image may raise anything."""
+    """Turn any exception of a decoder into one InputError; a damaged image may raise anything."""
     import PIL
 
     try:
@@ -134,7 +136,7 @@ def _reading(name: str) -> Iterator[None]:
 
 
 def _rgba(picture: Picture) -> np.ndarray:
-    """(H, W, 4) uint8 of a picture in any of Pillow's modes."""
+    """Return (H, W, 4) uint8 of a picture in any of Pillow's modes."""
     grey: np.ndarray | None = None
     if picture.mode.startswith("I"):  # 16 bits; Pillow would clip them to 255
         grey = np.clip(np.asarray(picture).astype(np.int64), 0, 65535) / 257.0
@@ -153,22 +155,22 @@ def _tga_from_ktx2(data: bytes, name: str) -> bytes:
         import alktx2
     except ImportError:
         raise InputError(f"the image {quote(name)} is KTX2; to read it: pip install 'irrsplat[gltf]'") from None
-    try:  # a TGA, which is not compressed, takes a tenth of the time of a PNG
+    try:  # an uncompressed TGA takes a tenth of the time of a PNG
         return bytes(alktx2.decode_ktx2_to_bytes(data, format="tga")[0])
     except Exception:
         raise InputError(f"cannot read the image {quote(name)} (its KTX2 is damaged, or of a kind that is not known)") from None
 
 
 def find_file(folder: Path, written_name: str) -> Path | None:
-    """The file that a scene's file in `folder` means by `written_name`; None where there is none.
+    """Return the file that `written_name` in a scene's file in `folder` means; None where there is none.
 
-    In this order: the name as it is, with %20 and the like resolved, with backslashes for slashes, each also in other upper and
-    lower case; then a file of its last part's name in `folder`, since other machines' paths are often written. One that the
-    scene may not read is not looked for: where no other is found its path comes back, and to read it raises InputError.
+    Candidates, in order: the name as written, with %20 and the like resolved, with slashes for backslashes, each also in other
+    case; then a file with its last part's name in `folder`, because paths are often those of another machine. Files outside the
+    allowed folders are not searched. If only such a file remains, its path is returned, and reading it raises InputError.
     """
     spellings = [name_of(name) for name in _spellings(written_name)]
     for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
-        found = _walk(folder, name) if name else None
+        found = _find_from(folder, name) if name else None
         if found is not None:
             return found
     refused = [folder / name for name in spellings if name and "\0" not in name and not may_read(folder / name)]
@@ -182,8 +184,8 @@ def _spellings(written: str) -> Iterator[str]:
     yield from dict.fromkeys(names)
 
 
-def _walk(folder: Path, name: str) -> Path | None:
-    """The regular file at `name` from `folder` on, letters' case ignored where it must be; one that the scene may read."""
+def _find_from(folder: Path, name: str) -> Path | None:
+    """Return the readable regular file at `name` from `folder`, ignoring case only if necessary."""
     try:
         if not may_read(folder / name):
             return None
@@ -199,7 +201,7 @@ def _walk(folder: Path, name: str) -> Path | None:
                 part = min(alike)
             at = at / part
         return at if at.is_file() else None
-    except (OSError, ValueError):  # a name that no file system takes, or a folder that can't be read
+    except (OSError, ValueError):  # not a valid file name, or an unreadable folder
         return None
 
 

@@ -1,4 +1,4 @@
-"""Reads text files line by line, so that whatever is wrong in one becomes a single sentence with file and line."""
+"""Line-by-line reading of text files, with errors that name file and line."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from irrsplat.core.words import number, quote
 
 
 def text_bytes(path: Path, strict: bool = True, most: int = MOST_TEXT) -> bytes:
-    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other, and for
-    one of more than `most` bytes.
+    """Return the bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``.
 
-    Not strict: UTF-16 becomes UTF-8, other encodings stay as they are, and only binary data is refused.
+    Raises InputError for another encoding and for more than `most` bytes. Not strict: UTF-16 becomes UTF-8, other encodings are
+    kept, and only binary data is refused.
     """
     data = read_bytes(path, most)
     if b"\0" in data:
@@ -34,7 +34,7 @@ def text_bytes(path: Path, strict: bool = True, most: int = MOST_TEXT) -> bytes:
 
 
 def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
-    """The same text in UTF-8 or another encoding without bytes of 0; raises InputError for what is no text."""
+    """Return the same text in UTF-8 or another encoding without zero bytes; raise InputError for binary data."""
     marked = data[:2] in (b"\xff\xfe", b"\xfe\xff")
     even, odd = data[0::2].count(0), data[1::2].count(0)
     if marked or max(even, odd) > 0.4 * (len(data) // 2):
@@ -49,7 +49,7 @@ def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
 
 @dataclass(frozen=True)
 class Line:
-    """One command of a text file: its first word, the words after it, and where it stands."""
+    """One command of a text file: its first word, the words after it, and its place."""
 
     path: Path
     number: int
@@ -58,13 +58,13 @@ class Line:
     rest: str
 
     def error(self, message: str) -> InputError:
-        """`message` with this line's place in front of it."""
+        """Return an error with this line's file and number."""
         return InputError(message, self.path, self.number)
 
     def numbers(self, usage: str, args: tuple[str, ...] | None = None) -> tuple[float, ...]:
-        """The finite values of a command that is written as `usage`, such as ``sky R G B``; else InputError.
+        """Return the finite values of a command with the syntax `usage`, such as ``sky R G B``; else raise InputError.
 
-        args: the words to read, where they are not all that follow the command.
+        args: the words to read, if not all that follow the command.
         """
         args = self.args if args is None else args
         names = [name for name in usage.split()[1:] if name != "NAME"]
@@ -76,7 +76,7 @@ class Line:
             raise self.error(f"{error}; expected: {usage}") from None
 
     def file(self, usage: str) -> Path:
-        """The path that stands after the command, relative to this line's file; raises InputError where none is there."""
+        """Return the path after the command, relative to this line's file; raise InputError where no such file exists."""
         if not self.rest:
             raise self.error(f"'{self.word}' names no file; expected: {usage}")
         path = self.path.parent / name_of(self.rest)
@@ -93,7 +93,7 @@ class Line:
 
 
 def lines(path: Path) -> Iterator[Line]:
-    """The commands of a text file: blank lines and what follows a ``#`` are left out; raises InputError as `text_bytes`."""
+    """Yield the commands of a text file, without blank lines and comments from ``#``; raise InputError as `text_bytes`."""
     for i, text in enumerate(text_bytes(path).decode().split("\n"), 1):
         words = text.split("#", 1)[0].strip().split(maxsplit=1)
         if words:

@@ -1,4 +1,4 @@
-"""Meshes and lamps that move along a path: their keys, the curves between these, and the lines of a path file that hold them."""
+"""Motion of meshes and lights along a path: keys, curves between them, and their lines in path files."""
 
 from __future__ import annotations
 
@@ -23,8 +23,11 @@ _FIELDS: dict[LightValue, str] = {"position": "position", "spotDirection": "spot
 
 @dataclass(frozen=True)
 class MeshKey:
-    """Where a mesh is at `frame`: as `turn` (3, 3) about the middle of its bounding box and `way` (3,) metres take it from where
-    it was loaded, or as `matrix` (3, 4) does. mesh: its name, or its number in digits. line: for messages."""
+    """Place of a mesh at `frame`.
+
+    It is given by `turn` (3, 3) about the centre of its bounding box and `way` (3,) metres from its loaded place, or by `matrix`
+    (3, 4). mesh: its name, or its number in digits. line: for messages.
+    """
 
     mesh: str
     frame: float
@@ -34,7 +37,7 @@ class MeshKey:
     line: Line | None = None
 
     def affine(self, centre: np.ndarray) -> np.ndarray:
-        """(3, 4) for a mesh with its middle there, (3,)."""
+        """Return (3, 4) the matrix for a mesh with this centre (3,)."""
         if self.matrix is not None:
             return np.reshape(self.matrix, (3, 4))
         turn = np.reshape(self.turn, (3, 3))
@@ -54,7 +57,7 @@ class LightKey:
 
 @dataclass(frozen=True)
 class Motions:
-    """All that moves along a path beside its camera; what has no key stays as it was loaded."""
+    """All motions of a path apart from its camera; objects without a key stay as loaded."""
 
     meshes: tuple[MeshKey, ...] = ()
     lights: tuple[LightKey, ...] = ()
@@ -63,8 +66,7 @@ class Motions:
         return bool(self.meshes or self.lights)
 
     def check(self, scene: Scene, frames: int) -> None:
-        """Raises InputError, with file and line, for a mesh or light that the scene has not, one value given twice for a frame,
-        and frames beyond the path's last."""
+        """Raise InputError, with file and line, for unknown meshes and lights, repeated keys, and frames after the last."""
         seen: dict[tuple[object, ...], Line | None] = {}
         keys: list[MeshKey | LightKey] = [*self.meshes, *self.lights]
         for key in keys:
@@ -84,7 +86,7 @@ class Motions:
                 raise _error(key.line, f"{what[0]} has two keys for frame {key.frame:g}{place}; take one of them out")
 
     def at(self, scene: Scene, frame: float) -> Scene:
-        """The scene, as it was loaded, with all that moves where it is at `frame`; what does not move is the very same."""
+        """Return the loaded scene with its moving objects at `frame`; other objects are shared."""
         for mesh in dict.fromkeys(_number(scene, key) for key in self.meshes):
             keys = sorted((key for key in self.meshes if _number(scene, key) == mesh), key=lambda key: key.frame)
             positions = scene.meshes[mesh].positions.astype(float)
@@ -106,13 +108,13 @@ def _with(light: Light, value: LightValue, numbers: np.ndarray) -> Light:
 
 
 def _number(scene: Scene, key: MeshKey) -> int:
-    """The index of the key's mesh: by its name, or else by digits; raises InputError."""
+    """Return the index of the key's mesh, by its name or else by digits; raise InputError."""
     named = any(mesh.name == key.mesh for mesh in scene.meshes)
     return find(scene, int(key.mesh) if key.mesh.isdecimal() and not named else key.mesh)
 
 
 def _checked(scene: Scene, key: LightKey) -> int:
-    """The number of the key's light; raises InputError where there is none that can have this value."""
+    """Return the number of the key's light; raise InputError for a light that does not exist or lacks this value."""
     if key.number >= len(scene.lights):
         raise InputError(f"there is no light {key.number}; the scene has {len(scene.lights)}, counted from 0")
     light = scene.lights[key.number]
@@ -129,11 +131,10 @@ def _checked(scene: Scene, key: LightKey) -> int:
 
 
 def curve(frames: Sequence[float], values: np.ndarray, frame: float) -> np.ndarray:
-    """(…) the value at `frame` of a smooth curve through `values` (K, …) at these ascending `frames`; before and after them it
-    stands still.
+    """Return the value at `frame` of a smooth curve through `values` (K, …) at ascending `frames`; constant outside them.
 
-    Catmull and Rom's spline for keys at any distances: at a key it goes as from the key before to the one after. The end keys
-    count twice, as those of a camera do.
+    Catmull-Rom spline for keys at any distances: the tangent at a key is the slope from the key before to the one after. The end
+    keys count twice, as for a camera.
     """
     t = np.asarray(frames, float)
     i = int(np.searchsorted(t, frame, side="right")) - 1
@@ -151,12 +152,12 @@ def curve(frames: Sequence[float], values: np.ndarray, frame: float) -> np.ndarr
 
 
 def _pose(frames: Sequence[float], matrices: np.ndarray, centre: np.ndarray, frame: float) -> np.ndarray:
-    """(3, 4) the matrix at `frame`, of keys (K, 3, 4) of a mesh with its `centre` (3,) there.
+    """Return (3, 4) the matrix at `frame`, between keys (K, 3, 4) of a mesh with this `centre` (3,).
 
-    The middle goes along a curve; the linear part is a rotation, by unit quaternions, times a stretch (polar decomposition).
+    The centre follows a curve; the linear part is a rotation, by unit quaternions, times a stretch (polar decomposition).
     """
     u, s, v = np.linalg.svd(matrices[:, :, :3])
-    sign = np.where(np.linalg.det(u @ v) < 0.0, -1.0, 1.0)[:, None, None]  # a mirrored one: its stretch is negative
+    sign = np.where(np.linalg.det(u @ v) < 0.0, -1.0, 1.0)[:, None, None]  # a mirrored one has a negative stretch
     turns, stretches = sign * (u @ v), sign * (np.swapaxes(v, 1, 2) * s[:, None] @ v)
     quaternions = np.array([_quaternion(turn) for turn in turns])
     for i in range(1, len(quaternions)):
@@ -169,7 +170,7 @@ def _pose(frames: Sequence[float], matrices: np.ndarray, centre: np.ndarray, fra
 
 
 def _quaternion(turn: np.ndarray) -> np.ndarray:
-    """(4,) unit, w x y z, of a rotation (3, 3): the eigenvector of Bar-Itzhack's matrix (2000), whatever the angle."""
+    """Return (4,) unit quaternion w x y z of a rotation (3, 3): the eigenvector of Bar-Itzhack's matrix (2000), for any angle."""
     (a, b, c), (d, e, f), (g, h, i) = turn
     K = np.array(
         [
@@ -184,7 +185,7 @@ def _quaternion(turn: np.ndarray) -> np.ndarray:
 
 
 def _rotation(q: np.ndarray) -> np.ndarray:
-    """(3, 3) of a unit quaternion w x y z."""
+    """Return (3, 3) the rotation of a unit quaternion w x y z."""
     w, x, y, z = q
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turn: np.ndarray = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
@@ -195,7 +196,7 @@ def _rotation(q: np.ndarray) -> np.ndarray:
 
 
 def mesh_key(line: Line) -> MeshKey:
-    """The key in a `mesh` line; raises InputError."""
+    """Return the key in a `mesh` line; raise InputError."""
     if len(line.args) not in (5, 9, 14):
         raise line.error(f"'mesh' has {len(line.args)} values; expected: {MESH}")
     frame, *values = _numbers(line, line.args[1:], MESH)
@@ -205,7 +206,7 @@ def mesh_key(line: Line) -> MeshKey:
     if len(given) == 7:
         axis = np.array(given[4:])
         if not axis.any():
-            raise line.error(f"the axis of the turn is 0 0 0; expected: {MESH}")
+            raise line.error(f"the axis of the rotation is 0 0 0; expected: {MESH}")
         half = 0.5 * math.radians(given[3])
         q = np.array([math.cos(half), *(math.sin(half) * axis / np.linalg.norm(axis))])
         return MeshKey(name, frame, given[:3], tuple(_rotation(q).ravel()), line=line)
@@ -217,7 +218,7 @@ def mesh_key(line: Line) -> MeshKey:
 
 
 def light_key(line: Line) -> LightKey:
-    """The key in a `light` line; raises InputError."""
+    """Return the key in a `light` line; raise InputError."""
     if len(line.args) != 6:
         raise line.error(f"'light' has {len(line.args)} values; expected: {LIGHT}")
     if not line.args[0].isdecimal() or len(line.args[0]) > 6:

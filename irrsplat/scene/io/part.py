@@ -1,20 +1,25 @@
-"""Triangles of one material as a file has them, and the mesh that they become."""
+"""Triangles of one material before their transform."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from irrsplat.core.errors import InputError
-from irrsplat.scene.io.mesh_builder import build_mesh
-from irrsplat.scene.model import Material, Mesh
+from irrsplat.scene.model import Material
 
 
 @dataclass(frozen=True)
 class Part:
-    """Triangles of one material before their transform: what `build_mesh` takes, by its names."""
+    """Triangles of one material in object space, as a file has them.
+
+    positions: (V, 3). corners: (F, 3) into positions. normals: (N, 3), of any length, or None. corner_normals: (F, 3) into
+    normals, -1 for none; None: one normal a position. matrix: (4, 4) world_from_object, affine; None: identity. colors: (V, 3)
+    or None. uvs: (T, 4), two sets u v u v, or None. corner_uvs: (F, 3) into uvs, -1 for none (0 0 0 0); None: one row a
+    position. opacities: (V,) or None. files: read for it, apart from the main one. source: place in the file, for messages.
+    """
 
     positions: np.ndarray
     corners: np.ndarray
@@ -24,43 +29,16 @@ class Part:
     material: Material = Material()
     colors: np.ndarray | None = None
     name: str = ""
-    files: tuple[Path, ...] = ()  # read for it, apart from the main one
+    files: tuple[Path, ...] = ()
     uvs: np.ndarray | None = None
     corner_uvs: np.ndarray | None = None
     opacities: np.ndarray | None = None
-
-    def mesh(self, path: Path, origin: tuple[float, float, float]) -> tuple[Mesh, int]:
-        """The mesh, relative to `origin`, and how many degenerate triangles were dropped; raises InputError for what cannot be
-        drawn."""
-        corners = self.corners.astype(np.int64)
-        check_corners(corners, len(self.positions), path)
-        if not np.isfinite(self.positions).all():
-            raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates", path)
-        normals = np.zeros((0, 3)) if self.normals is None else np.nan_to_num(self.normals.astype(float), posinf=0.0, neginf=0.0)
-        corner_normals = self.corner_normals
-        if corner_normals is None and self.normals is None:
-            corner_normals = np.full_like(corners, -1)
-        try:
-            return build_mesh(
-                self.positions.astype(float),
-                corners,
-                normals,
-                corner_normals,
-                np.eye(4) if self.matrix is None else self.matrix,
-                self.material,
-                self.colors,
-                self.name,
-                uvs=self.uvs,
-                corner_uvs=self.corner_uvs,
-                opacities=self.opacities,
-                origin=origin,
-            )
-        except InputError as error:
-            raise InputError(str(error), path) from None
+    source: Any = None
 
 
-def check_corners(corners: np.ndarray, count: int, path: Path | str) -> None:
-    """Raises InputError, which names `path`, where one of the corners (F, 3) is none of so many vertices."""
-    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
-        bad = corners.min() if corners.min() < 0 else corners.max()
-        raise InputError(f"a face refers to vertex {bad} (from 0), but there are {count} vertices", path)
+def corner_problem(corners: np.ndarray, count: int) -> str:
+    """Return the problem with corners (F, 3) that are to refer to `count` vertices; "" where there is none."""
+    if not len(corners) or 0 <= corners.min() <= corners.max() < count:
+        return ""
+    wrong = corners.min() if corners.min() < 0 else corners.max()
+    return f"a face refers to vertex {wrong} (from 0), but there are {count} vertices"

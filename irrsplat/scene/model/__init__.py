@@ -1,6 +1,6 @@
-"""A scene as plain, immutable numpy data: meshes, materials, lights, cameras and sky; nothing of OpenGL.
+"""Scene data as immutable numpy arrays, without OpenGL: meshes, materials, lights, cameras and sky.
 
-What a caller makes of these is checked as it is made, so that nothing behind has to ask again.
+Constructors check their arguments, so that the rest of the program can rely on them.
 """
 
 from __future__ import annotations

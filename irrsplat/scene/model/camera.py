@@ -1,4 +1,4 @@
-"""From where a scene is seen."""
+"""Cameras, and parts of their pictures."""
 
 from __future__ import annotations
 
@@ -12,24 +12,28 @@ import numpy.typing as npt
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model.checks import checked, checked_number, moved, put
 
-_FARTHEST = 1e24  # of a camera's numbers: what is drawn parallel is seen from very far away
-_WIDEST = 2.4  # the longer side of a picture by the shorter, beyond which it is a strip
+_GREATEST_COORDINATE = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
+_WIDEST_RATIO = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
 
 
 def measure(size: tuple[int, int]) -> float:
-    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; where the sides differ
-    by more than a factor of 2.4, it goes over to that of a square of as many pixels, which it is from a factor of 5.76 on."""
+    """Return the length in pixels that percentages of a picture of `size` (width, height) refer to.
+
+    It is the height. For ratios above 2.4 it changes over to the side of a square with as many pixels, reached at 5.76.
+    """
     width, height = size
     square = math.sqrt(width * height)
-    if width > _WIDEST * height:
-        return min(width / _WIDEST, square)
-    return max(width * _WIDEST, square) if height > _WIDEST * width else float(height)
+    if width > _WIDEST_RATIO * height:
+        return min(width / _WIDEST_RATIO, square)
+    return max(width * _WIDEST_RATIO, square) if height > _WIDEST_RATIO * width else float(height)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole: `eye`, `target` and `up` as gluLookAt (world space), `fov` vertical in degrees; raises InputError for one that
-    cannot be."""
+    """A pinhole camera: `eye`, `target` and `up` as in gluLookAt (world space), `fov` vertical in degrees.
+
+    Raises InputError for an invalid camera.
+    """
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -39,7 +43,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         for name in ("eye", "target", "up"):
-            put(self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_FARTHEST, _FARTHEST)})
+            put(
+                self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_GREATEST_COORDINATE, _GREATEST_COORDINATE)}
+            )
         put(self, fov=checked_number("a camera's field of view", self.fov))
         if not 0.0 < self.fov < 180.0:
             raise InputError(f"field of view must lie between 0 and 180 degrees, not {self.fov:g}")
@@ -51,7 +57,7 @@ class Camera:
             raise InputError("the camera's up vector is parallel to its view; give another up")
 
     def shifted(self, by: npt.ArrayLike) -> Camera:
-        """The camera `by` (3,) metres from here, with the same view."""
+        """Return the camera shifted by `by` (3,) metres, with the same view."""
         return replace(self, eye=moved(self.eye, by), target=moved(self.target, by))
 
     @property
@@ -60,19 +66,19 @@ class Camera:
         return 2.0 * math.tan(math.radians(self.fov) / 2.0)
 
     def whole(self, size: tuple[int, int]) -> tuple[int, int]:
-        """The size (width, height) of the whole picture, where what is drawn has `size`."""
+        """Return the size (width, height) of the whole picture, of which a part of `size` is drawn."""
         return size
 
     def corner(self) -> tuple[int, int]:
-        """Where in the whole picture the lower left corner of what is drawn lies, in pixels from its own."""
+        """Return the lower left corner of the drawn part within the whole picture, in pixels."""
         return 0, 0
 
     def pixel(self, size: tuple[int, int]) -> float:
-        """The side of a pixel at distance 1 from the eye, in metres, where what is drawn has `size`."""
+        """Return the side of a pixel at distance 1 from the eye, in metres, for a drawn part of `size`."""
         return self.screen / self.whole(size)[1]
 
     def measure(self, size: tuple[int, int]) -> float:
-        """The `measure` of the picture at distance 1 from the eye, in metres, where what is drawn has `size`."""
+        """Return the `measure` of the picture at distance 1 from the eye, in metres, for a drawn part of `size`."""
         whole = self.whole(size)
         return self.screen * (measure(whole) / whole[1])
 
@@ -94,7 +100,7 @@ class Camera:
         return matrix
 
     def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
-        """(4, 4) float64, as gluPerspective with this camera's vertical field of view."""
+        """Return (4, 4) float64, as gluPerspective with this camera's vertical field of view."""
         f = 1.0 / np.tan(np.radians(self.fov) / 2.0)
         return np.array(
             [
@@ -108,15 +114,17 @@ class Camera:
 
 @dataclass(frozen=True)
 class Part:
-    """A rectangle of a picture of size `whole` (width, height): `size`, and its lower left `corner` in pixels from the picture's
-    own. It may reach beyond the picture, whose plane goes on there."""
+    """A rectangle of a picture of size `whole` (width, height): `size` and lower left `corner` in pixels.
+
+    It may extend beyond the picture, into its plane.
+    """
 
     whole: tuple[int, int]
     corner: tuple[int, int]
     size: tuple[int, int]
 
     def cropped(self, clip: np.ndarray) -> np.ndarray:
-        """(4, 4) the clip space of this part, from a matrix (4, 4) to that of the whole picture."""
+        """Return (4, 4) the clip space of this part, from a matrix (4, 4) to that of the whole picture."""
         matrix = clip.copy()
         for axis in (0, 1):
             whole, corner, side = self.whole[axis], self.corner[axis], self.size[axis]
@@ -126,22 +134,21 @@ class Part:
 
 @dataclass(frozen=True)
 class PictureCamera(Camera):
-    """A camera whose picture is shifted by `shift`: of its width to the right, and of its height up; or of which only a part is
-    drawn."""
+    """A camera with a picture shifted by `shift`, in widths to the right and heights up, or a part of a camera's picture."""
 
     shift: tuple[float, float] = (0.0, 0.0)
     part: Part | None = None
 
     def whole(self, size: tuple[int, int]) -> tuple[int, int]:
-        """As Camera's."""
+        """Return the size of the whole picture, as Camera.whole."""
         return size if self.part is None else self.part.whole
 
     def corner(self) -> tuple[int, int]:
-        """As Camera's."""
+        """Return the corner of the drawn part, as Camera.corner."""
         return (0, 0) if self.part is None else self.part.corner
 
     def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
-        """(4, 4) float64, as Camera's, off its centre; aspect: of what is drawn."""
+        """Return (4, 4) float64, off-centre; aspect: of the drawn part."""
         part = self.part
         matrix = super().clip_from_view(aspect if part is None else part.whole[0] / part.whole[1], near, far)
         matrix[:2, 2] -= 2.0 * np.asarray(self.shift)
@@ -149,11 +156,11 @@ class PictureCamera(Camera):
 
 
 def part_of(camera: Camera, part: Part) -> PictureCamera:
-    """`camera`, of whose picture only `part` is drawn."""
+    """Return `camera` for drawing only `part` of its picture."""
     shift = camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)
     return PictureCamera(camera.eye, camera.target, camera.up, camera.fov, camera.name, shift, part)
 
 
 def part_drawn(camera: Camera, size: tuple[int, int]) -> Part:
-    """Which part of a camera's picture is drawn, where what is drawn has `size`."""
+    """Return the part of a camera's picture that is drawn, of `size`."""
     return Part(camera.whole(size), camera.corner(), size)

@@ -1,4 +1,4 @@
-"""Checks of what callers give, for errors in their words, and what the parts of a scene share."""
+"""Checks of callers' arguments, and helpers of scene data."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from irrsplat.core.words import GREATEST
 
 
 def put(thing: object, **values: object) -> None:
-    """Set fields of a frozen dataclass while it is made: the same numbers as a tuple of floats, say."""
+    """Set fields of a frozen dataclass during its construction, for example to normalized values."""
     for name, value in values.items():
         object.__setattr__(thing, name, value)
 
 
 def moved(place: tuple[float, float, float], by: npt.ArrayLike) -> tuple[float, float, float]:
-    """The point `by` (3,) away from `place`."""
+    """Return the point shifted by `by` (3,)."""
     x, y, z = np.add(place, np.asarray(by, float)).tolist()
     return x, y, z
 
 
 def check_type(what: str, value: object, kind: type, *others: None) -> None:
-    """Raises InputError, which calls it `what`, where a caller's value is not of this kind, nor one of the `others`."""
+    """Raise InputError, with the name `what`, for a value that is neither of this kind nor one of the `others`."""
     if not isinstance(value, kind) and not (others and value is None):
         raise InputError(f"{what} is a {kind.__name__}, not {type(value).__name__}")
 
 
 def checked(what: str, values: object, count: int, low: float = -GREATEST, high: float = GREATEST) -> tuple[float, ...]:
-    """The `count` numbers from `low` to `high` that a caller gave as `what`; raises InputError for anything else."""
+    """Return `count` numbers from `low` to `high`; raise InputError, with the name `what`, for other values."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
@@ -42,7 +42,7 @@ def checked(what: str, values: object, count: int, low: float = -GREATEST, high:
 
 
 def checked_number(what: str, value: object, low: float = -GREATEST, high: float = GREATEST) -> float:
-    """The number from `low` to `high` that a caller gave; raises InputError, which calls it `what`, for anything else."""
+    """Return a number from `low` to `high`; raise InputError, with the name `what`, for other values."""
     if isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:  # type: ignore[arg-type]  # anything has a number of axes
         found = math.nan
     else:
@@ -56,8 +56,10 @@ def checked_number(what: str, value: object, low: float = -GREATEST, high: float
 
 
 def check_rows(what: str, array: object, columns: int, rows: int | None = None, most: float = GREATEST) -> None:
-    """Raises InputError, which calls them `what`, where a caller's `array` is no array (rows, columns) of finite numbers within
-    `most`; (rows,) where columns is 0."""
+    """Raise InputError, with the name `what`, unless `array` is (rows, columns) of finite numbers within `most`.
+
+    The shape is (rows,) where columns is 0.
+    """
     shape = f"({'N' if rows is None else rows},{f' {columns}' if columns else ''})"
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu" or array.ndim != 1 + (columns > 0):
         raise InputError(f"{what} are an array {shape} of numbers, not {_kind(array)}")

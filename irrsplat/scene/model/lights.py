@@ -1,4 +1,4 @@
-"""What lights a scene from a point or from one direction, and how luminaires spread their light."""
+"""Delta lights and the photometry of luminaires."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from irrsplat.scene.model.checks import check_type, checked, checked_number, mov
 from irrsplat.sky.environment import Environment
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==
+@dataclass(frozen=True, eq=False)  # compared by identity, because == of arrays has no single value
 class Photometry:
-    """How strongly a luminaire shines in each direction, as goniometers measure it; linear in both angles.
+    """The intensity of a luminaire by direction, from goniometer measurements; linear in both angles.
 
-    Its frame: it is aimed along −z, and the horizontal angle 0 lies towards +x, 90° towards +y.
-    axes: (3, 3) rows, unit, in that frame: the directions of azimuth 0, of azimuth 90° and of the pole. polar: (P,) degrees from
-    the pole, rising, 0..180; there is no light beyond either end. azimuth: (A,) degrees about the pole, rising over 360 at most,
-    no light beyond either end; one alone: the same all around. candela: (A, P) cd.
-    opening: width, length and height of the luminous opening in metres; the light leaves a point all the same. path: of its file.
+    Its frame is aimed along −z; the horizontal angle 0 lies towards +x, 90° towards +y. axes: (3, 3) rows, unit, in that frame:
+    the directions of azimuth 0, of azimuth 90° and of the pole. polar: (P,) degrees from the pole, ascending, 0..180; the
+    intensity beyond either end is 0. azimuth: (A,) degrees about the pole, ascending over at most 360, 0 beyond either end; a
+    single value: rotationally symmetric. candela: (A, P) cd. opening: width, length and height of the luminous opening in metres;
+    the light is a point all the same. path: of its file.
     """
 
     polar: np.ndarray
@@ -35,10 +35,10 @@ class Photometry:
     opening: tuple[float, float, float] = (0.0, 0.0, 0.0)
     path: str = ""
 
-    EDGE = 1e-3  # degrees by which rounding may take a direction beyond the ends
+    EDGE = 1e-3  # degrees; tolerance for rounding at the ends
 
     def intensity(self, directions: np.ndarray) -> np.ndarray:
-        """(…,) cd along unit directions (…, 3) in the luminaire's frame."""
+        """Return (…,) cd along unit directions (…, 3) in the luminaire's frame."""
         x, y, z = np.moveaxis(np.asarray(directions, float) @ self.axes.T, -1, 0)
         polar, azimuth, first = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)), self.azimuth[0]
         i, s, within_polar = _between(self.polar, polar, self.EDGE)
@@ -50,7 +50,7 @@ class Photometry:
 
     @cached_property
     def flux(self) -> float:
-        """lm: the integral of the intensity over all directions, exact for what is linear in both angles."""
+        """lm: the integral of the intensity over all directions, exact for the linear interpolation."""
         g = np.radians(self.polar)
         a, b, step = g[:-1], g[1:], np.diff(g)
         # over an interval ∫ sin γ dγ is cos a − cos b, and ∫ γ·sin γ dγ is sin b − b·cos b − sin a + a·cos a
@@ -68,7 +68,7 @@ class Photometry:
 
     @cached_property
     def reach(self) -> float:
-        """Degrees: no light leaves it at a greater angle to the aim."""
+        """Degrees: the greatest angle between emitted light and the aim."""
         lit = np.pad(self.candela > 0.0, 1)
         rows, columns = self.candela.shape
         touched = np.any([lit[i : i + rows, k : k + columns] for i in range(3) for k in range(3)], axis=0)
@@ -79,7 +79,7 @@ class Photometry:
 
     @cached_property
     def digest(self) -> bytes:
-        """32 bytes that differ wherever its light does."""
+        """32 bytes that identify the emitted light."""
         whole = hashlib.sha256()
         for array in (self.polar, self.azimuth, self.candela, self.axes):
             whole.update(f"{array.shape}".encode() + np.asarray(array, np.float64).tobytes())
@@ -87,8 +87,10 @@ class Photometry:
 
 
 def _between(angles: np.ndarray, values: np.ndarray, edge: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each value the number of the last angle (but one) that is not above it, the share of the way from there to the next
-    angle, and whether it lies between the first angle and the last; a lone angle stands for all."""
+    """Return the interval of each value, the position within it 0..1, and whether it lies between the first and last angle.
+
+    A single angle covers all values.
+    """
     if len(angles) == 1:
         return np.zeros(values.shape, int), np.zeros(values.shape), np.ones(values.shape, bool)
     i = np.clip(np.searchsorted(angles, values, side="right") - 1, 0, len(angles) - 2)
@@ -100,16 +102,14 @@ def _between(angles: np.ndarray, values: np.ndarray, edge: float) -> tuple[np.nd
 class Light:
     """A delta light: a point, a spot, a directional one or a luminaire.
 
-    position: (3,) world space; for a directional light the direction *towards* the light (need not be unit).
-    color: (3,) OpenGL's `diffuse`, or the radiant intensity in W/sr where `physical`.
-    attenuation: OpenGL's (constant, linear, quadratic); not used where `physical` (then 1/d²).
-    spot_target: the point that a spot looks at, or None (no cone). spot_cutoff, spot_inner: half angles in degrees;
-    full intensity inside spot_inner, falling linearly in the angle to 0 at spot_cutoff; equal: a hard edge.
-    spot_exponent: OpenGL's cos^exponent inside the cone.
-    photometry: of a luminaire, which is `physical`: its radiant intensity is color times the photometry's candela divided by
-    LUMINOUS_EFFICACY, W/sr, and it has no cone. It is aimed at spot_target (None: along −z), and turned about that axis so that
-    its horizontal angle 0 lies towards `across`, (3,) world space, any length, as far as that is at right angles to the axis.
-    Raises InputError for numbers that cannot be.
+    position: (3,) world space; for a directional light the direction *towards* the light (need not be unit). color: (3,) OpenGL's
+    `diffuse`, or the radiant intensity in W/sr where `physical`. attenuation: OpenGL's (constant, linear, quadratic); not used
+    where `physical` (then 1/d²). spot_target: the point that a spot is aimed at, or None (no cone). spot_cutoff, spot_inner: half
+    angles in degrees; full intensity inside spot_inner, falling linearly in the angle to 0 at spot_cutoff; equal: a hard edge.
+    spot_exponent: OpenGL's cos^exponent inside the cone. photometry: of a luminaire, which is `physical` and has no cone. Its
+    radiant intensity in W/sr is color times candela divided by LUMINOUS_EFFICACY. It is aimed at spot_target (None: along −z).
+    Its horizontal angle 0 lies towards the component of `across`, (3,) world space, any length, that is perpendicular to the aim.
+    Raises InputError for invalid numbers.
     """
 
     position: tuple[float, float, float]
@@ -134,20 +134,20 @@ class Light:
         for name, most in (("spot_cutoff", 180.0), ("spot_inner", 180.0), ("spot_exponent", GREATEST)):
             put(self, **{name: checked_number(f"the {name} {light}", getattr(self, name), 0.0, most)})
         if self.directional and not any(self.position):
-            raise InputError(f"the position {light} that is directional says where it comes from, and cannot be 0 0 0")
+            raise InputError(f"the position {light} that is directional is the direction towards it, and cannot be 0 0 0")
         if not self.physical and not any(self.attenuation):
             raise InputError(f"the attenuation {light} is 0 0 0, a division by zero; give at least one number above 0")
         check_type(f"the photometry {light}", self.photometry, Photometry, None)
 
     @property
     def kind(self) -> str:
-        """Its kind in a word, for people: directional, luminaire, spot or point."""
+        """The kind for messages: directional, luminaire, spot or point."""
         if self.photometry is not None:
             return "luminaire"
         return "directional" if self.directional else "spot" if self.has_cone else "point"
 
     def shifted(self, by: npt.ArrayLike) -> Light:
-        """The light `by` (3,) metres from here; a directional one shines as before."""
+        """Return the light shifted by `by` (3,) metres; directional lights do not change."""
         if self.directional:
             return self
         target = None if self.spot_target is None else moved(self.spot_target, by)
@@ -155,7 +155,7 @@ class Light:
 
     @property
     def has_cone(self) -> bool:
-        """Whether it is a spot: spot_target, spot_cutoff, spot_inner and spot_exponent say where it shines."""
+        """True for a spot, with spot_target, spot_cutoff, spot_inner and spot_exponent."""
         return self.spot_target is not None and self.photometry is None
 
     @property
@@ -167,7 +167,7 @@ class Light:
         z = -aim / np.linalg.norm(aim)
         across = np.asarray(self.across, float) / max(float(np.linalg.norm(self.across)), 1e-300)
         x = across - (across @ z) * z
-        if np.linalg.norm(x) < 1e-6:  # along the aim: the axis that is least so, y before z
+        if np.linalg.norm(x) < 1e-6:  # parallel to the aim: use the most perpendicular axis, y before z
             across = np.eye(3)[np.argmin(np.abs(z))]
             x = across - (across @ z) * z
         x /= np.linalg.norm(x)
@@ -175,7 +175,7 @@ class Light:
 
     @property
     def output(self) -> tuple[float, float]:
-        """A luminaire's flux in lm and its greatest intensity in cd, both times the luminance of its colour."""
+        """A luminaire's flux in lm and greatest intensity in cd, both times the luminance of its colour."""
         if self.photometry is None:
             return 0.0, 0.0
         shine = float(np.asarray(self.color, float) @ LUMINANCE)
@@ -183,13 +183,13 @@ class Light:
 
     @property
     def key(self) -> tuple[npt.ArrayLike | None, ...]:
-        """All that what it lights depends on: its fields without the name; of a luminaire 32 numbers for its photometry."""
+        """All values that its illumination depends on: its fields without the name, and 32 numbers for the photometry."""
         values = tuple(value for name, value in vars(self).items() if name not in ("name", "photometry", "across"))
         return values if self.photometry is None else (*values, tuple(self.photometry.digest), self.across)
 
 
 def sun_lights(environment: Environment) -> tuple[Light, ...]:
-    """The suns of a sky as the lights that a scene under it has."""
+    """Return the suns of a sky as directional lights."""
     found = []
     for sun in environment.suns:
         red, green, blue = (value / math.pi for value in sun.irradiance)

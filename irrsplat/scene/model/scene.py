@@ -1,4 +1,4 @@
-"""All that is lit and seen, in one value."""
+"""The scene: meshes, lights, cameras and sky."""
 
 from __future__ import annotations
 
@@ -20,17 +20,16 @@ from irrsplat.sky.environment import Environment
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is lit and seen. `cameras[0]` is the default one.
+    """A scene. `cameras[0]` is the default camera.
 
-    sky: (3,) mean radiance of the environment; sky_gradient: (3,) how much brighter it is straight up; what comes from the unit
-    direction d is sky + sky_gradient·dot(d, up), or what `environment` has there, if there is one; its suns are among the lights.
-    up: (3,) unit, world space. own_sky: whether the file has asked for this sky; a stand-in is not what the camera shows behind
-    things.
-    notices: one-line remarks of the loader (degenerate triangles dropped, a sky invented, …), for a user to read.
-    files: the paths of all files that it was read from.
-    origin: (3,) world space, float64: what the positions of the meshes are relative to. It is near the scene where that lies far
-    from 0 0 0, since float32 would be too coarse there; all else is in world space.
-    Lists become tuples. Raises InputError where anything is of another kind.
+    sky: (3,) mean radiance of the environment. sky_gradient: (3,) additional radiance straight up: the radiance from the unit
+    direction d is sky + sky_gradient·dot(d, up), or that of `environment`, if there is one. Its suns are among the lights.
+    up: (3,) unit, world space. own_sky: True for a sky from the file; a stand-in sky is not shown as background.
+    notices: one-line remarks of the loader for users, for example on dropped triangles or a stand-in sky.
+    files: the paths of all files that were read.
+    origin: (3,) world space, float64: positions of meshes are relative to it. It is not 0 0 0 for a scene far from there, where
+    float32 would be too coarse; lights and cameras are in world space.
+    Lists become tuples. Raises InputError for values of another kind.
     """
 
     meshes: tuple[Mesh, ...]
@@ -63,18 +62,18 @@ class Scene:
         check_type("a scene's environment", self.environment, Environment, None)
 
     def __repr__(self) -> str:
-        """In a line, without its arrays: a notebook shows this."""
+        """Return one line without arrays, for notebooks."""
         triangles = sum(len(mesh.faces) for mesh in self.meshes)
         counts = {"meshes": len(self.meshes), "triangles": triangles, "lights": len(self.lights), "cameras": len(self.cameras)}
         return f"<Scene {self.name!r}, " + ", ".join(f"{what}: {count}" for what, count in counts.items()) + ">"
 
     @cached_property
     def local(self) -> Scene:
-        """The scene with all of it relative to its origin, lights and cameras too: as renderers have it."""
+        """The scene with lights and cameras relative to its origin as well, as renderers use it."""
         return self._shifted(np.negative(self.origin), (0.0, 0.0, 0.0)) if any(self.origin) else self
 
     def placed(self, origin: tuple[float, float, float]) -> Scene:
-        """The scene whose `local` state this is, of that origin."""
+        """Return the scene with this origin, whose `local` state this is."""
         return self._shifted(origin, origin) if any(origin) else self
 
     def _shifted(self, by: npt.ArrayLike, origin: tuple[float, float, float]) -> Scene:
@@ -82,7 +81,7 @@ class Scene:
         return replace(self, lights=lights, cameras=tuple(camera.shifted(by) for camera in self.cameras), origin=origin)
 
     def relative_to(self, origin: tuple[float, float, float]) -> Scene:
-        """The same scene, of another origin."""
+        """Return the scene relative to another origin."""
         if tuple(origin) == tuple(self.origin):
             return self
         by = np.subtract(self.origin, origin)
@@ -91,27 +90,27 @@ class Scene:
 
     @property
     def recentred(self) -> Scene:
-        """The same scene, of an origin near by where it lies far from 0 0 0 and has none; else this one."""
+        """The scene relative to a nearby origin, if it lies far from 0 0 0 and has none; else unchanged."""
         origin = self.origin if any(self.origin) else near_origin(*self.bounds)
         return self.relative_to(origin)
 
     @property
     def sky_parts(self) -> tuple[object, ...]:
-        """All that says what comes from the sky; equal where the same does."""
+        """All values that the sky's radiance depends on."""
         return self.sky, self.sky_gradient, self.up if any(self.sky_gradient) else None, self.own_sky, self.environment
 
     @cached_property
     def materials(self) -> dict[Material, int]:
-        """The different materials of its meshes, and the number of each."""
+        """The distinct materials of its meshes, with their numbers."""
         return {material: i for i, material in enumerate(dict.fromkeys(mesh.material for mesh in self.meshes))}
 
     @cached_property
     def emissive(self) -> bool:
-        """Whether any of its surfaces shines."""
+        """True if a surface emits light."""
         return any(any(material.emission) for material in self.materials)
 
     def sky_radiance(self, directions: np.ndarray, solid: np.ndarray | float = 0.0) -> np.ndarray:
-        """(…, 3) radiance of the sky that a camera sees in unit directions (…, 3), each `solid` steradians wide."""
+        """Return (…, 3) radiance of the visible sky in unit directions (…, 3) of `solid` steradians each."""
         if self.environment is not None:
             return self.environment.seen(directions, solid)
         rise = directions @ np.asarray(self.up)
@@ -120,11 +119,12 @@ class Scene:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """(2, 3) float64, world space: the least and greatest corner of the geometry; zeros where there is none."""
-        corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
-        if not corners:
+        """(2, 3) float64, world space: the least and greatest corner of the geometry; zeros for an empty scene."""
+        boxes = [mesh.bounds for mesh in self.meshes if len(mesh.positions)]
+        if not boxes:
             return np.zeros((2, 3))
-        found = np.array([np.min(corners, 0), np.max(corners, 0)], float)
+        corners = np.stack(boxes)
+        found = np.array([corners[:, 0].min(0), corners[:, 1].max(0)], float)
         return found + self.origin if any(self.origin) else found
 
     @property
@@ -134,7 +134,7 @@ class Scene:
 
     @cached_property
     def diagonal(self) -> float:
-        """The length of the bounding box's diagonal in metres; 1 where there is no geometry."""
+        """The length of the bounding box's diagonal in metres; 1 for an empty scene."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0])) or 1.0
 
     @property
@@ -143,7 +143,7 @@ class Scene:
         return sum(len(m.faces) for m in self.meshes)
 
     def camera(self, name: str | Camera | None = None) -> Camera:
-        """The camera called `name` (None: the default one; a Camera: itself); raises InputError with the names there are."""
+        """Return the camera called `name` (None: the default one; a Camera: itself); raise InputError with the existing names."""
         if name is None:
             if not self.cameras:
                 raise InputError("the scene has no camera; give one")

@@ -1,4 +1,4 @@
-"""What is there to see: images, textures, materials and meshes."""
+"""Surfaces: images, textures, materials and meshes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
 
-_FARTHEST = 3e38  # of texture coordinates, which no one squares
+_FARTHEST = 3e38  # of texture coordinates, which are never squared
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: two textures share an image where it is the same object
+@dataclass(frozen=True, eq=False)  # compared by identity, so that textures can share an image
 class Image:
-    """A picture that surfaces wear.
+    """An image of a texture.
 
-    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, those of a normal map the stored
-    values; alpha is linear. name: of its file, for notices. Raises InputError for other pixels.
+    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, or raw values of a normal map; alpha is linear.
+    name: of its file, for notices. Raises InputError for other pixels.
     """
 
     pixels: np.ndarray
@@ -33,7 +33,7 @@ class Image:
 
     @cached_property
     def alpha_range(self) -> tuple[float, float]:
-        """The least and the greatest alpha of its pixels, 0..1."""
+        """The least and greatest alpha of its pixels, 0..1."""
         alpha = self.pixels[..., 3]
         return int(alpha.min()) / 255.0, int(alpha.max()) / 255.0
 
@@ -44,11 +44,11 @@ AlphaMode = Literal["opaque", "mask", "blend"]
 
 @dataclass(frozen=True)
 class Texture:
-    """An image, and how it lies on a surface.
+    """An image and its mapping.
 
-    uv_set: which of a mesh's two sets of coordinates, 0 or 1. transform: (a, b, c, d, e, f), the image's coordinates are
-    (a·u + b·v + c, d·u + e·v + f). They run from (0, 0) at the image's top left corner to (1, 1) at its bottom right one.
-    wrap: beyond that, along u and v. nearest: magnified texels are squares, not blended.
+    uv_set: 0 or 1, the set of a mesh's coordinates. transform: (a, b, c, d, e, f): image coordinates are
+    (a·u + b·v + c, d·u + e·v + f), from (0, 0) at the image's top left corner to (1, 1) at its bottom right one.
+    wrap: along u and v. nearest: magnification without interpolation.
     """
 
     image: Image
@@ -64,12 +64,12 @@ class Material:
 
     albedo: (3,) diffuse reflectance in 0..1, linear; times the colour of albedo_texture. emission: (3,) emitted radiance in
     W/(m² sr), from both sides; times the colour of emission_texture.
-    normal_texture: a tangent-space normal map (green up, as glTF has it); normal_scale: factor on its x and y.
-    opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" is not there where it is below
-    alpha_cutoff; "blend" lets what is behind show through. transmission: 0..1, the share of light that passes what is there.
-    unlit: it reflects nothing (albedo 0), and what it emits is times the colours of vertices, if there are any.
-    double_sided: False, and a camera does not see it from behind; to light it is there from both sides.
-    Raises InputError for numbers that cannot be.
+    normal_texture: a tangent-space normal map (green up, as in glTF); normal_scale: factor on its x and y.
+    opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" cuts the surface out below
+    alpha_cutoff; "blend" mixes with the background. transmission: 0..1, the share of light that passes the surface.
+    unlit: albedo is 0, and the emission is multiplied by vertex colours.
+    double_sided: False hides the back from cameras, but not from light.
+    Raises InputError for invalid numbers.
     """
 
     albedo: tuple[float, float, float] = (0.5, 0.5, 0.5)
@@ -97,10 +97,10 @@ class Material:
 
     @property
     def light_cutoff(self) -> float:
-        """The opacity (of `opacity`, texture and vertices) from which on light sees the surface; 0: always; above 1: never.
+        """The least opacity (of `opacity`, texture and vertices) at which light sees the surface; 0: always; above 1: never.
 
-        The rule: what is cut out is not there. What blends or transmits is there to light where more than half of the light would
-        be held back; elsewhere light passes as if there were nothing, and the picture is tinted (a filter).
+        Cut-out parts do not exist for light. Surfaces that blend or transmit exist for light where they block more than half of
+        it; elsewhere light passes unchanged, and the picture is tinted (a filter).
         """
         if self.alpha_mode == "mask":
             return self.alpha_cutoff if self.transmission <= 0.5 else 2.0
@@ -110,26 +110,25 @@ class Material:
 
     @property
     def filters(self) -> bool:
-        """Whether it may tint what is behind it: the picture shows that times 1 - opacity·(1 - albedo)."""
+        """True if it may filter the background, by the factor 1 - opacity·(1 - albedo)."""
         return self.alpha_mode == "blend" or self.transmission > 0.5
 
     @property
     def textures(self) -> tuple[Texture, ...]:
-        """Those that it has."""
+        """The textures of the material."""
         all_of_them = self.albedo_texture, self.emission_texture, self.normal_texture
         return tuple(texture for texture in all_of_them if texture is not None)
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==, and a moved mesh is a new one
+@dataclass(frozen=True, eq=False)  # compared by identity, because == of arrays has no single value
 class Mesh:
-    """Triangles in world space, or relative to their scene's origin; each mesh is equal only to itself.
+    """Triangles in world space, or relative to their scene's origin; compared by identity.
 
-    positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
-    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or the factor on the emission of an unlit one, or
-    None. opacities: (V,) float32 that replaces material.opacity, or None. uvs: (V, 4) float32, two sets of texture coordinates,
-    u v u v, or None (all 0).
-    closed: True only where the surface is watertight and wound outward (in world space).
-    Raises InputError for arrays that do not belong together, and numbers that are not finite.
+    positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32. colors: (V, 3) float32
+    linear reflectance in place of material.albedo, or a factor on the emission of an unlit material, or None. opacities: (V,)
+    float32 in place of material.opacity, or None. uvs: (V, 4) float32, two sets u v u v, or None (all 0). closed: True only for a
+    watertight surface that is wound outward (in world space). Raises InputError for arrays of different lengths and for numbers
+    that are not finite.
     """
 
     positions: np.ndarray
@@ -157,10 +156,15 @@ class Mesh:
         if self.faces.dtype.kind not in "iu":
             raise InputError(f"the faces {mesh} are whole numbers, not of {self.faces.dtype}")
         if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < count:
-            raise InputError(f"the faces {mesh} refer to vertices that are not there; expected 0 to {count - 1}")
+            raise InputError(f"the faces {mesh} refer to vertices that do not exist; expected 0 to {count - 1}")
         check_type(f"the material {mesh}", self.material, Material)
 
     @cached_property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float32: the least and greatest coordinates of the vertices, of which there is at least one."""
+        return np.stack([self.positions.min(0), self.positions.max(0)])
+
+    @cached_property
     def is_point(self) -> bool:
-        """Whether all its vertices lie in one point, so that nothing of it is there to see."""
+        """True if all vertices coincide, so that the mesh is invisible."""
         return not np.ptp(self.positions, axis=0).any() if len(self.positions) else True

@@ -1,4 +1,4 @@
-"""What a scene is about: all of it, or what stands on a ground, or before a wall, that is far larger."""
+"""The subject of a scene: all of it, or the part in front of a far larger ground or backdrop."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ import numpy as np
 
 from irrsplat.scene.model import Mesh, Scene
 
-_MOST = 200_000  # vertices that are looked at
-_FEW = 0.005  # of the vertices, at either end of each axis: those of a ground or a backdrop
-_SMALL = 0.25  # of the scene's diagonal: what has nearly all vertices, and is smaller, is the subject
-_AROUND = 0.5  # of its diagonal: what begins as near as that belongs to it, such as the walls around furniture
-_SPLITS = 16  # at most: each halves the edges of a triangle that reaches out of the subject
+_MOST_VERTICES = 200_000  # vertices that are examined
+_OUTLIERS = 0.005  # of the vertices, at either end of each axis: those of a ground or backdrop
+_SUBJECT_SIZE = 0.25  # of the scene's diagonal: a smaller part with nearly all vertices is the subject
+_MARGIN = 0.5  # of the subject's diagonal: margin for objects that belong to it, such as walls around furniture
+_SPLITS = 16  # at most; each halves the edges of a triangle that extends beyond the subject
 
 
 def subject(scene: Scene) -> Scene:
-    """The scene cut to what it is about: where nearly all vertices are in a small part of it, that part; else all of it."""
+    """Return the scene cut to its subject: a small part with nearly all vertices, if there is one, else all of it."""
     count = sum(len(mesh.positions) for mesh in scene.meshes)
     if not count:
         return scene
-    step = -(-count // _MOST)
+    step = -(-count // _MOST_VERTICES)
     vertices = np.concatenate([mesh.positions[::step] for mesh in scene.meshes]).astype(float)
-    low, high = np.quantile(vertices, (_FEW, 1.0 - _FEW), axis=0)
+    low, high = np.quantile(vertices, (_OUTLIERS, 1.0 - _OUTLIERS), axis=0)
     size = float(np.linalg.norm(high - low))
-    if size >= _SMALL * scene.diagonal or size == 0.0:
+    if size >= _SUBJECT_SIZE * scene.diagonal or size == 0.0:
         return scene
     vertices = np.concatenate([mesh.positions for mesh in scene.meshes])
-    near = vertices[((vertices >= low - _AROUND * size) & (vertices <= high + _AROUND * size)).all(1)]
+    near = vertices[((vertices >= low - _MARGIN * size) & (vertices <= high + _MARGIN * size)).all(1)]
     meshes = tuple(_cut(mesh, near.min(0), near.max(0)) for mesh in scene.meshes)
     return replace(scene, meshes=tuple(mesh for mesh in meshes if len(mesh.faces)))
 
 
 def _cut(mesh: Mesh, low: np.ndarray, high: np.ndarray) -> Mesh:
-    """The mesh's triangles that have their middle in a box, without colours and the like; those that reach out are cut before."""
+    """Return the mesh's triangles with their centre in a box, without vertex attributes; large triangles are split first."""
     corners = mesh.positions[mesh.faces]
     if ((corners >= low) & (corners <= high)).all():
         return mesh

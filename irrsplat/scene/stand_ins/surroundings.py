@@ -1,4 +1,4 @@
-"""What surrounds a point: a coarse picture of the sphere around it, made of points that are spread over the surfaces."""
+"""Surroundings of a point: a coarse depth image of the sphere around it, from points on the surfaces."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import numpy as np
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Scene
 
+_CHUNK_TRIANGLES = 1 << 18  # triangles whose areas are computed together; bounds the temporary memory
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
-_RINGS, _SECTORS = 16, 32  # of the sphere, all of one solid angle
-_SPARSE = 6.4  # spacings of the points: of surfaces nearer than that, not every direction has one
-_VOXEL = 5.0  # spacings: the side of what counts as a place
-_PLANE = 0.93  # of squared normals along one line, in a place that has no detail
+_RINGS, _SECTORS = 16, 32  # of the sphere, of equal solid angle
+_GAP_SPACINGS = 6.4  # spacings of the points: nearer surfaces have gaps between their points
+_CUBE_SPACINGS = 5.0  # spacings: the side of the cubes in which detail is measured
+_PLANAR_SHARE = 0.93  # largest share of squared normals along one line in a cube with detail
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """N points spread evenly over all surfaces that light sees. position: (N, 3); normal: (N, 3) unit, the triangles' own.
+    """N points spread evenly over all surfaces that light sees.
 
-    spacing: metres, about, from one to the next.
+    position: (N, 3). normal: (N, 3) unit, geometric. spacing: metres from one to the next, about.
     """
 
     position: np.ndarray
@@ -28,23 +29,23 @@ class SurfacePoints:
     spacing: float = 0.0
 
     def detail(self) -> np.ndarray:
-        """(M, 3) where there is more than a plane: one point in each cube of some spacings that has normals of several lines."""
-        cube = np.floor(self.position / max(_VOXEL * self.spacing, 1e-30)).astype(np.int64)
+        """Return (M, 3) the centres of points in the cubes whose normals vary, that is, all but planar places."""
+        cube = np.floor(self.position / max(_CUBE_SPACINGS * self.spacing, 1e-30)).astype(np.int64)
         _, which, count = np.unique(cube, axis=0, return_inverse=True, return_counts=True)
         sums = np.stack([np.bincount(which.ravel(), column) for column in self.position.T], 1)
         squares = self.normal[:, :, None] * self.normal[:, None, :]
         moments = np.stack([np.bincount(which.ravel(), column) for column in squares.reshape(-1, 9).T], 1)
         along = np.linalg.eigvalsh((moments / count[:, None]).reshape(-1, 3, 3))[:, 2]
-        found: np.ndarray = (sums / count[:, None])[along < _PLANE]
+        found: np.ndarray = (sums / count[:, None])[along < _PLANAR_SHARE]
         return found
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The sphere around a point, cut into rings by height and sectors by azimuth, directions of equal solid angle.
+    """The sphere around a point, in rings by height and sectors by azimuth of equal solid angle.
 
-    distance: (RINGS, SECTORS) metres to the nearest surface, infinite where there is none; the first ring looks down. facing:
-    whether that surface turns its front to the point.
+    distance: (RINGS, SECTORS) metres to the nearest surface, infinite where there is none; the first ring points down. facing:
+    True if that surface is front-facing.
     """
 
     distance: np.ndarray
@@ -52,24 +53,24 @@ class Surroundings:
 
     @property
     def closed(self) -> float:
-        """The share of directions in which there is something."""
+        """The share of blocked directions."""
         return float(np.isfinite(self.distance).mean())
 
     @property
     def fronts(self) -> float:
-        """The share of what there is that turns its front."""
+        """The share of front-facing surfaces among blocked directions."""
         hit = np.isfinite(self.distance)
         return float(self.facing[hit].mean()) if hit.any() else 0.0
 
     @property
     def volume(self) -> float:
-        """What is seen from the point, m³, a little too small; directions without anything count nothing."""
+        """The visible volume, m³, slightly underestimated; free directions do not contribute."""
         hit = np.isfinite(self.distance)
         return float(4.0 / 3.0 * np.pi * (np.where(hit, self.distance, 0.0) ** 3).mean())
 
 
 def directions(axes: np.ndarray) -> np.ndarray:
-    """(RINGS, SECTORS, 3) the unit directions in the middle of each; axes: (3, 3) rows right, up and front of the world."""
+    """Return (RINGS, SECTORS, 3) unit directions of the centres; axes: (3, 3) rows right, up and front of the world."""
     rise = (np.arange(_RINGS) + 0.5) / _RINGS * 2.0 - 1.0
     azimuth = (np.arange(_SECTORS) + 0.5) / _SECTORS * 2.0 * np.pi - np.pi
     level = np.sqrt(1.0 - rise**2)[:, None]
@@ -79,21 +80,16 @@ def directions(axes: np.ndarray) -> np.ndarray:
 
 
 def surface_points(scene: Scene) -> SurfacePoints:
-    """Points on the scene's surfaces, the same each time; none on what lets light pass."""
+    """Return deterministic points on the scene's surfaces, except those that let light pass."""
     meshes = [m for m in scene.meshes if len(m.faces) and m.material.light_cutoff <= m.material.opacity]
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
-    total = np.cumsum(np.concatenate([triangle_areas(mesh.positions[mesh.faces]) for mesh in meshes]), dtype=float)
+    corners = np.concatenate([mesh.positions[mesh.faces] for mesh in meshes])
+    areas = [triangle_areas(corners[i : i + _CHUNK_TRIANGLES]) for i in range(0, len(corners), _CHUNK_TRIANGLES)]
+    total = np.cumsum(np.concatenate(areas), dtype=float)
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
-    chosen = np.minimum(chosen, len(total) - 1)
-    first = np.cumsum([0, *(len(m.faces) for m in meshes)])
-    corners = np.concatenate(
-        [
-            mesh.positions[mesh.faces[chosen[np.searchsorted(chosen, low) : np.searchsorted(chosen, high)] - low]]
-            for mesh, low, high in zip(meshes, first[:-1], first[1:], strict=True)
-        ]
-    ).astype(float)  # chosen is sorted
+    corners = corners[np.minimum(chosen, len(total) - 1)].astype(float)
     u, v = chance.random((2, _POINTS, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -103,11 +99,11 @@ def surface_points(scene: Scene) -> SurfacePoints:
 
 
 def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings:
-    """What is seen from the point `at` (3,); axes: (3, 3) rows right, up and front of the world."""
+    """Return the surroundings of the point `at` (3,); axes: (3, 3) rows right, up and front of the world."""
     way = points.position - at
     distance, ring, sector = cells(way, axes)
     cell = ring * _SECTORS + sector
-    order = np.argsort(-distance)  # the nearest comes last, and stays
+    order = np.argsort(-distance)  # the nearest is written last
     nearest = np.full(_RINGS * _SECTORS, -1)
     nearest[cell[order]] = order
     found = np.full(len(nearest), np.inf)
@@ -115,21 +111,21 @@ def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Sur
     hit = nearest >= 0
     found[hit] = distance[nearest[hit]]
     facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
-    return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _SPARSE * points.spacing)
+    return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _GAP_SPACINGS * points.spacing)
 
 
 def _filled(found: np.ndarray, facing: np.ndarray, sparse: float) -> Surroundings:
-    """The surroundings by distance and front, without the gaps between the points of one surface nearer than `sparse` metres."""
+    """Return the surroundings without gaps between the points of surfaces nearer than `sparse` metres."""
     for _ in range(2):
-        beside = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
-        around = np.lib.stride_tricks.sliding_window_view(beside, (3, 3)).min((2, 3))
+        padded = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
+        around = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).min((2, 3))
         between = ~np.isfinite(found) & (around < sparse)
         found, facing = np.where(between, around, found), facing | between
     return Surroundings(found, facing)
 
 
 def cells(way: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the ways (N, 3) from a point: (N,) how long they are, and the ring and the sector that they go through."""
+    """Return the lengths (N,) of vectors (N, 3) from a point, and their rings and sectors (N,)."""
     distance = np.linalg.norm(way, axis=1)
     x, rise, z = (way @ axes.T).T
     ring = np.clip(((rise / np.maximum(distance, 1e-300) + 1.0) * (0.5 * _RINGS)).astype(int), 0, _RINGS - 1)

@@ -1,4 +1,4 @@
-"""Which axis of a file points up: as told, as its format has it, or by the name of the program that wrote it."""
+"""The up axis of a file: as requested, by its format, or by the name of its exporter."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from irrsplat.scene.model import Camera
 
 Vector = tuple[float, float, float]
 _AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-# Programs whose world has z up, and whose OBJ export does not turn it, unlike that of Blender, 3ds Max, Maya or Rhino.
+# Exporters with z up that do not rotate their OBJ files, unlike Blender, 3ds Max, Maya and Rhino.
 _Z_UP = re.compile(
     rb"autocad|freecad|open ?cascade|openscad|solvespace|cloudcompare|revit|archicad|microstation|\bz[- ]?up\b|z axis up", re.I
 )
@@ -20,10 +20,10 @@ _HEADER = 4096  # bytes at the start of a file that may name its exporter
 
 
 def up_vector(path: Path, wanted: UpAxis = "auto") -> Vector:
-    """(3,) the unit vector that points up in the file at `path`.
+    """Return (3,) the unit vector that points up in the file at `path`.
 
-    wanted "auto": y in glTF and PLY; z in STL, which printers and CAD write; in OBJ y, but z where the comments at its start name
-    a program that leaves z up.
+    wanted "auto": y in glTF and PLY; z in STL, as from CAD programs and for printers; in OBJ y, or z if the comments at its start
+    name an exporter with z up.
     """
     if wanted != "auto":
         return _AXES[wanted]
@@ -41,9 +41,9 @@ def _z_up_by_name(path: Path) -> bool:
 
 
 def nearest_axis(camera: Camera) -> Vector:
-    """The axis nearest to the camera's up, those preferred about which it has no roll: right ⟂ the world's up.
+    """Return the axis nearest to the camera's up, preferably one about which it has no roll: right ⟂ the world's up.
 
-    A steep view whose up was made perpendicular to it leans nearer to a horizontal axis; its right tells them apart.
+    The up of a steep view, if perpendicular to it, is closer to a horizontal axis; its right vector resolves that.
     """
     up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
     both = np.concatenate([np.eye(3), -np.eye(3)])
@@ -52,9 +52,9 @@ def nearest_axis(camera: Camera) -> Vector:
 
 
 def axes(up: Vector) -> np.ndarray:
-    """(3, 3) rows: right, up and front of a thing that stands upright; unit and right-handed, front is towards who looks at it.
+    """Return (3, 3) rows right, up and front of an upright object; unit and right-handed, front points to the viewer.
 
-    y up: x, y and z, as glTF has it; z up: x, z and -y, as CAD programs have it.
+    y up: x, y and z, as in glTF; z up: x, z and -y, as in CAD programs.
     """
     front = (0.0, -1.0, 0.0) if int(np.argmax(np.abs(up))) == 2 else (0.0, 0.0, 1.0)
     u = np.asarray(up, float) / np.linalg.norm(up)

@@ -48,10 +48,10 @@ def test_lights_cameras_and_triangles_come_back_exactly(room: Scene, tmp_path: P
 def test_nothing_is_overwritten_unasked(room: Scene, tmp_path: Path) -> None:
     path = tmp_path / "room.scene"
     text = path.read_text()
-    with pytest.raises(InputError, match=r"room\.scene: this is there already; give another name"):
+    with pytest.raises(InputError, match=r"room\.scene: this file exists already; give another name"):
         write_scene(room, path)
     parts_folder(tmp_path / "other.scene").mkdir()
-    with pytest.raises(InputError, match="other-files: this is there already"):
+    with pytest.raises(InputError, match="other-files: this file exists already"):
         write_scene(room, tmp_path / "other.scene")
     with pytest.raises(InputError, match=r"ends in \.scene"):
         write_scene(room, tmp_path / "other.obj")

@@ -37,7 +37,7 @@ def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None
         (LIGHT, "color", (-1, 0, 0), "the color of light 'lamp'"),
         (LIGHT, "attenuation", (0, 0, 0), "division by zero"),
         (LIGHT, "spot_cutoff", -4, "spot_cutoff"),
-        (replace(LIGHT, directional=True), "position", (0, 0, 0), "comes from"),
+        (replace(LIGHT, directional=True), "position", (0, 0, 0), "direction towards it"),
         (LIGHT, "spot_exponent", NAN, "spot_exponent"),
         (LIGHT, "photometry", 3, "Photometry"),
         (CAMERA, "fov", "x", "field of view"),

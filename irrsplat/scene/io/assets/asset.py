@@ -1,4 +1,4 @@
-"""Reads OBJ, PLY and STL files; where a file names no colour, the albedo is 0.5, as in a `.scene`."""
+"""Loading of OBJ, PLY and STL files; the default albedo is 0.5, as in a `.scene`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.assets.ply import read_ply
 from irrsplat.scene.io.assets.stl import read_stl
 from irrsplat.scene.io.defaults import WORLD, finish
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.asset import read_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Scene
@@ -22,11 +23,10 @@ _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".o
 
 
 def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
-    """The geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
+    """Load the geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
 
-    Vertex normals are the file's; where it has none, they are made by options.crease_angle. Scene.notices say what was dropped or
-    invented. origin: of the scene. Raises FarAway for another one, and InputError, one line with the file's path, for a file that
-    is missing, empty, truncated or garbage.
+    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and stand-ins. origin: of the scene.
+    Raises FarAway for another origin, and InputError, one line with the file's path, for a missing or damaged file.
     """
     notices: list[str] = []
     sky = sky_of(options.sky)
@@ -36,16 +36,15 @@ def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scen
             parts = _READERS[path.suffix.lower()](path, notices, options)
     except InputError:
         raise
-    except Exception as error:  # a damaged file may raise anything anywhere in trimesh
+    except Exception as error:  # trimesh may raise anything for a damaged file
         reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
-        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
+        detail = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
         kind = path.suffix[1:].upper()
-        raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
+        raise InputError(f"this is no {kind} file, or a damaged one{detail}; export it again", path) from None
     meshes, dropped = [], 0
-    for part in parts:
-        mesh, lost = part.mesh(path, origin)
-        meshes.append(mesh)
-        dropped += lost
+    for built in build_meshes(parts, origin):
+        meshes.append(built.mesh_or_error(path))
+        dropped += built.dropped
     files = [file for part in parts for file in part.files]
     up = up_vector(path, options.up_axis)
     return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up, origin)

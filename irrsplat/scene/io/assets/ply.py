@@ -1,4 +1,4 @@
-"""Reads `.ply` files, text or binary: polygons and triangle strips with colours, normals and texture coordinates."""
+"""Reader of `.ply` files, text or binary: polygons and triangle strips with colours, normals and texture coordinates."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _INDICES = ("vertex_indices", "vertex_index")
 
 @dataclass(frozen=True)
 class _Property:
-    """One column of an element: its name and type, and the type of the count in front of it where it is a list."""
+    """One column of an element: its name and type, and for a list the type of its count."""
 
     name: str
     type: str
@@ -54,7 +54,7 @@ class _Element:
 
 @dataclass(frozen=True)
 class _List:
-    """Rows of different lengths: their values one after another, and how many each has."""
+    """Rows of different lengths: concatenated values, and the size of each."""
 
     values: np.ndarray
     sizes: np.ndarray
@@ -64,11 +64,11 @@ Columns = dict[str, "np.ndarray | _List"]
 
 
 def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    """The faces of the file, as one part; vertex or face colours are sRGB, and count where there is no texture.
+    """Read the faces of the file as one part; vertex or face colours are sRGB, and apply where there is no texture.
 
-    Reads x y z, nx ny nz, red green blue, s t (or u v, texture_u texture_v; a list `texcoord` of the faces) with the image in
-    ``comment TextureFile``, `vertex_indices` and `tristrips`. Without normals, they are made by the crease angle. Faces that
-    can't be drawn cost a notice. Raises InputError for a file that is truncated, that is no PLY, or that has no faces.
+    Columns are x y z, nx ny nz, red green blue, s t (or u v, texture_u texture_v; a list `texcoord` of the faces) with the image
+    in ``comment TextureFile``, `vertex_indices` and `tristrips`. Missing normals are computed by the crease angle. Invalid faces
+    are left out with a notice. Raises InputError for a truncated file, for no PLY file, and for one without faces.
     """
     data = read_bytes(path, MOST_GEOMETRY)
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:100_000])
@@ -77,13 +77,13 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     order, elements, images = _header(path, decoded(data[: end.start()]))
     body = data[end.end() :]
     tables: dict[str, Columns] = {}
-    reader = _Text(body) if order == "ascii" else _Binary(body, order)
+    reader = _TextBody(body) if order == "ascii" else _BinaryBody(body, order)
     for element in elements:
         columns = reader.element(element)
         if columns is None:
             if tables.keys() >= {"vertex"} and {"face", "tristrips"} & tables.keys() and element.name not in ("vertex", "face"):
-                break  # all that is drawn has been read
-            raise InputError(f"the file is truncated: its header announces {element.length} of '{element.name}'", path)
+                break  # all drawn elements have been read
+            raise InputError(f"the file is truncated: its header declares {element.length} of '{element.name}'", path)
         tables[element.name] = columns
     vertex = tables.get("vertex", {})
     if not {"x", "y", "z"} <= vertex.keys():
@@ -93,15 +93,15 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     if not len(corners):
         raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
     if lost:
-        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_REASON}")
+        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_LOSS_REASON}")
     return [_part(path, notices, options, vertex, tables.get("face", {}), positions, corners, face, where, images)]
 
 
-_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
+_LOSS_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
 
 
 def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
-    """A header's format ("ascii", "<" or ">"), elements, and names of images; raises InputError where it is wrong."""
+    """Return a header's format ("ascii", "<" or ">"), elements, and names of images; raise InputError for an invalid one."""
     order, elements, images = "", [], []
     for i, line in enumerate(text.splitlines(), 1):
         words = line.split()
@@ -127,8 +127,8 @@ def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
     return order, elements, images
 
 
-class _Text:
-    """Takes elements from the lines of a text file, one after another; a row is a line, and what that has too much is ignored."""
+class _TextBody:
+    """Elements of a text file, read in order; a row is a line, whose surplus words are ignored."""
 
     def __init__(self, body: bytes) -> None:
         text = b"\n" + re.sub(rb"(?m)^[ \t]*(comment|obj_info)[^\n]*", b"", body) + b"\n"
@@ -142,7 +142,7 @@ class _Text:
         self.at = 0
 
     def element(self, element: _Element) -> Columns | None:
-        """The columns of the next element; None where there are too few lines, or words in one."""
+        """Return the columns of the next element; None where lines or words are missing."""
         rows = slice(self.at, self.at + element.length)
         at, end = self.first[rows], self.end[rows]
         if len(at) < element.length:
@@ -157,21 +157,21 @@ class _Text:
                 at = at + 1
             if ((size < 0) | (at + size > end)).any():
                 return None
-            found = self.values[at if not one.count else _spread(at, size)]
+            found = self.values[at if not one.count else _list_rows(at, size)]
             columns[one.name] = _List(found, size) if one.count else found.astype(one.type)
             at = at + size
         self.at += element.length
         return columns
 
 
-class _Binary:
-    """Takes elements from the bytes of a binary file, one after another."""
+class _BinaryBody:
+    """Elements of a binary file, read in order."""
 
     def __init__(self, data: bytes, order: str) -> None:
         self.data, self.order, self.at = data, order, 0
 
     def element(self, element: _Element) -> Columns | None:
-        """The columns of the next element; None where there are too few bytes."""
+        """Return the columns of the next element; None where bytes are missing."""
         fields, at = [], self.at
         for one in element.properties:  # as if all rows were as long as the first
             if one.count:
@@ -206,7 +206,7 @@ class _Binary:
         codes = [struct.Struct(self.order + np.dtype(one.count or "u1").char) for one in element.properties]
         widths = [np.dtype(one.type).itemsize for one in element.properties]
         data, at, end = self.data, self.at, len(self.data)
-        for _ in range(element.length):  # each row tells where the next one begins
+        for _ in range(element.length):  # each row defines the start of the next one
             for column, one in enumerate(element.properties):
                 size = 1
                 if one.count:
@@ -223,26 +223,27 @@ class _Binary:
         columns: Columns = {}
         for one, places, counts, width in zip(element.properties, starts, sizes, widths, strict=True):
             place, count = np.array(places, np.int64), np.array(counts, np.int64)
-            first = _spread(place, count, width)
+            first = _list_rows(place, count, width)
             values = code[first[:, None] + np.arange(width)].reshape(-1).view(self.order + one.type)
             columns[one.name] = _List(values, count) if one.count else values
         self.at = at
         return columns
 
 
-def _spread(start: np.ndarray, size: np.ndarray, step: int = 1) -> np.ndarray:
-    """start, start + step, … for each of the lists, one after another."""
+def _list_rows(start: np.ndarray, size: np.ndarray, step: int = 1) -> np.ndarray:
+    """Return start, start + step, … for each of the lists, concatenated."""
     inside = np.arange(int(size.sum())) - np.repeat(np.cumsum(size) - size, size)
     return np.asarray(np.repeat(start, size) + step * inside)
 
 
 def _stacked(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
-    """(N, len(names)) float64."""
+    """Return (N, len(names)) float64."""
     return np.stack([np.asarray(columns[name], float) for name in names], 1)
 
 
 def _triangles(positions: np.ndarray, tables: dict[str, Columns]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """(F, 3) into positions, (F,) their faces (-1: of a strip), (F, 3) into the faces' lists, and how many faces were lost."""
+    """Return (F, 3) into positions, (F,) their faces (-1: of a strip), (F, 3) into the faces' lists, and the number of lost
+    faces."""
     none = np.zeros((0, 3), np.int64)
     corners, face, where, lost = none, np.zeros(0, np.int64), none, 0
     usable = np.isfinite(positions).all(1) & (np.abs(positions) < GREATEST).all(1)
@@ -289,7 +290,7 @@ def _part(
     where: np.ndarray,
     images: list[str],
 ) -> Part:
-    """The part with these triangles, in what the file says about their looks."""
+    """Return the part with these triangles and the file's colours, texture and normals."""
     positions = np.where(np.isfinite(positions), positions, 0.0)
     texture, files = _texture(path, notices, images)
     uvs, corner_uvs = _coordinates(vertex, faces, corners, where) if texture else (None, None)
@@ -310,7 +311,7 @@ def _part(
         corner_normals = corners
     elif options.crease_angle > 0.0:
         normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
-    if colors is not None and len(colors) != len(positions):  # a face's colour belongs to its corners alone
+    if colors is not None and len(colors) != len(positions):  # a face's colour belongs to its own corners
         positions, corners = positions[corners].reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
     return Part(
         positions,
@@ -345,7 +346,7 @@ def _texture(path: Path, notices: list[str], images: list[str]) -> tuple[Texture
 def _coordinates(
     vertex: Columns, faces: Columns, corners: np.ndarray, where: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """(T, 4) texture coordinates, v downward, and (F, 3) which of them each corner has; None and None where there are none."""
+    """Return (T, 4) texture coordinates, v downward, and (F, 3) indices into them; None and None where there are none."""
     wedge = faces.get("texcoord")
     indices = next((faces[name] for name in _INDICES if name in faces), None)
     if isinstance(wedge, _List) and isinstance(indices, _List) and (wedge.sizes == 2 * indices.sizes).all():
@@ -360,7 +361,7 @@ def _coordinates(
 
 
 def _unit_colors(values: np.ndarray, columns: Columns, names: tuple[str, ...]) -> np.ndarray:
-    """(N, 3) linear reflectance for sRGB colours, either integers of some width or floats in 0..1."""
+    """Return (N, 3) linear reflectance of sRGB colours, either integers of some width or floats in 0..1."""
     kind = np.asarray(columns[names[0]]).dtype
     scale = (
         float(np.iinfo(kind).max) if kind.kind in "ui" else 255.0 if float(np.nan_to_num(values).max(initial=0.0)) > 2.0 else 1.0

@@ -1,4 +1,4 @@
-"""Reads `.stl` files; trimesh parses, this file checks what it returns and makes normals."""
+"""Reader of `.stl` files: trimesh parses, this module checks the result and computes normals."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from irrsplat.scene.io.part import Part
 
 
 def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    """The triangles of the file, a part for each solid, with normals by the crease angle; vertices at one place count as one.
+    """Read the triangles of the file, a part for each solid, with normals by the crease angle; equal vertices are merged.
 
-    Triangles that aren't finite cost a notice, and so do colours, which are not read. Raises InputError for a truncated file and
-    for one without triangles, and whatever trimesh raises.
+    Triangles that are not finite, and colours, are left out with a notice. Raises InputError for a truncated file and one without
+    triangles, and any exception of trimesh.
     """
     import trimesh  # takes 0.4 s: imported only for such files
 
@@ -63,6 +63,6 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
 
 
 def _colored(data: bytes) -> bool:
-    """Whether a binary file has colours, as Magics (in its header) or VisCAM (a bit of each triangle) write them."""
+    """True if a binary file has colours by Magics (in its header) or VisCAM (a bit of each triangle)."""
     attributes = np.frombuffer(data, "u1", offset=84).reshape(-1, 50)[:, 48:].copy().view("<u2")
     return b"COLOR=" in data[:80] or bool((attributes >> 15).mean() > 0.5)

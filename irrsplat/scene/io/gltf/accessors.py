@@ -1,4 +1,4 @@
-"""Numbers of a glTF file as numpy arrays: strided, sparse, normalised, quantised."""
+"""Accessors of a glTF file as numpy arrays: strided, sparse, normalized, quantized."""
 
 from __future__ import annotations
 
@@ -7,46 +7,47 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.scene.io.gltf.document import Damaged, Document, whole
+from irrsplat.scene.io.gltf.document import Damaged, Document, natural_number
 from irrsplat.scene.io.gltf.packed import plain_view
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_FREE, _PER_BYTE = 1 << 16, 16  # elements that an accessor may have, and more for each byte of the files: some are packed
+_FREE, _PER_BYTE = (
+    1 << 16,
+    16,
+)  # elements that any accessor may have, and more for each byte of the files, which may be compressed
 
 
 def count(document: Document, index: object) -> int:
-    """Return the number of elements of an accessor.
-
-    Raises Damaged where there is no such accessor, or where the number is far beyond what files of this size have.
-    """
-    number = whole(document.entry("accessors", index), "count")
+    """Return the number of elements of an accessor; raise Damaged if it is missing, or the number is implausible for the file's
+    size."""
+    number = natural_number(document.entry("accessors", index), "count")
     if number > _FREE + _PER_BYTE * document.size:
-        raise Damaged(f"accessor {index} announces {number} elements in a file of {document.size} bytes")
+        raise Damaged(f"accessor {index} declares {number} elements in a file of {document.size} bytes")
     return number
 
 
 def values(
     document: Document, index: object, widths: tuple[int, ...], rows: np.ndarray | None = None, shares: bool = False
 ) -> np.ndarray:
-    """(N, width) float32: an accessor's elements, all or those of `rows`, integers that count as normalised in 0..1 or -1..1.
+    """Return (N, width) float32: an accessor's elements, all or those of `rows`, normalized integers as 0..1 or -1..1.
 
-    widths: how many components an element may have. shares: integers count as normalised whatever the accessor says.
-    Raises Damaged where the accessor is missing or reaches beyond its data.
+    widths: allowed numbers of components. shares: all integers count as normalized.
+    Raises Damaged for a missing accessor, and for one that exceeds its data.
     """
     entry = document.entry("accessors", index)
     return as_floats(_elements(document, entry, index, widths, rows), shares or entry.get("normalized") is True)
 
 
 def as_floats(array: np.ndarray, normalized: bool) -> np.ndarray:
-    """Elements of an accessor as float32, integers in 0..1 or -1..1 if they are normalised."""
+    """Return elements of an accessor as float32, normalized integers as 0..1 or -1..1."""
     if normalized and array.dtype.kind in "iu":
         array = np.maximum(array.astype(np.float32) / np.float32(np.iinfo(array.dtype).max), np.float32(-1.0))
     return np.asarray(array, np.float32)
 
 
 def integers(document: Document, index: object, widths: tuple[int, ...] = (1,), rows: np.ndarray | None = None) -> np.ndarray:
-    """(N, width) int64: an accessor's elements as they are; raises Damaged as `values`, and where they are no integers."""
+    """Return (N, width) int64: an accessor's elements; raise Damaged as `values`, and for other types."""
     array = _elements(document, document.entry("accessors", index), index, widths, rows)
     if array.dtype.kind not in "iu":
         raise Damaged(f"accessor {index} holds no integers")
@@ -57,12 +58,14 @@ def _elements(
     document: Document, entry: Mapping[str, Any], index: object, widths: tuple[int, ...], rows: np.ndarray | None
 ) -> np.ndarray:
     width = _WIDTHS.get(str(entry.get("type")))
-    kind = _TYPES.get(whole(entry, "componentType"))
+    kind = _TYPES.get(natural_number(entry, "componentType"))
     if width not in widths or kind is None:
-        raise Damaged(f"accessor {index} is of a type that is not expected there")
+        raise Damaged(f"accessor {index} has an unexpected type")
     number = count(document, index)
     if "bufferView" in entry:
-        array = _bytes(document, entry["bufferView"], whole(entry, "byteOffset", 0), number, width, np.dtype(kind), index)
+        array = _bytes(
+            document, entry["bufferView"], natural_number(entry, "byteOffset", 0), number, width, np.dtype(kind), index
+        )
     else:
         array = np.zeros((number, width), kind)
     sparse = entry.get("sparse")
@@ -78,7 +81,7 @@ def _elements(
 def _bytes(
     document: Document, view: object, offset: int, number: int, width: int, kind: np.dtype[Any], index: object
 ) -> np.ndarray:
-    """(number, width) elements in a buffer view, without a copy; raises Damaged where they reach beyond it."""
+    """Return (number, width) elements in a buffer view, without a copy; raise Damaged where they exceed it."""
     data, stride, name = plain_view(document, view)
     size = width * kind.itemsize
     stride = stride or size
@@ -90,14 +93,16 @@ def _bytes(
 
 
 def _replaced(document: Document, sparse: Mapping[str, Any], array: np.ndarray, index: object) -> np.ndarray:
-    """The elements after a sparse accessor's own values have taken their places."""
-    number = whole(sparse, "count")
+    """Return the elements with those of a sparse accessor replaced."""
+    number = natural_number(sparse, "count")
     at, new = sparse["indices"], sparse["values"]
     places = _bytes(
-        document, at["bufferView"], whole(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
+        document, at["bufferView"], natural_number(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
     ).astype(np.int64)[:, 0]
     if number and not 0 <= places.min() <= places.max() < len(array):
         raise Damaged(f"accessor {index} replaces elements that it does not have")
     array = array.copy()
-    array[places] = _bytes(document, new["bufferView"], whole(new, "byteOffset", 0), number, array.shape[1], array.dtype, index)
+    array[places] = _bytes(
+        document, new["bufferView"], natural_number(new, "byteOffset", 0), number, array.shape[1], array.dtype, index
+    )
     return array

@@ -1,4 +1,4 @@
-"""What a glTF file's animations make of nodes and morph weights at a time."""
+"""Animations of a glTF file at a time: transforms of nodes and morph weights."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from irrsplat.scene.io.gltf import accessors
 from irrsplat.scene.io.gltf.document import Damaged, Document
 
-Pose = dict[tuple[int, str], np.ndarray]  # (node, "translation", "rotation", "scale" or "weights"): the value there
+Pose = dict[tuple[int, str], np.ndarray]  # value by (node, "translation", "rotation", "scale" or "weights")
 _WIDTHS = {"translation": (3,), "rotation": (4,), "scale": (3,), "weights": (1,)}
 
 
 def pose(document: Document, time: float) -> Pose:
-    """What is moved at `time` in seconds, before the first key as at it, after the last likewise.
+    """Return the animated values at `time` in seconds, constant before the first key and after the last.
 
-    Where several animations move the same property, the first one's value stands: files of separate actions play the first,
-    files with an animation for each object play all.
+    The first of several animations of one property applies: files with separate actions play the first, files with one animation
+    for each object play all.
     """
     found: Pose = {}
     for i, animation in enumerate(document.entries("animations")):
@@ -29,7 +29,7 @@ def pose(document: Document, time: float) -> Pose:
                     target = channel["target"]
                     node, path = target.get("node"), target.get("path")
                     if path not in _WIDTHS or node is None:
-                        continue  # a pointer, or nothing: extensionsUsed tells of the first
+                        continue  # a pointer, which extensionsUsed reports, or an invalid target
                     document.entry("nodes", node)
                     if (node, path) not in found:
                         sampler = document.entry("samplers", channel["sampler"], animation)
@@ -39,7 +39,7 @@ def pose(document: Document, time: float) -> Pose:
 
 
 def _sample(document: Document, sampler: Mapping[str, Any], path: str, time: float) -> np.ndarray:
-    """(n,) the value of an animation's sampler at a time; glTF 2.0, appendix C."""
+    """Return (n,) the value of an animation's sampler at a time; glTF 2.0, appendix C."""
     keys = accessors.values(document, sampler["input"], (1,))[:, 0].astype(float)
     output = accessors.values(document, sampler["output"], _WIDTHS[path]).astype(float)
     cubic = sampler.get("interpolation") == "CUBICSPLINE"
@@ -67,7 +67,7 @@ def _unit(value: np.ndarray, path: str) -> np.ndarray:
 
 
 def _slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
-    """The unit quaternion at `t` of the shorter arc from a to b (Shoemake 1985)."""
+    """Return the unit quaternion at `t` of the shorter arc from a to b (Shoemake 1985)."""
     cosine = float(a @ b)
     if cosine < 0.0:
         b, cosine = -b, -cosine

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.nodes import Node
 from irrsplat.scene.io.gltf.nodes import name as node_name
 from irrsplat.scene.model import Camera, Light
 
 _LIGHTS = "KHR_lights_punctual"
-_DISTANCE = 1000.0  # of the pinhole that stands for an orthographic camera, in diagonals of the scene
+_DISTANCE = 1000.0  # of the pinhole camera that replaces an orthographic one, in diagonals of the scene
 _Vector = tuple[float, float, float]
 
 
 def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> list[Camera]:
-    """The cameras of these nodes, each by the name of its node, else its own, else "camera 1" and so on.
+    """Return the cameras of these nodes, named by node, else by camera, else "camera 1" and so on.
 
-    bounds: (2, 3) of the scene. A camera's target is as far away as the scene's middle. An orthographic one becomes a pinhole
-    so far behind its place that lines which are parallel in the world differ by less than a thousandth of the scene's size.
+    bounds: (2, 3) of the scene. A camera's target is as far away as the scene's centre. An orthographic camera becomes a distant
+    pinhole: parallel lines converge by less than a thousandth of the scene's size.
     """
     found: list[Camera] = []
     for node in nodes:
@@ -31,7 +31,7 @@ def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> li
             continue
         with document.part(f"the camera of {node_name(document, node.index)}"):
             entry = document.entry("cameras", node.entry["camera"])
-            name = node.name or shown(entry.get("name") or "") or f"camera {len(found) + 1}"
+            name = node.name or printable(entry.get("name") or "") or f"camera {len(found) + 1}"
             taken = {camera.name for camera in found}
             name = next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name} {i}") not in taken)
             found.append(_camera(entry, node.world, bounds, name))
@@ -55,7 +55,7 @@ def _camera(entry: Mapping[str, Any], world: np.ndarray, bounds: np.ndarray, nam
 
 
 def lights(document: Document, nodes: Iterable[Node]) -> list[Light]:
-    """The lights of these nodes, by the names of the nodes, else their own; ranges are ignored: light falls off with 1/d²."""
+    """Return the lights of these nodes, named by node, else by light; ranges are ignored: light falls off with 1/d²."""
     found = []
     for node in nodes:
         asked = extension(node.entry, _LIGHTS)
@@ -72,8 +72,8 @@ def _light(entry: Mapping[str, Any], node: Node) -> Light:
     color = number(entry, "intensity", 1.0) * np.array(numbers(entry, "color", (1.0, 1.0, 1.0)))
     if not (color >= 0.0).all():
         raise Damaged("its intensity is negative")
-    name, kind = node.name or shown(entry.get("name") or ""), entry.get("type")
-    if kind == "directional":  # lux: what falls on a surface that faces it, which is π times OpenGL's diffuse
+    name, kind = node.name or printable(entry.get("name") or ""), entry.get("type")
+    if kind == "directional":  # lux: perpendicular irradiance, π times OpenGL's diffuse
         return Light(_vector(backward), _vector(color / math.pi), directional=True, name=name)
     if kind == "point":
         return Light(_vector(position), _vector(color), physical=True, name=name)
@@ -84,7 +84,7 @@ def _light(entry: Mapping[str, Any], node: Node) -> Light:
     inner = math.degrees(number(cone or {}, "innerConeAngle", 0.0))
     if not 0.0 <= inner <= outer or outer <= 0.0:
         raise Damaged("its cone is damaged")
-    outer = min(outer, 89.9)  # a half space; tiles of shadow maps can't show more
+    outer = min(outer, 89.9)  # a half space; shadow maps cannot cover more
     target = _vector(position - backward)
     inner = min(inner, outer)
     return Light(
@@ -100,15 +100,15 @@ def _object(entry: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _direction(axis: np.ndarray) -> np.ndarray:
-    """(3,) unit: a column of a node's matrix; raises Damaged where the node is scaled to nothing."""
+    """Return (3,) unit: a column of a node's matrix; raise Damaged for a scale of 0."""
     length = float(np.linalg.norm(axis[:3]))
     if not (length > 0.0 and math.isfinite(length)):
-        raise Damaged("its node is scaled to nothing")
+        raise Damaged("the scale of its node is 0")
     return np.asarray(axis[:3] / length)
 
 
 def _vector(values: np.ndarray | Sequence[float]) -> _Vector:
     x, y, z = np.asarray(values, float).tolist()
     if not max(abs(x), abs(y), abs(z)) <= GREATEST:
-        raise Damaged("it lies farther away, or is brighter, than 32-bit floats can reckon with")
+        raise Damaged("its place or intensity exceeds the range of 32-bit floats")
     return x, y, z

@@ -1,4 +1,4 @@
-"""A glTF file's JSON and the bytes that it refers to, and the record of what in it is damaged or not shown."""
+"""The JSON of a glTF file, the data it refers to, and the record of damaged and unsupported parts."""
 
 from __future__ import annotations
 
@@ -25,27 +25,36 @@ _MISSING = object()
 
 
 class Damaged(ValueError):
-    """A part of the file can't be read; the message says why, in words that follow a colon."""
+    """A damaged part of the file; the message is the reason, in words that follow a colon."""
 
 
 class Missing(Damaged):
-    """A file is not there; `name` is what it is called."""
+    """A missing file, called `name`."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"{name} is missing")
         self.name = name
 
 
-WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError, ArithmeticError, MemoryError, struct.error)
+READ_ERRORS = (
+    InputError,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    IndexError,
+    ArithmeticError,
+    MemoryError,
+    struct.error,
+)
 
 
 @dataclass
 class Document:
-    """A glTF file, its buffers read at their first use.
+    """A glTF file, whose buffers are read at their first use.
 
     tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
-    lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: what the file has and is
-    not read.
+    lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: unsupported features.
     unpacked: the bytes of compressed buffer views, by index.
     """
 
@@ -63,22 +72,22 @@ class Document:
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
-        """A `with` block that reads one part of the scene: whatever is wrong in it costs that part, and is told by `notices`."""
+        """A `with` block that reads one part of the scene; an error loses only that part, and `notices` reports it."""
         try:
             yield
-        except WRONG as error:
+        except READ_ERRORS as error:
             known = isinstance(error, (Damaged, InputError))
-            self.lose(name, (str(error) if known else "its description is damaged"))
+            self.leave_out(name, (str(error) if known else "its description is damaged"))
 
-    def lose(self, name: str, reason: str) -> None:
-        """Leaves out the part called `name`."""
+    def leave_out(self, name: str, reason: str) -> None:
+        """Record that the part called `name` is left out."""
         parts = self.lost.setdefault(reason, [])
         if name not in parts[-1:]:
             parts.append(name)
 
     def notices(self) -> list[str]:
-        """One line for each reason why parts are left out, one for all missing images, and one for all that is not shown."""
-        lines = [self.loss(reason) for reason in self.lost]
+        """Return a line for each reason of losses, one for missing images, and one for unsupported features."""
+        lines = [self.loss_line(reason) for reason in self.lost]
         if self.absent:
             first, *others = self.absent
             more = f" and {len(others)} more images are missing; surfaces are shown without them" if others else " is missing"
@@ -87,20 +96,20 @@ class Document:
             lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
         return lines
 
-    def loss(self, reason: str) -> str:
-        """One line about the parts that are left out for this reason."""
+    def loss_line(self, reason: str) -> str:
+        """Return one line about the parts that are left out for this reason."""
         first, *others = self.lost[reason]
         more = f" and {len(others)} more part{'s' * (len(others) > 1)} are" if others else " is"
         return f"{self.path}: {first}{more} left out: {reason}"
 
     def entries(self, kind: str, inside: object = None) -> list[Any]:
-        """The list called `kind` of the file (or of one of its objects); empty where there is none."""
-        whole = self.tree if inside is None else inside
-        found = whole.get(kind) if isinstance(whole, dict) else None
+        """Return the list called `kind` of the file or of one of its objects; empty if missing."""
+        holder = self.tree if inside is None else inside
+        found = holder.get(kind) if isinstance(holder, dict) else None
         return found if isinstance(found, list) else []
 
     def entry(self, kind: str, index: object, inside: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """The object at `index` of the list called `kind`; raises Damaged where there is none."""
+        """Return the object at `index` of the list called `kind`; raise Damaged if missing."""
         entries, one = self.entries(kind, inside), kind.replace("meshes", "mesh").removesuffix("s")
         if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(entries):
             raise Damaged(f"there is no {one} {index!r:.20}")
@@ -110,7 +119,7 @@ class Document:
         return found
 
     def buffer(self, index: int) -> memoryview:
-        """The bytes of a buffer: of the GLB's chunk, of a data URI or of a file; raises Damaged where they are not there."""
+        """Return the bytes of a buffer, from the GLB's chunk, a data URI or a file; raise Damaged if missing."""
         if index not in self._buffers:
             try:
                 self._buffers[index] = memoryview(self._buffer(index))
@@ -130,7 +139,7 @@ class Document:
         return self.resource(uri)[0]
 
     def resource(self, uri: object) -> tuple[bytes, str]:
-        """The bytes that a URI stands for, and a name for messages; raises Damaged where there are none."""
+        """Return the data of a URI, and a name for messages; raise Damaged if missing."""
         if not isinstance(uri, str):
             raise Damaged("a URI is damaged")
         if uri[:5].lower() == "data:":
@@ -139,7 +148,7 @@ class Document:
                 return (base64.b64decode(unquote(body)) if head.endswith("base64") else unquote_to_bytes(body)), "data"
             except ValueError:
                 raise Damaged("a data URI is damaged") from None
-        name = shown(unquote(uri))
+        name = printable(unquote(uri))
         file = find_file(self.path.parent, uri)
         if file is None:
             raise Missing(name)
@@ -150,30 +159,30 @@ class Document:
         return self._contents[file], name
 
     def buffer_name(self, index: int) -> str:
-        """What a message calls a buffer: the name of its file."""
+        """Return the name of a buffer's file for messages."""
         uri = self.entry("buffers", index).get("uri")
-        return shown(unquote(uri)) if isinstance(uri, str) and uri[:5].lower() != "data:" else "the file"
+        return printable(unquote(uri)) if isinstance(uri, str) and uri[:5].lower() != "data:" else "the file"
 
 
-def shown(text: object) -> str:
-    """A name from the file, fit to stand in a one-line message."""
+def printable(text: object) -> str:
+    """Return a name from the file, made safe for a one-line message."""
     return spelled(str(text)[:80]).replace("\n", "\\n")
 
 
 def extension(entry: Mapping[str, Any], name: str) -> dict[str, Any] | None:
-    """The extension of that name which an object of the file carries, or None."""
+    """Return an object's extension with this name, or None."""
     extensions = entry.get("extensions")
     found = extensions.get(name) if isinstance(extensions, dict) else None
     return found if isinstance(found, dict) else None
 
 
 def number(entry: Mapping[str, Any], key: str, default: float) -> float:
-    """A finite number of an object, or the default where it is not there; raises Damaged for any other value."""
+    """Return a finite number of an object, or the default if missing; raise Damaged for other values."""
     return numbers(entry, key, (default,))[0]
 
 
 def numbers(entry: Mapping[str, Any], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """As many finite numbers of an object as the default has, or the default; raises Damaged for any other value."""
+    """Return finite numbers of an object, as many as in the default, or the default if missing; raise Damaged for others."""
     found = entry.get(key, _MISSING)
     if found is _MISSING:
         return default
@@ -188,9 +197,9 @@ def _is_number(value: object) -> bool:
 
 
 def view(document: Document, index: object) -> tuple[np.ndarray, int | None, str]:
-    """The bytes of a buffer view as (N,) uint8, its byteStride if it has one, and the name of its buffer for messages.
+    """Return the bytes of a buffer view as (N,) uint8, its byteStride or None, and the name of its buffer for messages.
 
-    Raises Damaged where they are not there.
+    Raises Damaged for missing data.
     """
     entry = document.entry("bufferViews", index)
     data, buffer = _slice(document, entry)
@@ -199,13 +208,13 @@ def view(document: Document, index: object) -> tuple[np.ndarray, int | None, str
 
 
 def _slice(document: Document, entry: Mapping[str, Any]) -> tuple[np.ndarray, int]:
-    buffer, start, length = (whole(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
+    buffer, start, length = (natural_number(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
     data = np.frombuffer(document.buffer(buffer), np.uint8)
     return data[start : start + length], buffer
 
 
-def whole(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:
-    """An integer of an object, 0 or more; raises Damaged for any other value."""
+def natural_number(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:
+    """Return a non-negative integer of an object; raise Damaged for other values."""
     found = entry.get(key, default)
     if isinstance(found, float) and found.is_integer():
         found = int(found)
@@ -215,7 +224,7 @@ def whole(entry: Mapping[str, Any], key: str, default: int | None = None) -> int
 
 
 def read(path: Path) -> Document:
-    """The glTF file at `path`; raises InputError where it is truncated, or no glTF 2.0."""
+    """Return the glTF file at `path`; raise InputError for a truncated file and for no glTF 2.0."""
     data = read_bytes(path, MOST_GEOMETRY)
     chunk = None
     try:
@@ -229,12 +238,12 @@ def read(path: Path) -> Document:
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, struct.error, RecursionError):
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
     if not version.startswith("2"):
-        raise InputError(f"this is glTF {shown(version)}; expected version 2.0", path)
+        raise InputError(f"this is glTF {printable(version)}; expected version 2.0", path)
     return Document(path, tree, chunk, len(data))
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
-    """The JSON and the binary chunk (None: it has none) of a GLB; raises InputError where it is cut off or no glTF 2.0."""
+    """Return the JSON and the binary chunk or None of a GLB; raise InputError for a truncated file and for no glTF 2.0."""
     _, version, length = struct.unpack_from("<4sII", data)
     if version != 2:
         raise InputError(f"this is glTF {version}.0; expected version 2.0", path)

@@ -1,4 +1,4 @@
-"""The image-based light of a glTF file's scene (EXT_lights_image_based), as a sky."""
+"""Image-based light of a glTF file's scene (EXT_lights_image_based), as a sky."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from irrsplat.sky.split import split
 NAME = "EXT_lights_image_based"
 _COEFFICIENTS = "irradianceCoefficients"
 
-Encoded = Callable[[object], tuple[bytes, str]]  # the bytes of the image at an index, and its name
+Encoded = Callable[[object], tuple[bytes, str]]  # bytes and name of the image at an index
 
 
 def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -> Sky | None:
-    """The sky of the scene that is shown; None where it has none, or where that is damaged, which is told.
+    """Return the sky of the default scene; None for none, or for a damaged one, which is recorded.
 
-    Its radiance is that of the sharpest images, W/(m² sr); of a file whose images cannot be read, what its irradiance
-    coefficients say. world: (3, 3) rows right, up and front of the scene.
+    Its radiance is that of the sharpest images, W/(m² sr), or without readable images that of the irradiance coefficients.
+    world: (3, 3) rows right, up and front of the scene.
     """
     asked = extension(default_scene(document), NAME)
     if asked is None:
@@ -38,8 +38,10 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
         gain = number(entry, "intensity", 1.0)
         if gain < 0.0:
             raise Damaged("its intensity is negative")
-        turned = np.array([numbers(entry, "rotation", (0.0, 0.0, 0.0, 1.0))])
-        turn = transforms(np.zeros((1, 3)), turned, np.ones((1, 3)))[0, :3, :3].T @ world.T  # the map's directions to the cube's
+        rotation = np.array([numbers(entry, "rotation", (0.0, 0.0, 0.0, 1.0))])
+        turn = (
+            transforms(np.zeros((1, 3)), rotation, np.ones((1, 3)))[0, :3, :3].T @ world.T
+        )  # from the map's directions to the cube's
         try:
             radiance = map_of_faces(_faces(document, entry, encoded), turn)
             said = f"the images of its image-based light shine; its {_COEFFICIENTS}, and what is blurred, are not needed"
@@ -50,7 +52,7 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
             said = f"its image-based light has no images that can be read ({error}); its {_COEFFICIENTS} shine, which are smooth"
         radiance = radiance * np.float32(gain)
         if not (np.isfinite(radiance).all() and radiance.max() <= GREATEST):
-            raise Damaged("it is brighter than 32-bit floats can reckon with")
+            raise Damaged("its radiance exceeds the range of 32-bit floats")
         light, suns = split(radiance)
         return Sky(
             environment=Environment(radiance, light, suns, "the file's image-based light"), notices=(f"{document.path}: {said}",)
@@ -59,7 +61,7 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
 
 
 def _faces(document: Document, entry: dict[str, Any], encoded: Encoded) -> np.ndarray:
-    """(6, N, N, 3) float32 radiance of the sharpest images. Colours are sRGB, divided by alpha where a PNG has one (RGBD)."""
+    """Return (6, N, N, 3) float32 radiance of the sharpest images, sRGB-encoded, divided by alpha in a PNG with alpha (RGBD)."""
     images = next(iter(document.entries("specularImages", entry)), None)
     if not isinstance(images, list) or len(images) != 6:
         raise Damaged("its specularImages are damaged")
@@ -73,7 +75,7 @@ def _faces(document: Document, entry: dict[str, Any], encoded: Encoded) -> np.nd
 
 
 def _coefficients(entry: dict[str, Any]) -> np.ndarray:
-    """(9, 3) coefficients of irradiance."""
+    """Return (9, 3) coefficients of irradiance."""
     rows = entry[_COEFFICIENTS]
     if not isinstance(rows, list) or len(rows) != 9:
         raise Damaged(f"its {_COEFFICIENTS} are damaged")

@@ -1,4 +1,4 @@
-"""The triangles of a glTF primitive in its node's space: indices, attributes, morph targets and skins."""
+"""Triangles of a glTF primitive in its node's space: indices, attributes, morph targets and skins."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STRIP, _FAN = 5, 6
 
 @dataclass(frozen=True)
 class Geometry:
-    """Triangles of a primitive, only those vertices that they use.
+    """Triangles of a primitive, with used vertices only.
 
     positions: (V, 3). corners: (F, 3). normals: (V, 3) or None. uvs: (V, 4) or None. colors: (V, 3 or 4) linear or None.
     """
@@ -31,10 +31,10 @@ class Geometry:
 
 
 class Attributes:
-    """The vertex attributes of one primitive, of those vertices that its triangles use.
+    """Vertex attributes of one primitive, for the vertices that its triangles use.
 
-    rows: (V,) their numbers. corners: (F, 3) into them. beyond: how many triangles refer to vertices that are not there, and are
-    left out. shapes: what was made of it, by morph weights.
+    rows: (V,) their numbers. corners: (F, 3) into them. invalid_faces: number of triangles with invalid vertices, which are left
+    out. shapes: cached geometry by morph weights.
     """
 
     def __init__(self, document: Document, primitive: Mapping[str, Any]) -> None:
@@ -45,10 +45,10 @@ class Attributes:
         corners = self._corners()
         number = len(self._unpacked["POSITION"]) if self._unpacked else accessors.count(document, self._given["POSITION"])
         there = np.asarray((corners < number).all(1))
-        self.beyond = int(np.count_nonzero(~there))
-        if self.beyond == len(corners) > 0:
+        self.invalid_faces = int(np.count_nonzero(~there))
+        if self.invalid_faces == len(corners) > 0:
             raise Damaged(f"a face refers to vertex {corners.max()} (from 0), but there are {number} vertices")
-        if self.beyond:
+        if self.invalid_faces:
             corners = corners[there]
         self.shapes: dict[bytes, Geometry] = {}
         used = np.zeros(number if corners.size else 0, bool)
@@ -57,7 +57,7 @@ class Attributes:
         self.corners = (np.cumsum(used) - 1)[corners] if corners.size else corners
 
     def _corners(self) -> np.ndarray:
-        """(F, 3) int64: the triangles."""
+        """Return (F, 3) int64: the triangles."""
         packed = extension(self._primitive, DRACO)
         if packed is not None:
             try:
@@ -65,7 +65,7 @@ class Attributes:
                 return faces.astype(np.int64)
             except Damaged:
                 if "bufferView" not in self._document.entry("accessors", self._given["POSITION"]):
-                    raise  # otherwise the file has them unpacked as well
+                    raise  # otherwise the file has them uncompressed as well
         if "indices" in self._primitive:
             indices = accessors.integers(self._document, self._primitive["indices"])[:, 0]
         else:
@@ -75,28 +75,28 @@ class Attributes:
         return triangles(indices, self._primitive.get("mode", 4))
 
     def floats(self, name: str, widths: tuple[int, ...]) -> np.ndarray | None:
-        """(V, n) float32: an attribute, or None where there is none."""
+        """Return (V, n) float32: an attribute, or None if missing."""
         if name not in self._given:
             return None
-        shares = name.startswith(("COLOR", "WEIGHTS"))  # always: some files forget to say so
+        shares = name.startswith(("COLOR", "WEIGHTS"))  # always: some files omit the flag
         if name in self._unpacked:
             array = self._unpacked[name][self.rows]
             if array.shape[1] not in widths:
-                raise Damaged(f"its {name} is of a type that is not expected there")
+                raise Damaged(f"its {name} has an unexpected type")
             accessor = self._document.entry("accessors", self._given[name])
             return accessors.as_floats(array, shares or accessor.get("normalized") is True)
         return accessors.values(self._document, self._given[name], widths, self.rows, shares)
 
     def integers(self, name: str) -> np.ndarray | None:
-        """(V, 4) int64: an attribute, or None where there is none."""
+        """Return (V, 4) int64: an attribute, or None if missing."""
         if name not in self._given:
             return None
         if name in self._unpacked:
             return self._unpacked[name][self.rows].astype(np.int64)
         return accessors.integers(self._document, self._given[name], (4,), self.rows)
 
-    def moves(self, name: str, weights: np.ndarray) -> np.ndarray | float:
-        """What the morph targets add to an attribute: the weighted sum (V, n), or 0."""
+    def morph_offset(self, name: str, weights: np.ndarray) -> np.ndarray | float:
+        """Return the displacement of an attribute by morph targets: the weighted sum (V, n), or 0."""
         total: np.ndarray | float = 0.0
         targets = self._document.entries("targets", self._primitive)
         for weight, target in zip(weights.tolist(), targets, strict=False):
@@ -106,7 +106,7 @@ class Attributes:
 
 
 def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
-    """(F, 3): the triangles that indices make as a list, a strip or a fan; what is left over is ignored."""
+    """Return (F, 3): the triangles of a list, a strip or a fan of indices; surplus indices are ignored."""
     if mode == _STRIP:
         i = np.arange(max(len(indices) - 2, 0))
         odd = i % 2
@@ -121,14 +121,14 @@ def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
     return indices[: len(indices) // 3 * 3].reshape(-1, 3)
 
 
-def undrawn(primitive: Mapping[str, Any]) -> str | None:
-    """What the primitive has instead of triangles, in a word; None where it has some."""
+def kind_without_triangles(primitive: Mapping[str, Any]) -> str | None:
+    """Return the kind of a primitive without triangles, in a word; None for one with triangles."""
     mode = primitive.get("mode", 4)
     return _MODES.get(mode) if isinstance(mode, int) else None
 
 
 def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) -> Geometry:
-    """The triangles at the given morph weights (W,), before any skin; raises Damaged."""
+    """Return the triangles at the given morph weights (W,), before any skin; raise Damaged."""
     positions = attributes.floats("POSITION", (3,))
     if positions is None:
         raise Damaged("it has no positions")
@@ -138,14 +138,14 @@ def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) 
     if any(pair is not None for pair in pairs):
         uvs = np.concatenate([np.zeros((len(positions), 2), np.float32) if pair is None else pair for pair in pairs], axis=1)
     if weights.any():
-        positions = positions + attributes.moves("POSITION", weights)
-        normals = None if normals is None else normals + attributes.moves("NORMAL", weights)
-        colors = None if colors is None else colors + attributes.moves("COLOR_0", weights)
+        positions = positions + attributes.morph_offset("POSITION", weights)
+        normals = None if normals is None else normals + attributes.morph_offset("NORMAL", weights)
+        colors = None if colors is None else colors + attributes.morph_offset("COLOR_0", weights)
     return Geometry(positions, attributes.corners, normals, uvs, colors)
 
 
 def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> Geometry:
-    """The triangles in world space after a skin has moved them, wound as before.
+    """Return the triangles in world space, deformed by a skin, with the same winding.
 
     joints: (J, 4, 4) world_from_vertex of each joint, its inverse bind matrix included. Raises Damaged.
     """
@@ -176,9 +176,9 @@ def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> G
 
 
 def cofactors(matrices: np.ndarray) -> np.ndarray:
-    """(N, 3, 3): what turns normals as the matrices (N, 3, 3) turn points, to length and, where one mirrors, to sign.
+    """Return (N, 3, 3): the matrices that transform normals where (N, 3, 3) transform points, up to length, with mirrored signs.
 
-    The transposed inverse times the determinant, which exists for singular matrices, too.
+    They are transposed inverses times determinants, and exist for singular matrices as well.
     """
     a, b, c = (matrices[:, i] for i in range(3))
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)

@@ -1,4 +1,4 @@
-"""The diffuse part of a glTF file's materials: colours, textures, emission, alpha; metals reflect their base colour."""
+"""The diffuse part of glTF materials: colours, textures, emission and alpha; metals reflect their base colour."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ import numpy as np
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, Missing, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, Missing, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.packed import plain_view
 from irrsplat.scene.io.images import read_image, read_images
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
-_METAL = 0.18  # a specular reflectance that no dielectric reaches (diamond: 0.17)
+_METAL = 0.18  # specular reflectance above that of any dielectric (diamond: 0.17)
 _Color = tuple[float, float, float]
-_IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # the first that can be read
+_IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # in order of preference
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A material as a primitive wears it.
+    """A material for a primitive.
 
-    factor: base colour and alpha, (4,) linear, that vertex colours multiply. uv_sets: which TEXCOORD_n the two sets of the mesh's
-    coordinates are.
+    factor: base colour and alpha, (4,) linear, multiplied by vertex colours. uv_sets: the TEXCOORD_n of the mesh's two sets of
+    coordinates.
     """
 
     material: Material
@@ -40,17 +40,17 @@ class Surface:
 
 @dataclass
 class Materials:
-    """The materials of a document, each read once, so that equal ones are the same."""
+    """The materials of a document, each read once, so that equal ones are identical."""
 
     document: Document
     _surfaces: dict[object, Surface] = field(default_factory=dict)
     _images: dict[object, Image | None] = field(default_factory=dict)
-    _metals: dict[object, Image] = field(default_factory=dict)  # by the two images and factors that they are made of
-    _clear: dict[int, bool] = field(default_factory=dict)  # whether an image's alpha is 1 everywhere, by its id
+    _metals: dict[object, Image] = field(default_factory=dict)  # by the two images and factors
+    _clear: dict[int, bool] = field(default_factory=dict)  # True for images whose alpha is 1 everywhere, by id
 
     def surface(self, index: object) -> Surface:
-        """The material at `index`; None, or one that is damaged: grey with a reflectance of 0.5."""
-        index = index if index is None or isinstance(index, int) else repr(index)  # of what else JSON has, as a key
+        """Return the material at `index`; grey with a reflectance of 0.5 for None and for a damaged one."""
+        index = index if index is None or isinstance(index, int) else repr(index)  # other JSON values, as a key
         if index not in self._surfaces:
             self._surfaces[index] = Surface(Material(double_sided=False))
             if index is not None:
@@ -59,24 +59,24 @@ class Materials:
         return self._surfaces[index]
 
     def read_images(self, indices: Iterable[object]) -> None:
-        """Read the images of the materials at these indices, all at once; what is wrong with one is told when it is asked for."""
+        """Read the images of the materials at these indices in parallel; errors are reported when a material uses them."""
         sources: dict[object, None] = {}
         for index in dict.fromkeys(index for index in indices if isinstance(index, int)):
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 for info in _Pictures.of(self.document.entry("materials", index)).all:
                     sources |= dict.fromkeys(_sources(self.document.entry("textures", info.get("index")))[:1])
         found: dict[object, tuple[bytes, str]] = {}
         for source in sources:
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 found[source] = self.encoded(source)
         for source, image in zip(found, read_images(list(found.values())), strict=True):
             if isinstance(image, Image):
                 self._images[source] = image
 
-    def worn(self, surface: Surface, colors: np.ndarray | None) -> Material:
-        """The material of a mesh with vertex colours (V, 3 or 4), linear, or None.
+    def mesh_material(self, surface: Surface, colors: np.ndarray | None) -> Material:
+        """Return the material of a mesh with vertex colours (V, 3 or 4), linear, or None.
 
-        Where alpha is nowhere below 1, there is neither filter nor cut-out.
+        It is opaque if alpha is nowhere below 1.
         """
         material = surface.material
         seen_through = colors is not None and colors.shape[1] == 4 and not (colors[:, 3] >= 1.0).all()
@@ -105,7 +105,7 @@ class Materials:
         if gloss is not None:
             (r, g, b), color = self._with_metals(gloss, (r, g, b), color, uv_sets)
 
-        glow = _glow(entry)
+        glow = _emission(entry)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
@@ -125,41 +125,41 @@ class Materials:
             lit = clip_color((r, g, b))
             material = replace(material, albedo=(0.0, 0.0, 0.0), emission=lit, emission_texture=color, unlit=True)
             if material.alpha_mode == "opaque":
-                material = replace(material, albedo_texture=None)  # otherwise its alpha counts
+                material = replace(material, albedo_texture=None)  # otherwise its alpha matters
         return Surface(material, (r, g, b, alpha), uv_sets)
 
     def _with_metals(
         self, gloss: Mapping[str, Any], diffuse: _Color, texture: Texture | None, uv_sets: tuple[int, int]
     ) -> tuple[_Color, Texture | None]:
-        """The factor and the texture of what a material of specular and glossiness reflects: of metals their specular colour."""
+        """Return the colour and texture of a specular-glossiness material: the specular colour where it is metallic."""
         factor = _color(numbers(gloss, "specularFactor", (1.0, 1.0, 1.0)))
         specular = self._texture(gloss.get("specularGlossinessTexture"), uv_sets)
         if specular is None:
             metal = "specularFactor" in gloss and texture is None and max(factor) > _METAL
             return (_color(np.maximum(diffuse, factor)) if metal else diffuse), texture
         if texture is not None and replace(texture, image=specular.image) != specular:
-            return diffuse, texture  # they lie differently: no one image is both
+            return diffuse, texture  # different mappings: no single image represents both
         key = texture and id(texture.image), id(specular.image), diffuse, factor
         if key not in self._metals:
             self._metals[key] = _metal_image(texture.image if texture else None, specular.image, diffuse, factor)
         return (1.0, 1.0, 1.0), replace(specular, image=self._metals[key])
 
     def _transmission(self, entry: Mapping[str, Any], base: Mapping[str, Any]) -> float:
-        """The share of light that passes: what is no metal of the factor, times the mean of its texture's red."""
-        asked = extension(entry, "KHR_materials_transmission")
-        if asked is None:
+        """Return the share of transmitted light: the factor without metal, times the mean of its texture's red."""
+        transmission_entry = extension(entry, "KHR_materials_transmission")
+        if transmission_entry is None:
             return 0.0
-        share = number(asked, "transmissionFactor", 0.0)
+        share = number(transmission_entry, "transmissionFactor", 0.0)
         if "metallicRoughnessTexture" not in base:
             share *= 1.0 - number(base, "metallicFactor", 1.0)
-        texture = self._texture(asked.get("transmissionTexture"), (0, 1)) if share > 0.0 else None
+        texture = self._texture(transmission_entry.get("transmissionTexture"), (0, 1)) if share > 0.0 else None
         if texture is not None:
             share *= float(texture.image.pixels[..., 0].mean()) / 255.0
             self.document.unshown["where a transmission texture varies (its mean is shown)"] = None
         return min(max(share, 0.0), 1.0)
 
     def _texture(self, info: object, uv_sets: tuple[int, int]) -> Texture | None:
-        """The texture that a textureInfo speaks of; None where there is none, or a broken one."""
+        """Return the texture of a textureInfo; None for a missing or damaged one."""
         if not isinstance(info, dict):
             return None
         with self.document.part(f"texture {info.get('index')}"):
@@ -176,7 +176,7 @@ class Materials:
             return Texture(
                 image,
                 uv_set=uv_sets.index(used) if used in uv_sets else 0,
-                # counter-clockwise as one looks at the image, whose v runs downward; the scaling first
+                # counter-clockwise in the image, whose v runs downward; the scale first
                 transform=(cosine * sx, sine * sy, x, -sine * sx, cosine * sy, y),
                 wrap=(_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
                 nearest=sampler.get("magFilter") == _NEAREST,
@@ -184,7 +184,7 @@ class Materials:
         return None
 
     def _image(self, texture: Mapping[str, Any]) -> Image | None:
-        """The image of a texture: the first of its formats that can be read; None where none can, which is told."""
+        """Return the image of a texture, in the first readable format; None, recorded as lost, for unreadable ones."""
         sources = _sources(texture)
         failures: dict[object, Exception] = {}
         for index in sources:
@@ -202,27 +202,27 @@ class Materials:
             if isinstance(failure, Missing):
                 self.document.absent[failure.name] = None
             else:
-                self.document.lose(f"image {index}", str(failure) or "memory does not suffice")
+                self.document.leave_out(f"image {index}", str(failure) or "memory does not suffice")
         if not sources:
             raise Damaged("it has no image")
         return None
 
     def encoded(self, index: object) -> tuple[bytes, str]:
-        """The bytes of an image's file, and its name for messages; raises Damaged."""
+        """Return the bytes of an image's file, and its name for messages; raise Damaged."""
         entry = self.document.entry("images", index)
         if "bufferView" in entry:
             data, name = plain_view(self.document, entry["bufferView"])[0].tobytes(), entry.get("name") or f"image {index}"
         else:
             data, name = self.document.resource(entry.get("uri"))
             name = entry.get("name") or f"image {index}" if name == "data" else name
-        return data, shown(name)
+        return data, printable(name)
 
 
 @dataclass(frozen=True)
 class _Pictures:
-    """The textureInfos of a material that count; None, or garbage, where there is none.
+    """The relevant textureInfos of a material; None or any JSON value if missing.
 
-    base: its object with the factor and the texture of its colour; gloss: the same where that is specular and glossiness.
+    base: the object with factor and texture of the colour. gloss: the same for specular-glossiness materials.
     """
 
     base: Mapping[str, Any]
@@ -234,7 +234,7 @@ class _Pictures:
 
     @classmethod
     def of(cls, entry: Mapping[str, Any]) -> _Pictures:
-        """Those of the material `entry`."""
+        """Return the textureInfos of the material `entry`."""
         metal = entry.get("pbrMetallicRoughness")
         base: Mapping[str, Any] = metal if isinstance(metal, dict) else {}
         gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
@@ -244,32 +244,32 @@ class _Pictures:
             gloss,
             unlit,
             base.get("baseColorTexture") if gloss is None else gloss.get("diffuseTexture"),
-            entry.get("emissiveTexture") if not unlit and any(_glow(entry)) else None,
+            entry.get("emissiveTexture") if not unlit and any(_emission(entry)) else None,
             None if unlit else entry.get("normalTexture"),
         )
 
     @property
     def all(self) -> list[dict[str, Any]]:
-        """Those that there are, with what tells a metal's colour."""
+        """The existing textureInfos, including the specular one."""
         shine = None if self.gloss is None else self.gloss.get("specularGlossinessTexture")
         return [info for info in (self.color, self.emission, self.normal, shine) if isinstance(info, dict)]
 
 
-def _glow(entry: Mapping[str, Any]) -> _Color:
-    """What a material emits, without its texture."""
+def _emission(entry: Mapping[str, Any]) -> _Color:
+    """Return the emission of a material without its texture."""
     strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
     r, g, b = (min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0)))
     return r, g, b
 
 
 def _sources(texture: Mapping[str, Any]) -> list[object]:
-    """The images of a texture, in different formats, best first."""
+    """Return the images of a texture in different formats, best first."""
     sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
     return sources + ([texture["source"]] if "source" in texture else [])
 
 
 def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color, specular_factor: _Color) -> Image:
-    """The diffuse image (None: white), and in its place the specular one where that is a metal's; the factors are in it."""
+    """Return the diffuse image (None: white), replaced by the specular one where that is metallic; factors are included."""
     shine = _times(specular.pixels, specular_factor)
     color = _times(np.full_like(shine, 255) if diffuse is None else diffuse.pixels, diffuse_factor)
     if shine.shape != color.shape:
@@ -282,7 +282,7 @@ def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color,
 
 
 def _times(pixels: np.ndarray, factor: _Color) -> np.ndarray:
-    """A copy of sRGB pixels (H, W, 4) with their linear colours multiplied by a factor."""
+    """Return a copy of sRGB pixels (H, W, 4) with their linear colours multiplied by a factor."""
     linear = linear_from_srgb(np.arange(256) / 255.0)
     scaled = pixels.copy()
     for i, value in enumerate(factor):
@@ -297,14 +297,14 @@ def _color(values: np.ndarray | tuple[float, ...]) -> _Color:
 
 
 def _uv_set(info: Mapping[str, Any]) -> int:
-    """Which TEXCOORD_n a textureInfo uses."""
+    """Return the n of a textureInfo's TEXCOORD_n."""
     moved = (extension(info, "KHR_texture_transform") or {}).get("texCoord")
     used = moved if moved is not None else info.get("texCoord", 0)
     return used if isinstance(used, int) and used >= 0 else 0
 
 
 def _two_sets(used: list[int]) -> tuple[int, int]:
-    """The two of the used sets of coordinates that a mesh is to have: 0 and 1 where these suffice."""
+    """Return the two sets of coordinates for a mesh: 0 and 1 if these suffice."""
     if max(used, default=0) <= 1:
         return 0, 1
     first, *more = sorted(set(used))

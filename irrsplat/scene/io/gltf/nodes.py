@@ -1,4 +1,4 @@
-"""The nodes of a glTF file's scene: which are shown, and where they stand in the world, in float64."""
+"""Visible nodes of a glTF file's scene, and their world transforms in float64."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.scene.io.gltf import accessors
 from irrsplat.scene.io.gltf.animation import Pose
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, shown
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, printable
 
 _TRS: dict[str, tuple[float, ...]] = {
     "translation": (0.0, 0.0, 0.0),
@@ -21,7 +21,7 @@ _TRS: dict[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class Node:
-    """A node that is shown. world: (4, 4) float64, world_from_node; name: "" where it has none."""
+    """A visible node. world: (4, 4) float64, world_from_node; name: "" if missing."""
 
     index: int
     name: str
@@ -30,7 +30,7 @@ class Node:
 
 
 def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
-    """(4, 4) float64 world_from_node of every node of the file; None for one that is damaged, or stands below such a one."""
+    """Return (4, 4) float64 world_from_node of every node of the file; None for a damaged one and its descendants."""
     entries = document.entries("nodes")
     parents = [-1] * len(entries)
     for i, entry in enumerate(entries):
@@ -44,12 +44,12 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
         if parent >= 0:
             below[parent].append(i)
     given: dict[int, np.ndarray | list[float]] = {}  # parents before children
-    waiting = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a circle are never met
-    while waiting:
-        i = waiting.pop()
+    pending = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a cycle are never reached
+    while pending:
+        i = pending.pop()
         with document.part(name(document, i)):
-            given[i] = _given(document.entry("nodes", i), i, pose)
-            waiting += below[i]
+            given[i] = _local_transform(document.entry("nodes", i), i, pose)
+            pending += below[i]
     apart = [i for i, one in given.items() if isinstance(one, list)]
     columns = np.array([given[i] for i in apart], float).reshape(-1, 10)
     given |= zip(apart, transforms(*np.split(columns, [3, 7], axis=1)), strict=True)
@@ -61,7 +61,7 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
 
 
 def default_scene(document: Document) -> dict[str, Any]:
-    """The scene that is shown: the default one, else the first; empty where there is none, or it is damaged."""
+    """Return the default scene, else the first; empty for a missing or damaged one."""
     scenes = document.entries("scenes")
     default = document.tree.get("scene")
     chosen = scenes[default] if isinstance(default, int) and 0 <= default < len(scenes) else next(iter(scenes), None)
@@ -69,40 +69,40 @@ def default_scene(document: Document) -> dict[str, Any]:
 
 
 def visible(document: Document, world: list[np.ndarray | None]) -> list[Node]:
-    """The nodes of the default scene, else of the first, else all; parents before children."""
+    """Return the visible nodes of the default scene, else of the first, else all; parents before children."""
     entries = document.entries("nodes")
     if document.entries("scenes"):
-        waiting = list(document.entries("nodes", default_scene(document)))
+        pending = list(document.entries("nodes", default_scene(document)))
     else:
         children = {child for entry in entries for child in document.entries("children", entry) if isinstance(child, int)}
-        waiting = [i for i in range(len(entries)) if i not in children]
-    waiting.reverse()
-    nodes, met = [], set()
-    while waiting:
-        i = waiting.pop()
+        pending = [i for i in range(len(entries)) if i not in children]
+    pending.reverse()
+    nodes, visited = [], set()
+    while pending:
+        i = pending.pop()
         with document.part(f"node {i}"):
             entry = document.entry("nodes", i)
-            if i in met:
+            if i in visited:
                 continue
-            met.add(i)
+            visited.add(i)
             if (extension(entry, "KHR_node_visibility") or {}).get("visible") is False:
                 continue
             matrix = world[i]
             if matrix is not None:
-                nodes.append(Node(i, shown(entry.get("name") or ""), entry, matrix))
-            waiting += reversed(document.entries("children", entry))
+                nodes.append(Node(i, printable(entry.get("name") or ""), entry, matrix))
+            pending += reversed(document.entries("children", entry))
     return nodes
 
 
 def name(document: Document, index: int) -> str:
-    """What a message calls a node."""
+    """Return the name of a node for messages."""
     entry = document.entries("nodes")[index]
     named = entry.get("name") if isinstance(entry, dict) else None
-    return f"node '{shown(named)}'" if named else f"node {index}"
+    return f"node '{printable(named)}'" if named else f"node {index}"
 
 
-def _given(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
-    """(4, 4) parent_from_node, or the ten numbers of its translation, rotation and scale."""
+def _local_transform(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
+    """Return (4, 4) parent_from_node, or the ten numbers of its translation, rotation and scale."""
     moved = {path: pose[index, path] for path in _TRS if (index, path) in pose}
     if "matrix" in entry and not moved:
         matrix: np.ndarray = np.reshape(numbers(entry, "matrix", tuple(np.eye(4).reshape(-1))), (4, 4)).T
@@ -113,7 +113,7 @@ def _given(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | lis
 
 
 def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """(N, 4, 4): moves (N, 3) after turns by quaternions x y z w (N, 4), a zero one turning nothing, after scalings (N, 3)."""
+    """Return (N, 4, 4): translations (N, 3) after rotations by quaternions x y z w (N, 4), after scales (N, 3)."""
     length = np.linalg.norm(rotations, axis=1, keepdims=True)
     x, y, z, w = np.where(length > 0.0, rotations / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 0.0, 1.0)).T
     turn = [
@@ -129,11 +129,11 @@ def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarr
 
 
 def instances(document: Document, node: Node) -> np.ndarray:
-    """(N, 4, 4) where the node's mesh stands: once, or as often as EXT_mesh_gpu_instancing says; raises Damaged."""
-    asked = extension(node.entry, "EXT_mesh_gpu_instancing")
-    if asked is None:
+    """Return (N, 4, 4) the places of the node's mesh: one, or those of EXT_mesh_gpu_instancing; raise Damaged."""
+    instancing = extension(node.entry, "EXT_mesh_gpu_instancing")
+    if instancing is None:
         return node.world[None]
-    attributes = asked.get("attributes")
+    attributes = instancing.get("attributes")
     if not isinstance(attributes, dict):
         raise Damaged("its instances are damaged")
     given = {key: attributes[key.upper()] for key in _TRS if key.upper() in attributes}

@@ -1,4 +1,4 @@
-"""Unpacks compressed geometry: buffer views by meshoptimizer, primitives by Draco; the packages come with the extra `gltf`."""
+"""Decompression of buffer views (meshoptimizer) and primitives (Draco); the packages come with the extra `gltf`."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, view, whole
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, natural_number, view
 
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO = "KHR_draco_mesh_compression"
-_FREE, _PER_BYTE = 1 << 16, 256  # faces and points that Draco may announce; a plane's have some 6 faces a byte
+_FREE, _PER_BYTE = 1 << 16, 256  # faces and points that a Draco header may declare; a plane has some 6 faces a byte
 _INSTALL = "to read it: pip install 'irrsplat[gltf]'"
 
 
 def plain_view(document: Document, index: object) -> tuple[np.ndarray, int | None, str]:
-    """The bytes of a buffer view as (N,) uint8, unpacked, its byteStride if it has one, and its buffer's name for messages.
+    """Return the bytes of a buffer view as (N,) uint8, decompressed, its byteStride or None, and its buffer's name for messages.
 
-    Raises Damaged where they are not there, or can't be unpacked.
+    Raises Damaged for missing or damaged data.
     """
     entry = document.entry("bufferViews", index)
     packed = next((found for name in MESHOPT if (found := extension(entry, name)) is not None), None)
@@ -26,37 +26,37 @@ def plain_view(document: Document, index: object) -> tuple[np.ndarray, int | Non
         return view(document, index)
     if index not in document.unpacked:
         document.unpacked[index] = _meshopt(document, packed)
-    return document.unpacked[index], whole(packed, "byteStride"), document.buffer_name(whole(packed, "buffer"))
+    return document.unpacked[index], natural_number(packed, "byteStride"), document.buffer_name(natural_number(packed, "buffer"))
 
 
 def _meshopt(document: Document, packed: Mapping[str, Any]) -> np.ndarray:
     try:
         import meshopt
     except ImportError:
-        raise Damaged(f"it is packed with {MESHOPT[0]}; {_INSTALL}") from None
-    start, length = whole(packed, "byteOffset", 0), whole(packed, "byteLength")
-    count, stride = whole(packed, "count"), whole(packed, "byteStride")
-    data = document.buffer(whole(packed, "buffer"))[start : start + length]
-    if count * stride > 256 * max(len(data), 1) * 16:  # far beyond what it packs
-        raise Damaged("its packed data are damaged")
+        raise Damaged(f"it is compressed with {MESHOPT[0]}; {_INSTALL}") from None
+    start, length = natural_number(packed, "byteOffset", 0), natural_number(packed, "byteLength")
+    count, stride = natural_number(packed, "count"), natural_number(packed, "byteStride")
+    data = document.buffer(natural_number(packed, "buffer"))[start : start + length]
+    if count * stride > 256 * max(len(data), 1) * 16:  # far above any compression ratio
+        raise Damaged("its compressed data are damaged")
     try:
         plain = meshopt.decode_gltf_buffer(bytes(data), count, stride, packed["mode"], packed.get("filter"))
-    except Exception:  # whatever its decoder raises for damaged data
-        raise Damaged("its packed data are damaged") from None
+    except Exception:  # the decoder raises anything for damaged data
+        raise Damaged("its compressed data are damaged") from None
     return np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
 
 
 def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The triangles (F, 3) and the attributes (V, n) by name of a primitive that is packed by Draco; raises Damaged."""
+    """Return the triangles (F, 3) and the attributes (V, n) by name of a Draco primitive; raise Damaged."""
     try:
         import DracoPy
     except ImportError:
-        raise Damaged(f"it is packed with {DRACO}; {_INSTALL}") from None
+        raise Damaged(f"it is compressed with {DRACO}; {_INSTALL}") from None
     key = packed.get("bufferView")
     data, _, _ = view(document, key)
     try:
-        if _announced(data.tolist()) > _FREE + _PER_BYTE * len(data):
-            raise Damaged("its packed data announce more than they can hold")
+        if _declared_size(data.tolist()) > _FREE + _PER_BYTE * len(data):
+            raise Damaged("its compressed data declare more than they can hold")
         mesh = DracoPy.decode(bytes(data))
         faces = np.asarray(mesh.faces).reshape(-1, 3)
         attributes = {
@@ -64,15 +64,15 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
         }
     except Damaged:
         raise
-    except Exception:  # whatever its decoder raises for damaged data
-        raise Damaged("its packed data are damaged") from None
+    except Exception:  # the decoder raises anything for damaged data
+        raise Damaged("its compressed data are damaged") from None
     return faces, {name: array.reshape(len(array), -1) for name, array in attributes.items()}
 
 
-def _announced(data: list[int]) -> int:
-    """Return how many faces and points together the header of a Draco mesh announces: bitstream 2.2, sections 3 and 4.
+def _declared_size(data: list[int]) -> int:
+    """Return the number of faces and points that the header of a Draco mesh declares: bitstream 2.2, sections 3 and 4.
 
-    Raises ValueError and IndexError for anything else, for which the decoder would take memory unasked.
+    Raises ValueError and IndexError for other data, for which the decoder would allocate memory unchecked.
     """
     kind, method, flags = data[7], data[8], data[10] << 8 | data[9]
     if bytes(data[:5]) != b"DRACO" or data[5:7] < [2, 2] or kind != 1 or method > 1:

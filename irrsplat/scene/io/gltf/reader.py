@@ -1,4 +1,4 @@
-"""Reads `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights, posed at a time."""
+"""Reader of `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights at a time of its animations."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
-from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, printable, read
 from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
-from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.mesh_builder import build_meshes
+from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
 from irrsplat.sky.sky_text import sky_of
 
-_READ = {  # extensions that are heeded, or that change nothing that could be seen
+_SUPPORTED = {  # extensions that are supported, or that have no visible effect
     "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -62,11 +63,11 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
 
 
 def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
-    """The default scene of a `.gltf` or `.glb` file, in metres, y up unless the options have it otherwise.
+    """Load the default scene of a `.gltf` or `.glb` file, in metres, y up unless the options differ.
 
-    Animations pose it at the options' time; None: their first frame. A part that is damaged, or of a kind that is
-    not shown, is left out, and Scene.notices tell of it. origin: of the scene. Raises FarAway for another one, and InputError,
-    one line with the file's path, where the file is no glTF 2.0, is truncated, or has no triangles that can be shown.
+    Animations are evaluated at the options' time; None: their first frame. Damaged and unsupported parts are left out, with
+    Scene.notices. origin: of the scene. Raises FarAway for another origin, and InputError, one line with the file's path, for a
+    truncated file, for no glTF 2.0, and for one without visible triangles.
     """
     sky = sky_of(options.sky)
     document, time = read(path), options.time
@@ -74,15 +75,15 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
         reader = _Reader(document, pose(document, 0.0 if time is None else time), origin)
         meshes = reader.meshes()
         if not meshes:
-            raise InputError(f"{reader.instead()}; nothing is left to show", path)
+            raise InputError(f"{reader.failure()}; nothing is left to show", path)
         bounds = Scene(tuple(meshes), (), (), origin=origin).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
         up = up_vector(path, options.up_axis)
         sky = sky or image_based_light(document, axes(up), reader.encoded)
     for used in document.entries("extensionsUsed"):
-        if used not in _READ:
-            document.unshown[shown(used)] = None
+        if used not in _SUPPORTED:
+            document.unshown[printable(used)] = None
     if document.entries("animations") and time is None:
         document.unshown["animations beyond their first frame (--time poses them)"] = None
     return finish(
@@ -101,7 +102,7 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
 
 @dataclass
 class _Reader:
-    """What a document's meshes become. origin: of the scene. degenerate: how many triangles without an area were dropped."""
+    """Conversion of a document's meshes. origin: of the scene. degenerate: number of dropped triangles without an area."""
 
     document: Document
     pose: Pose
@@ -110,8 +111,8 @@ class _Reader:
     nodes: list[Node] = field(init=False)
     _world: list[np.ndarray | None] = field(init=False)
     _materials: Materials = field(init=False)
-    _shared: Counter[object] = field(init=False)  # how many nodes show a mesh
-    _kept: dict[object, Attributes] = field(default_factory=dict)  # of meshes that several nodes show
+    _mesh_uses: Counter[object] = field(init=False)  # number of nodes of each mesh
+    _attribute_cache: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
 
     def __post_init__(self) -> None:
         self._world = worlds(self.document, self.pose)
@@ -119,49 +120,58 @@ class _Reader:
         if not self.document.entries("nodes"):  # a library of meshes
             self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(self.document.entries("meshes")))]
         self._materials = Materials(self.document)
-        self._shared = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
+        self._mesh_uses = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
 
     def meshes(self) -> list[Mesh]:
-        """The meshes of the nodes that are shown, one for each primitive with triangles."""
+        """Return the meshes of the visible nodes, one for each primitive with triangles."""
         found = []
-        self._materials.read_images(self._worn())
+        for built in build_meshes(self._parts(), self.origin):
+            if built.mesh is None:
+                self.document.leave_out(built.part.source, built.problem)
+            elif len(built.mesh.faces):
+                found.append(built.mesh)
+            self.degenerate += built.dropped
+        return found
+
+    def _parts(self) -> Iterator[Part]:
+        """Yield the triangles of the visible nodes; the source of a part is the name of its node."""
+        self._materials.read_images(self._used_materials())
         for node in self.nodes:
             if "mesh" not in node.entry:
                 continue
-            called = name(self.document, node.index) if self.document.entries("nodes") else f"mesh {node.index}"
-            with self.document.part(called):
+            node_name = name(self.document, node.index) if self.document.entries("nodes") else f"mesh {node.index}"
+            with self.document.part(node_name):
                 entry = self.document.entry("meshes", node.entry["mesh"])
-                label = node.name or shown(entry.get("name") or "") or called
+                label = node.name or printable(entry.get("name") or "") or node_name
                 places = instances(self.document, node)
                 for i, primitive in enumerate(self.document.entries("primitives", entry)):
-                    with self.document.part(called):
-                        other = geometry.undrawn(primitive)
+                    with self.document.part(node_name):
+                        other = geometry.kind_without_triangles(primitive)
                         if other is not None:
                             self.document.unshown[other] = None
                             continue
-                        mesh = self._mesh(node, entry, i, places, called, label)
-                        if len(mesh.faces):
-                            found.append(mesh)
-        return found
+                        yield self._part(node, entry, i, places, node_name, label)
 
     def encoded(self, index: object) -> tuple[bytes, str]:
-        """The bytes of the image at an index, and its name for messages; raises Damaged."""
+        """Return the bytes of the image at an index, and its name for messages; raise Damaged."""
         return self._materials.encoded(index)
 
-    def _worn(self) -> Iterator[object]:
-        """The indices of the materials that triangles of the nodes wear."""
+    def _used_materials(self) -> Iterator[object]:
+        """Yield the indices of the materials of the nodes' triangles."""
         for node in self.nodes:
-            with suppress(*WRONG):
+            with suppress(*READ_ERRORS):
                 mesh = self.document.entry("meshes", node.entry["mesh"])
                 for primitive in self.document.entries("primitives", mesh):
-                    if geometry.undrawn(primitive) is None:
+                    if geometry.kind_without_triangles(primitive) is None:
                         yield primitive.get("material")
 
-    def instead(self) -> str:
-        """What there is where `meshes` finds none, in words for an error."""
+    def failure(self) -> str:
+        """Return the reason why `meshes` finds none, for an error."""
         lost = self.document.lost
         if lost:
-            return self.document.loss(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(f"{self.document.path}: ")
+            return self.document.loss_line(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(
+                f"{self.document.path}: "
+            )
         others = [kind for kind in self.document.unshown if kind in ("points", "lines")]
         if others:
             return f"there are no triangles in this file, only {' and '.join(others)}"
@@ -170,18 +180,18 @@ class _Reader:
         meshes = len(self.document.entries("meshes"))
         return f"none of the {meshes} meshes in this file is in its scene" if meshes else "there are no meshes in this file"
 
-    def _mesh(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Mesh:
-        """The mesh that the i-th primitive of a node's mesh becomes; raises Damaged."""
+    def _part(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, node_name: str, label: str) -> Part:
+        """Return the triangles of the i-th primitive of a node's mesh; raise Damaged."""
         primitive = entry["primitives"][i]
-        attributes = self._attributes(node, i, primitive, called)  # before any image, which would be for nothing without
+        attributes = self._attributes(node, i, primitive, node_name)  # before any image, which would be decoded in vain
         surface = self._materials.surface(primitive.get("material"))
         shape = self._geometry(node, entry, i, attributes, surface)
         if "skin" in node.entry:
-            with self.document.part(f"the skin of {called}"):
+            with self.document.part(f"the skin of {node_name}"):
                 shape = geometry.skinned(shape, attributes, self._joints(node.entry["skin"]))
                 places = np.eye(4)[None]
-        shape = self._finite(shape, called)
-        material = self._materials.worn(surface, shape.colors)
+        shape = self._without_invalid(shape, node_name)
+        material = self._materials.mesh_material(surface, shape.colors)
         colors, opacities = _vertex_colors(shape.colors, surface)
         shape, matrix = _placed(shape, places)
         repeat = len(shape.positions) // max(1, len(attributes.rows))
@@ -189,40 +199,38 @@ class _Reader:
             np.tile(array, (repeat, 1) if array.ndim == 2 else repeat) if array is not None and repeat > 1 else array
             for array in (colors, opacities, shape.uvs if material.textures else None)
         )
-        mesh, dropped = build_mesh(
-            shape.positions.astype(float),
+        return Part(
+            shape.positions,
             shape.corners,
-            np.zeros((len(shape.positions), 3)) if shape.normals is None else shape.normals.astype(float),
-            None,
-            matrix,
-            material,
-            colors,
-            label,
+            shape.normals,
+            matrix=matrix,
+            material=material,
+            colors=colors,
+            name=label,
             uvs=uvs,
             opacities=opacities if material.alpha_mode != "opaque" else None,
-            origin=self.origin,
+            source=node_name,
         )
-        if np.abs(mesh.positions).max(initial=0.0) > GREATEST:
-            raise Damaged("it lies farther away than 32-bit floats can reckon with")
-        self.degenerate += dropped
-        return mesh
 
-    def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], called: str) -> Attributes:
-        """The vertices and triangles of the i-th primitive of a node's mesh; raises Damaged."""
+    def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], node_name: str) -> Attributes:
+        """Return the vertices and triangles of the i-th primitive of a node's mesh; raise Damaged."""
         key = node.entry["mesh"], i
-        found = self._kept.get(key)
+        found = self._attribute_cache.get(key)
         if found is None:
             found = Attributes(self.document, primitive)
-            if found.beyond:
-                self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that are not there")
-            if self._shared[node.entry["mesh"]] > 1:
-                self._kept[key] = found
+            if found.invalid_faces:
+                self.document.leave_out(
+                    f"{found.invalid_faces} triangles of {node_name}", "they refer to vertices that do not exist"
+                )
+            if self._mesh_uses[node.entry["mesh"]] > 1:
+                self._attribute_cache[key] = found
         elif not take_copies(len(found.rows)):
             raise Damaged(TOO_MANY_COPIES)
         return found
 
     def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
-        """The triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raises Damaged."""
+        """Return the triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raise
+        Damaged."""
         targets = self.document.entries("targets", entry["primitives"][i])
         given = self.pose.get((node.index, "weights"))
         if given is None:
@@ -234,7 +242,7 @@ class _Reader:
         return attributes.shapes[key]
 
     def _joints(self, index: object) -> np.ndarray:
-        """(J, 4, 4) world_from_vertex of a skin's joints; raises Damaged."""
+        """Return (J, 4, 4) world_from_vertex of a skin's joints; raise Damaged."""
         skin = self.document.entry("skins", index)
         joints = [self._world[j] for j in self.document.entries("joints", skin) if self.document.entry("nodes", j) is not None]
         if not joints:
@@ -246,13 +254,13 @@ class _Reader:
             matrices = matrices @ binds.reshape(-1, 4, 4).transpose(0, 2, 1)
         return matrices
 
-    def _finite(self, shape: Geometry, called: str) -> Geometry:
-        """The geometry without triangles whose vertices are not finite, or too far away for 32-bit floats; the rest zeros."""
+    def _without_invalid(self, shape: Geometry, node_name: str) -> Geometry:
+        """Return the geometry without triangles whose vertices are not finite or exceed float32; other such vertices become 0."""
         good = (np.abs(shape.positions) <= GREATEST).all(1)  # false for NaN
         keep: np.ndarray = good[shape.corners].all(1) if not good.all() else np.ones(len(shape.corners), bool)
         if not keep.all():
-            part = f"{np.count_nonzero(~keep)} triangles of {called}" if keep.any() else called
-            self.document.lose(part, "its vertices are not finite")
+            part = f"{np.count_nonzero(~keep)} triangles of {node_name}" if keep.any() else node_name
+            self.document.leave_out(part, "its vertices are not finite")
         return Geometry(
             np.where(good[:, None], shape.positions, 0.0) if not good.all() else shape.positions,
             shape.corners[keep] if not keep.all() else shape.corners,
@@ -261,20 +269,22 @@ class _Reader:
 
 
 def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """(V, 3) albedo and (V,) opacity of a surface at vertices of these colours; None where the material's own will do."""
+    """Return (V, 3) albedo and (V,) opacity of a surface with vertex colours; None where the material's own suffice."""
     if colors is None or not len(colors):
         return None, None
     albedo = None
     if not (colors[:, :3] == 1.0).all():
-        factor = (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]  # an unlit one's is in its emission
+        factor = (
+            (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]
+        )  # the emission of an unlit material includes its factor
         albedo = np.clip(colors[:, :3] * np.asarray(factor), 0.0, 1.0)
     return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
 
 
 def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
-    """The geometry, and the matrix (4, 4) that brings it to its place; copies at several places (N, 4, 4) are one geometry.
+    """Return the geometry and its matrix (4, 4); copies at several places (N, 4, 4) become one geometry.
 
-    Where a place mirrors, the triangles are wound the other way. A matrix that flattens is applied here, without normals.
+    Mirrored triangles are wound the other way. A singular matrix is applied here, without normals.
     Raises Damaged where the geometry collapses at every place.
     """
     determinants = np.linalg.det(places[:, :3, :3])
@@ -284,7 +294,7 @@ def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
     determinants = np.linalg.det(places[:, :3, :3])
     number = len(shape.positions)
     if not len(places):
-        raise Damaged("it is scaled to nothing")
+        raise Damaged("its scale is 0")
     if not take_copies(number * (len(places) - 1)):
         raise Damaged(TOO_MANY_COPIES)
     positions = np.concatenate([times(shape.positions, place[:3, :3]) + place[:3, 3] for place in places])

@@ -1,4 +1,4 @@
-"""Reads photometric files of luminaires: ANSI/IES LM-63 of 1986, 1991, 1995, 2002 and 2019."""
+"""Reader of photometric files of luminaires: ANSI/IES LM-63 of 1986, 1991, 1995, 2002 and 2019."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.
 _TILT = re.compile(r"\s*TILT\s*=", re.IGNORECASE)
 _FOOT = 0.3048  # metres
 _LAMPS = {1: "of a lamp that is upright", 2: "of a lamp that stays level", 3: "of a level lamp that tilts with the luminaire"}
-_SNAP = 0.01  # degrees: an angle that is so near to 0, 90, 180, 270 or 360 is meant to be that
+_ANGLE_TOLERANCE = 0.01  # degrees; tolerance for the angles 0, 90, 180, 270 and 360
 
-# Of photometry of types C, B and A: the directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry.
-# Type C has its pole at the aim. Those of floodlights have it aside. With B it lies to the right of one who looks along the aim
-# with +x up: the vertical angle turns about it, the horizontal one rises to it. With A it is above, and the angles change places.
+# Directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry, for photometry of types C, B and A.
+# Type C has its pole at the aim, types B and A, for floodlights, to the side. The pole of B lies to the right of the aim with
+# +x up: the vertical angle turns about it, the horizontal one rises to it. The pole of A lies above, with the angles exchanged.
 _AXES = {
     1: np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]),
     2: np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
@@ -31,12 +31,11 @@ _AXES = {
 
 
 def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
-    """The photometry in the file at `path`; raises InputError with file and line for whatever is wrong in it.
+    """Read the photometry in the file at `path`; raise InputError with file and line for an invalid file.
 
-    Candela are multiplied by the file's multiplier and by its ballast factor; up to 1991 by the ballast-lamp photometric factor
-    as well, in whose place later files have something else. What the symmetries leave out is filled in. Appends to `notices`
-    where there is a TILT table that is not the same at all angles, for a lamp that is dimmer in other positions, and to `files`
-    the file of that, if it has one.
+    Candela are multiplied by the file's multiplier and its ballast factor; until 1991 also by the ballast-lamp photometric
+    factor, whose field has another meaning in later versions. Symmetric parts are completed. Appends to `notices` for a TILT
+    table that varies with the angle, and to `files` the table's own file, if any.
     """
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
@@ -49,7 +48,7 @@ def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
 
 
 class _Numbers:
-    """The numbers of a text, parted by blanks, commas and ends of lines, which are asked for one after the other."""
+    """The numbers of a text in order, separated by blanks, commas and ends of lines."""
 
     def __init__(self, path: Path, text: list[str], start: int) -> None:
         self.path = path
@@ -59,11 +58,11 @@ class _Numbers:
         self._next = 0
 
     def error(self, message: str, back: int = 1) -> InputError:
-        """`message`, with the place of the number that was taken so many before the next."""
+        """Return an error with the place of the number `back` before the next."""
         return InputError(message, self.path, self._lines[self._next - back])
 
     def take(self, what: str, count: int = 1) -> np.ndarray:
-        """(count,) the next numbers; raises InputError, which says `what` they are, where one is none or they are too few."""
+        """Return (count,) the next numbers; raise InputError, with their name `what`, for invalid or missing ones."""
         start, stop = self._next, self._next + count
         if stop > len(self._words):
             found = f", after {len(self._words) - start} of {count}" if count > 1 else ""
@@ -80,41 +79,41 @@ class _Numbers:
         return values
 
     def finish(self, where: str) -> None:
-        """Raises InputError where there are further numbers."""
+        """Raise InputError for surplus numbers."""
         if self._next < len(self._words):
             self._next += 1
-            raise self.error(f"{len(self._words) - self._next + 1} words are left {where}; one of the file's counts is wrong")
+            raise self.error(f"{len(self._words) - self._next + 1} words too many {where}; one of the file's counts is wrong")
 
     def one(self, what: str) -> float:
-        """The next number."""
+        """Return the next number."""
         return float(self.take(what)[0])
 
     def whole(self, what: str, low: int, high: int) -> int:
-        """The next number, a whole one from `low` to `high`."""
+        """Return the next number, an integer from `low` to `high`."""
         value = self.one(what)
         if not (value.is_integer() and low <= value <= high):
             raise self.error(f"{what} is {value:g}; expected {_range(low, high)}")
         return int(value)
 
     def positive(self, what: str) -> float:
-        """The next number, which is above 0."""
+        """Return the next number, which must be positive."""
         value = self.one(what)
         if not value > 0.0:
             raise self.error(f"{what} is {value:g}; expected a number above 0")
         return value
 
     def angles(self, what: str, count: int, low: float, high: float) -> np.ndarray:
-        """(count,) the next numbers: angles in degrees, which rise, from `low` to `high`."""
+        """Return (count,) the next numbers: ascending angles in degrees from `low` to `high`."""
         values = self.take(what, count)
         for wrong, reason in (
             (np.append(False, np.diff(values) <= 0.0), "expected angles that rise"),
-            ((values < low - _SNAP) | (values > high + _SNAP), f"expected {low:g} to {high:g} degrees"),
+            ((values < low - _ANGLE_TOLERANCE) | (values > high + _ANGLE_TOLERANCE), f"expected {low:g} to {high:g} degrees"),
         ):
             if wrong.any():
                 first = int(wrong.argmax())
                 raise self.error(f"{what}: {values[first]:g} is out of order; {reason}", count - first)
         right = np.round(values / 90.0) * 90.0
-        return np.where(np.abs(values - right) <= _SNAP, right, values)
+        return np.where(np.abs(values - right) <= _ANGLE_TOLERANCE, right, values)
 
 
 def _range(low: int, high: int) -> str:
@@ -122,18 +121,18 @@ def _range(low: int, high: int) -> str:
 
 
 def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: list[Path]) -> float:
-    """The factor for the lamp's position, from what stands behind TILT= in this line: NONE, INCLUDE, or the name of a file."""
+    """Return the factor for the lamp's position, from the word after TILT=: NONE, INCLUDE, or the name of a file."""
     path = numbers.path
     if word.upper() == "NONE":
         return 1.0
     if not word:
-        raise InputError("TILT= says nothing; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
+        raise InputError("TILT= has no value; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
     if word.upper() != "INCLUDE":
         file = path.parent / word
         if not may_read(file):
             raise InputError(f"the TILT file {quote(word)} is not read: {refusal(file)}", path, line)
         if not os.path.isfile(file):
-            raise InputError(f"there is no TILT file {quote(word)} beside it; put it there, or write TILT=NONE", path, line)
+            raise InputError(f"there is no TILT file {quote(word)} in its folder; put it there, or write TILT=NONE", path, line)
         files.append(file)
         text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")
         numbers = _Numbers(file, text, 0)
@@ -146,7 +145,7 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
     factor = float(np.interp(0.0, angles, factors))
     if not factor > 0.0:
         raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
-    if factors.min() < factors.max():  # of how a luminaire is tilted, and about which axis, a scene says too little
+    if factors.min() < factors.max():  # a scene does not define the tilt of the lamp
         notices.append(
             f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the "
             f"luminaire is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"
@@ -155,14 +154,14 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
 
 
 def _photometry(numbers: _Numbers, factor: float, old: bool) -> Photometry:
-    """What stands behind TILT, the candela times `factor`. old: the file is of 1986 or 1991."""
+    """Return the photometry in the numbers after TILT, with candela times `factor`. old: the file is of 1986 or 1991."""
     numbers.positive("the number of lamps")
-    numbers.one("the lumens per lamp")  # -1: absolute photometry; the candela are those of the luminaire either way
+    numbers.one("the lumens per lamp")  # -1: absolute photometry; candela are those of the luminaire in either case
     factor *= numbers.positive("the candela multiplier")
     counts = [numbers.whole(f"the number of {which} angles", low, 100_000) for which, low in (("vertical", 2), ("horizontal", 1))]
     kind = numbers.whole("the photometric type", 1, 3)
     metres = _FOOT if numbers.whole("the units of lengths", 1, 2) == 1 else 1.0
-    width, length, height = (abs(float(x)) * metres for x in numbers.take("the luminous opening", 3))  # below 0: it is round
+    width, length, height = (abs(float(x)) * metres for x in numbers.take("the luminous opening", 3))  # negative: round
     factor *= numbers.positive("the ballast factor")
     if old:
         factor *= numbers.positive("the ballast-lamp photometric factor")
@@ -194,8 +193,7 @@ def _photometry(numbers: _Numbers, factor: float, old: bool) -> Photometry:
 
 
 def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Horizontal angles of type C all around, and for each the number of the row that holds its candela; raises ValueError where
-    it is not said how to go on."""
+    """Return horizontal angles of type C over 360°, and the row of candela for each; raise ValueError for an unknown symmetry."""
     rows = np.arange(len(angles))
     if len(angles) == 1:
         return np.zeros(1), rows
@@ -208,7 +206,9 @@ def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if (first, last) == (0.0, 180.0):
         angles, rows = _mirrored(angles, rows, 180.0)
         last = 360.0
-    if first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _SNAP:  # the last one is left out
+    if (
+        first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _ANGLE_TOLERANCE
+    ):  # the last one is left out
         angles, rows, last = np.append(angles, 360.0), np.append(rows, 0), 360.0
     if (first, last) != (0.0, 360.0):
         raise ValueError(
@@ -218,7 +218,7 @@ def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _both_sides(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same for types A and B, whose horizontal angles from 0 on stand for both sides."""
+    """Return the angles and rows for types A and B, whose horizontal angles from 0 on apply to both sides."""
     rows = np.arange(len(angles))
     if len(angles) > 1 and angles[0] == 0.0:
         return _mirrored(angles, rows, 0.0)
@@ -228,7 +228,7 @@ def _both_sides(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mirrored(angles: np.ndarray, rows: np.ndarray, about: float) -> tuple[np.ndarray, np.ndarray]:
-    """The angles and those that mirror them about one of their ends, all of them rising, with their rows."""
+    """Return the angles and their mirror images about one end, ascending, with their rows."""
     mirror, others = (2.0 * about - angles)[::-1], rows[::-1]
     if about == angles[0]:
         return np.append(mirror[:-1], angles), np.append(others[:-1], rows)

@@ -1,4 +1,4 @@
-"""Reads the lights of a `.scene`: `.light` files, in OpenGL's terms, in W/sr or by a photometry, and `.ies` files alone."""
+"""Reader of the lights of a `.scene`: `.light` files, with OpenGL's terms, W/sr or a photometry, and `.ies` files."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _ATTENUATION = ("constantAttenuation", "linearAttenuation", "quadraticAttenuatio
 
 @dataclass
 class LightReader:
-    """Reads the lights of one scene, a photometry that several of them have but once.
+    """Lights of one scene; each photometry is read once.
 
-    files: all that was read. notices: remarks for a user to read.
+    files: all files read. notices: remarks for users.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -48,18 +48,18 @@ class LightReader:
     _photometries: dict[Path, Photometry] = field(default_factory=dict)
 
     def light(self, path: Path, per_unit: float = 1.0) -> Light:
-        """The light that the `.light` file at `path` describes; raises InputError with file and line for whatever is wrong in it.
+        """Read the light in the `.light` file at `path`; raise InputError with file and line for an invalid file.
 
-        W of `position` is 1 for a point or spot light and 0 for a directional one, which comes *from* X Y Z. `spotDirection`
-        is the point that the light looks at. A `spotCutoff` of 90 or 180 degrees, or none, means no cone. per_unit:
-        W/sr for each unit of `intensity`, and as much for `diffuse`; a luminaire's candela are its file's.
+        W of `position` is 1 for a point or spot light and 0 for a directional one, which comes *from* X Y Z. `spotDirection` is
+        the point that the light is aimed at. A `spotCutoff` of 90 or 180 degrees, or none, means no cone. per_unit: W/sr for each
+        unit of `intensity` and `diffuse`; it does not apply to a luminaire's candela.
         """
         self.files.append(path)
         found: dict[str, tuple[float, ...]] = {}
         at: dict[str, Line] = {}
         for line in lines(path):
             if line.word not in USAGE:
-                raise line.error(f"unknown word {quote(line.word)}; a .light knows {', '.join(USAGE)}")
+                raise line.error(f"unknown word {quote(line.word)}; expected one of {', '.join(USAGE)}")
             if line.word in at:
                 raise line.error(f"'{line.word}' is given twice; first in line {at[line.word].number}")
             found[line.word] = () if line.word == "ies" else line.numbers(USAGE[line.word])
@@ -71,7 +71,7 @@ class LightReader:
         return _light(path, found, at, per_unit)
 
     def photometry(self, path: Path) -> Photometry:
-        """The photometry in the `.ies` file at `path`; raises InputError as `load_ies`."""
+        """Read the photometry in the `.ies` file at `path`; raise InputError as `load_ies`."""
         if path not in self._photometries:
             self.files.append(path)
             self._photometries[path] = load_ies(path, self.notices, self.files)
@@ -79,16 +79,16 @@ class LightReader:
 
 
 def placed(photometry: Photometry, matrix: np.ndarray) -> Light:
-    """A luminaire where the matrix (4, 4), world_from_luminaire, takes it; it may turn, mirror and scale it as a whole.
+    """Return a luminaire at the place of the matrix (4, 4), world_from_luminaire, which may rotate, mirror and scale uniformly.
 
-    How bright it is does not depend on the scale. Raises InputError for a matrix that stretches it.
+    Its intensity does not depend on the scale. Raises InputError for a matrix with another scale along each axis.
     """
     scale = abs(float(np.linalg.det(matrix[:3, :3]))) ** (1.0 / 3.0)
     turn = matrix[:3, :3] / scale
     if not np.allclose(turn.T @ turn, np.eye(3), atol=1e-6):
         raise InputError("the matrix here stretches the luminaire; expected a scale that is the same along x, y and z")
     if np.linalg.det(turn) < 0.0:
-        photometry = replace(photometry, axes=photometry.axes * [1.0, -1.0, 1.0])  # x and z say where it stands, y follows
+        photometry = replace(photometry, axes=photometry.axes * [1.0, -1.0, 1.0])  # x and z give the place, y follows
     x, y, z = matrix[:3, 3].tolist()
     u, v, w = (matrix[:3, 3] - turn[:, 2]).tolist()
     a, b, c = turn[:, 0].tolist()
@@ -99,7 +99,7 @@ def placed(photometry: Photometry, matrix: np.ndarray) -> Light:
 
 
 def _position(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Line]) -> tuple[float, float, float, float]:
-    """X, Y, Z and W, 0 or 1."""
+    """Return X, Y, Z and W, 0 or 1."""
     if "position" not in at:
         raise InputError(f"the light has no position; add: {USAGE['position']}", path)
     x, y, z, w = found["position"]
@@ -114,7 +114,7 @@ def _luminaire(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Li
             raise line.error(f"'{word}' and 'ies' exclude each other; a luminaire takes {', '.join(_OF_LUMINAIRES)}")
     x, y, z, w = _position(path, found, at)
     if w == 0.0:
-        raise at["position"].error("a luminaire is somewhere; expected W 1")
+        raise at["position"].error("a luminaire is not directional; expected W 1")
     if "spotDirection" not in at:
         raise at["ies"].error(f"a luminaire needs the point that it is aimed at; add: {USAGE['spotDirection']}")
     r, g, b = found.get("intensity", (1.0, 1.0, 1.0))
@@ -175,7 +175,7 @@ def _light(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Line],
 def _cone(
     found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...], directional: bool
 ) -> tuple[tuple[float, float, float] | None, float, float]:
-    """The point that a spot looks at, its cutoff and its inner half angle; (None, 180, 180) for a light without a cone."""
+    """Return the target of a spot, its cutoff and its inner half angle; (None, 180, 180) for a light without a cone."""
     cutoff = found.get("spotCutoff", (180.0,))[0]
     if not (0.0 < cutoff <= 90.0 or cutoff == 180.0):
         raise at["spotCutoff"].error(f"spotCutoff is {cutoff:g}; expected a half angle above 0 and up to 90 degrees, or 180")
@@ -186,7 +186,7 @@ def _cone(
     if directional:
         raise at["spotCutoff"].error("a directional light (W 0) has no cone; leave spotCutoff out or set W to 1")
     if "spotDirection" not in at:
-        raise at["spotCutoff"].error(f"a cone needs the point that it looks at; add: {USAGE['spotDirection']}")
+        raise at["spotCutoff"].error(f"a cone needs the point that it is aimed at; add: {USAGE['spotDirection']}")
     target = _target(found, at, position)
     inner = found.get("spotInner", (cutoff,))[0]
     if not 0.0 <= inner <= cutoff:
@@ -197,5 +197,5 @@ def _cone(
 def _target(found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...]) -> tuple[float, float, float]:
     x, y, z = found["spotDirection"]
     if (x, y, z) == position:
-        raise at["spotDirection"].error("the light looks at its own position; spotDirection is another point in space")
+        raise at["spotDirection"].error("the light is aimed at its own position; spotDirection is another point in space")
     return x, y, z

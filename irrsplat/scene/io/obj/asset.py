@@ -1,4 +1,4 @@
-"""Reads an `.obj` file that is opened by itself: its materials, groups, vertex colours and missing normals."""
+"""Reader of `.obj` files as scenes: materials, groups, vertex colours and missing normals."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.words import quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
-from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, without_comment
+from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, name_without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Material
 
-MOST_GROUPS = 400  # with more of them, groups are not kept apart
+MOST_GROUPS = 400  # above this number, groups are merged
 
 
 def read_obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    """The triangles of the file, one part for each group (or object) and material; of a material alone where that makes over 400.
+    """Read the triangles of the file, one part for each group (or object) and material, or for each material if those exceed 400.
 
-    Parts are called by their group, by group and material where it has several, else by material. Texture coordinates are kept
-    where the material has a texture. Triangles without normals get them by the crease angle, or stay flat where smoothing is off.
-    Notices say what is missing or left out. Raises InputError where there is no face that can be read.
+    A part's name is its group, group and material if the group has several, else the material. Texture coordinates are kept for
+    textured materials. Missing normals are computed by the crease angle, or are face normals where smoothing is off.
+    Notices list omissions. Raises InputError for a file without a valid face.
     """
     shape = load_obj(path, strict=False)
     if not len(shape.corners):
@@ -71,7 +71,7 @@ def read_obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
 
 
 def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, Material], tuple[Path, ...]]:
-    """The materials of shape.names, by number, where they are known, and the files that were read for them."""
+    """Return the known materials of shape.names, by number, and the files that were read for them."""
     reader = MaterialFiles()
     found: dict[str, Material] = {}
     missing = []
@@ -95,18 +95,18 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
     folded = {name.casefold(): material for name, material in found.items()}
 
     def look_up(name: str) -> Material | None:
-        return found.get(name) or folded.get(name.casefold()) or folded.get(without_comment(name).casefold())
+        return found.get(name) or folded.get(name.casefold()) or folded.get(name_without_comment(name).casefold())
 
     known = {i: look_up(name) for i, name in enumerate(shape.names) if name}
     unknown = [shape.names[i] for i, material in known.items() if material is None]
     if unknown and found:
         others = f" and {len(unknown) - 1} more" * (len(unknown) > 1)
-        notices.append(f"{path}: no material file knows {quote(unknown[0])}{others}; grey 0.5 stands in")
+        notices.append(f"{path}: no material file defines {quote(unknown[0])}{others}; grey 0.5 stands in")
     return {i: material for i, material in known.items() if material is not None}, tuple(reader.files)
 
 
 def _normals(shape: Shape, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """The file's normals (N, 3), with more of them for those triangles that have none, and (F, 3) which each corner has."""
+    """Return (N, 3) the file's normals, completed for triangles without normals, and (F, 3) indices into them."""
     given: np.ndarray = np.min(shape.corner_normals, axis=1) >= 0
     if len(shape.normals):
         nonzero = np.abs(shape.normals).max(axis=1) > 0.0
@@ -123,7 +123,7 @@ def _normals(shape: Shape, angle: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parts(shape: Shape, stem: str) -> tuple[np.ndarray, list[str], list[int]]:
-    """(F,) the part of each triangle, and for each part its name and its material's number."""
+    """Return (F,) the part of each triangle, and for each part its name and its material's number."""
     count = len(shape.names)
     key = shape.groups * count + shape.materials
     if len(shape.group_names) * count < 1 << 22:
@@ -145,7 +145,7 @@ def _parts(shape: Shape, stem: str) -> tuple[np.ndarray, list[str], list[int]]:
 
 
 def _compact(values: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray, slice | np.ndarray]:
-    """The rows of `values` that `index` (-1: none) needs, and some between; `index` into those; and which rows they are."""
+    """Return a range of rows of `values` that covers `index` (-1: none), `index` into it, and the rows' numbers."""
     low, high = int(index.min(initial=0 if not len(values) else len(values) - 1, where=index >= 0)), int(index.max(initial=-1))
     if high - low < 4 * index.size:
         rows: slice | np.ndarray = slice(low, high + 1)

@@ -1,4 +1,4 @@
-"""Reads the corners of an `.obj` file's faces: any mixture of a, a/t, a//n and a/t/n."""
+"""Parser for the faces of an `.obj` file, with any mixture of corners a, a/t, a//n and a/t/n."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _SLASH_TO_BLANK = bytes(32 if c < 32 or c == ord("/") else c for c in range(256)
 
 @dataclass(frozen=True)
 class Faces:
-    """The faces that can be read: lines (P,), the number of corners of each (P,), and what the corners (C, 3) refer to.
+    """The valid faces: lines (P,), the number of corners of each (P,), and the corners' indices (C, 3).
 
-    corners: vertex, texture coordinate, normal; from 0 on, -1 for none. bad: numbers of the lines that can't be read.
-    loose: how many corners refer to a texture coordinate or a normal that is not there, and do without it.
+    corners: vertex, texture coordinate, normal; from 0, -1 for none. bad: numbers of invalid lines.
+    loose: number of corners with an invalid texture coordinate or normal, which is dropped.
     """
 
     lines: np.ndarray
@@ -32,7 +32,7 @@ class Faces:
 
 
 def read_faces(lines: Lines, strict: bool) -> Faces:
-    """The faces of the file. strict: a face is bad too where its corners are of several kinds, and where a normal is missing."""
+    """Read the faces of the file. strict: mixed forms in a face, and invalid normals, make the face invalid."""
     which = np.flatnonzero(lines.kind == FACE)
     text = block(lines, which)
     bad = _odd_lines(text)
@@ -58,7 +58,7 @@ def read_faces(lines: Lines, strict: bool) -> Faces:
 
 
 def explain_face(lines: Lines, line: int) -> str:
-    """What is wrong with the face in the `line`-th line."""
+    """Return the error in the face in the `line`-th line."""
     words = lines.words(line)
     if len(words) < 3:
         return f"a face has {len(words)} corners; {_USAGE}"
@@ -87,7 +87,7 @@ def _explain_index(lines: Lines, line: int, kind: int, index: int) -> str:
 
 
 def _odd_lines(text: Block) -> np.ndarray:
-    """(L,) which lines have a character that no face has, or a sign within a number."""
+    """Return (L,) bool: True for lines with a character that faces do not have, or with a sign within a number."""
     code = text.code
     if not code.tobytes().translate(None, _COMMON):
         return np.zeros(len(text.offset), bool)
@@ -102,7 +102,7 @@ def _odd_lines(text: Block) -> np.ndarray:
 
 
 def _tables(lines: Lines, text: Block) -> tuple[np.ndarray, np.ndarray]:
-    """As `_table`, by groups of lines whose corners seem to be of one form each."""
+    """Return as `_table`, for groups of lines with presumably equal forms."""
     slash = np.flatnonzero(text.code == ord("/"))
     double = slash[:-1][np.diff(slash) == 1]
     edges = np.append(text.offset, len(text.code))
@@ -125,9 +125,9 @@ def _tables(lines: Lines, text: Block) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
-    """(C, 3) the numbers of each corner as they are written, 0 for what is not, and (C,) its form.
+    """Return (C, 3) the numbers of each corner as written, 0 for missing ones, and (C,) its form.
 
-    Forms: 0 a, 1 a/t, 2 a/t/n, 3 a//n; 4 one with a slash at the end; -1 none of them.
+    Forms: 0 a, 1 a/t, 2 a/t/n, 3 a//n; 4 with a slash at the end; -1 another.
     """
     count = len(text.word)
     table = np.zeros((count, 3), np.int64)
@@ -145,7 +145,7 @@ def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """As `_table`, for corners of several forms. numbers: the text without its slashes."""
+    """Return as `_table`, for corners of several forms. numbers: the text without its slashes."""
     count = len(text.word)
     table = np.zeros((count, 3), np.int64)
     gap = (text.code <= 32) | (text.code == ord("/"))
@@ -156,7 +156,7 @@ def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.nda
     slashes = np.bincount(np.searchsorted(text.word, slash, "right") - 1, minlength=count)
     values = integers(numbers, len(token))
     if values is None:
-        raise ValueError("faces with strange letters in them")  # _odd_lines has taken them out
+        raise ValueError("faces with strange letters in them")  # _odd_lines has excluded these
     there = np.zeros((count, 3), bool)
     fits = slot < 3
     there[word[fits], slot[fits]] = True
@@ -168,7 +168,7 @@ def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.nda
 
 
 def _common_form(text: Block, slash: np.ndarray) -> tuple[int, list[int]]:
-    """The form that all corners have and its columns; no columns where they may differ."""
+    """Return the form of all corners and its columns; no columns where forms may differ."""
     count = len(text.word)
     if not len(slash):
         return 0, [0]
@@ -185,9 +185,9 @@ def _common_form(text: Block, slash: np.ndarray) -> tuple[int, list[int]]:
 
 
 def _resolve(lines: Lines, text: Block, owner: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(C, 3) indices from 0 for OBJ's, which count from 1, or back from the last one above the face where negative; -1: none.
+    """Return (C, 3) indices from 0, -1 for none, for OBJ's indices, which count from 1, or if negative back from the face.
 
-    And (C, 3): which of them are written and are not there. A vertex that is not written is not there.
+    Also return (C, 3) bool: True for invalid indices. A missing vertex is invalid.
     """
     resolved = np.empty_like(table)
     missing = np.zeros(table.shape, bool)

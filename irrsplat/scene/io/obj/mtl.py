@@ -1,4 +1,4 @@
-"""Reads the diffuse part of the materials in an OBJ file's `.mtl` library: colours, emission, opacity and their textures."""
+"""Reader of the diffuse part of `.mtl` files: colours, emission, opacity and their textures."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
-_VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # how many numbers each has
+_VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # number of values of each
 _MAPS = {"map_kd": "map_kd", "map_ke": "map_ke", "map_d": "map_d", "norm": "norm", "map_kn": "norm"}
-_HEIGHTS = ("bump", "map_bump", "disp")
-_OPTIONS = {  # of a texture, and the most arguments that each takes; those of -o, -s and -t are numbers, one to three
+_HEIGHT_MAPS = ("bump", "map_bump", "disp")
+_OPTIONS = {  # of a texture, with their greatest number of arguments; those of -o, -s and -t are numbers, one to three
     **dict.fromkeys(("-o", "-s", "-t"), 3),
     **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type"), 1),
     "-mm": 2,
 }
-_GLASS = (4, 6, 7, 9)  # illumination models that let light through, and those that mirror
+_GLASS = (4, 6, 7, 9)  # illumination models with transmission, and with mirror reflection
 _MIRROR = (3, 5, 8)
 
 
 @dataclass(frozen=True)
 class _Map:
-    """A texture as an .mtl names it: the file, and the options before it."""
+    """A texture in an .mtl: file and options."""
 
     file: str
     options: dict[str, list[str]]
 
     def numbers(self, option: str, default: float) -> list[float]:
-        """Three values of -o or -s."""
+        """Return the three values of -o or -s."""
         given = [_finite(word, default) for word in self.options.get(option, [])]
         return (given + [default] * 3)[:3]
 
     def texture(self, image: Image) -> Texture:
-        """`image` where the options put it: a point's (u, v), v upward, shows the image's -s·(u, v) + -o."""
+        """Return the texture of `image` with these options: (u, v), v upward, maps to -s·(u, v) + -o."""
         su, sv, _ = self.numbers("-s", 1.0)
         ou, ov, _ = self.numbers("-o", 0.0)
         wrap: Wrap = "clamp" if self.options.get("-clamp") == ["on"] else "repeat"
@@ -53,7 +53,7 @@ class _Map:
 
 @dataclass
 class _Entry:
-    """What the lines of one material say."""
+    """Values and textures of one material."""
 
     values: dict[str, tuple[float, ...]] = field(default_factory=dict)
     maps: dict[str, _Map] = field(default_factory=dict)
@@ -61,9 +61,9 @@ class _Entry:
 
 @dataclass
 class MaterialFiles:
-    """Reads material files and the images that they name, each once, and remembers what to tell.
+    """Materials of `.mtl` files; each file and image is read once.
 
-    notices: one line each. files: what was read.
+    notices: one line each. files: all files read.
     """
 
     notices: list[str] = field(default_factory=list)
@@ -71,36 +71,36 @@ class MaterialFiles:
     _images: dict[Path, Image | None] = field(default_factory=dict)
     _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
 
-    def read(self, path: Path, worn: Iterable[str] | None = None) -> dict[str, Material]:
-        """The materials in the file at `path`, by name; surfaces are double-sided.
+    def read(self, path: Path, used: Iterable[str] | None = None) -> dict[str, Material]:
+        """Return the materials in the file at `path`, by name; surfaces are double-sided.
 
-        worn: the names of those that surfaces wear; images of no others are read (None: all are worn).
+        used: the names of used materials; only their images are read (None: all).
 
-        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha (unless that hides a
-        picture), which is a mask where hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in
-        most programs. Glass (by its illum, and with Kd 0 0 0) transmits Tf; a mirror or a metal with Kd 0 0 0 reflects Ks.
-        What can't be read costs a notice. Raises InputError where the whole file can't be.
+        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, unless that hides a
+        picture. An alpha with hardly any values between 0 and 1 is a mask. Kd or Ke 0 0 0 with a map counts as 1 1 1, as in most
+        programs. Glass (by its illum, and with Kd 0 0 0) transmits Tf; a mirror or metal with Kd 0 0 0 reflects Ks. Invalid lines
+        and images are left out with a notice. Raises InputError for an invalid file.
         """
         self.files.append(path)
         entries = self._entries(path)
         invisible = [entry for entry in entries.values() if _opacity(entry) == 0.0]
-        if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque things
+        if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque materials
             for entry in invisible:
                 entry.values["d"] = (1.0,)
-            self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
+            self.notices.append(f"{path}: every material is fully transparent; all are drawn opaque")
         missing: list[str] = []
-        if worn is not None:
-            wanted = {name.casefold() for word in worn for name in (word, without_comment(word))}
+        if used is not None:
+            wanted = {name.casefold() for word in used for name in (word, name_without_comment(word))}
             for name, entry in entries.items():
-                if not {name.casefold(), without_comment(name).casefold()} & wanted:
+                if not {name.casefold(), name_without_comment(name).casefold()} & wanted:
                     entry.maps.clear()
         self._read_images(path.parent, entries.values())
         found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
-        found = {without_comment(name): material for name, material in found.items()} | found
+        found = {name_without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
         if missing:
             more = f" and {len(missing) - 1} more" * (len(missing) > 1)
-            self.notices.append(f"{path}: {missing[0]}{more}; the colours stand alone")
+            self.notices.append(f"{path}: {missing[0]}{more}; the colours are shown without it")
         return found
 
     def _entries(self, path: Path) -> dict[str, _Entry]:
@@ -120,7 +120,7 @@ class MaterialFiles:
                     current.values[key] = _numbers(rest, _VALUES[key])
                 elif key in _MAPS:
                     current.maps[_MAPS[key]] = _map(rest)
-                elif key in _HEIGHTS:
+                elif key in _HEIGHT_MAPS:
                     heights += 1
             except ValueError as error:
                 bad.append((i, f"{words[0]}: {error}"))
@@ -170,7 +170,7 @@ class MaterialFiles:
         )
 
     def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> None:
-        """Read the images of these materials, all at once; what is wrong with one is told by `_image`."""
+        """Read the images of these materials in parallel; `_image` reports errors."""
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
         encoded: dict[Path, tuple[bytes, str]] = {}
         for file in (find_file(folder, name) for name in names):
@@ -183,7 +183,7 @@ class MaterialFiles:
                 self._images[file] = image
 
     def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
-        """The image that is written so; None, and a reason in `missing`, where there is none."""
+        """Return the image with this name; None, with a reason in `missing`, where it cannot be read."""
         file = find_file(folder, written)
         if file is None:
             missing.append(f"there is no image {quote(written)}")
@@ -198,18 +198,21 @@ class MaterialFiles:
         return self._images[file]
 
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
-        """The texture with the alpha of `cut`, else of its own, and what that alpha means."""
+        """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""
         if cut is None or written is None or (color is not None and cut.image is color.image):
-            if color is None or (cut is None and _hides_a_picture(color.image.pixels)):
+            if color is None or (cut is None and _alpha_is_no_opacity(color.image.pixels)):
                 return color, "opaque"
             return color, _mode(color.image.pixels[..., 3])
         channel = written.options.get("-imfchan", [""])[-1]
         image = color.image if color else None
         key = image, cut.image, channel
         if key not in self._cut:
-            alpha = _scalar(cut.image.pixels, channel)
+            alpha = _alpha_channel(cut.image.pixels, channel)
             mode = _mode(alpha)
-            self._cut[key] = (_joined(image, alpha, cut.image.name) if mode != "opaque" or image is None else image), mode
+            self._cut[key] = (
+                (_image_with_alpha(image, alpha, cut.image.name) if mode != "opaque" or image is None else image),
+                mode,
+            )
         combined, mode = self._cut[key]
         if mode == "opaque":
             return color, mode
@@ -218,23 +221,23 @@ class MaterialFiles:
 
 
 def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:
-    """The files that an `mtllib` line means, each name with None where there is none: one name with blanks, or several."""
-    for name in dict.fromkeys((written, written.replace("\\ ", " "), without_comment(written))):
+    """Yield the files of an `mtllib` line, one name with blanks or several, with None for missing files."""
+    for name in dict.fromkeys((written, written.replace("\\ ", " "), name_without_comment(written))):
         whole = find_file(folder, name)
         if whole is not None:
             yield name, whole
             return
-    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", without_comment(written), re.IGNORECASE):
+    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", name_without_comment(written), re.IGNORECASE):
         yield name, find_file(folder, name)
 
 
-def without_comment(name: str) -> str:
-    """A name up to a # behind a blank; names may have one within them, so look for the whole name first."""
+def name_without_comment(name: str) -> str:
+    """Return a name up to a # after a blank; names may contain this, so look up the whole name first."""
     return re.split(r"\s#", name, maxsplit=1)[0].rstrip()
 
 
 def _numbers(text: str, count: int) -> tuple[float, ...]:
-    """The numbers at the beginning of a line; one stands for three. Raises ValueError where there are fewer, or none."""
+    """Return the numbers at the start of a line; one applies to three. Raise ValueError for other counts."""
     words = text.split("#")[0].split()
     if count == 1 and words[:1] == ["-halo"]:
         words = words[1:]
@@ -247,7 +250,7 @@ def _numbers(text: str, count: int) -> tuple[float, ...]:
 
 
 def _map(text: str) -> _Map:
-    """A texture's options and file; raises ValueError where no file is named."""
+    """Return a texture's options and file; raise ValueError without a file."""
     options: dict[str, list[str]] = {}
     rest = text
     while True:
@@ -282,7 +285,7 @@ def _opacity(entry: _Entry) -> float:
 
 
 def _mode(alpha: np.ndarray) -> AlphaMode:
-    """What an alpha channel (H, W) uint8 means: a mask where hardly any of it lies between; all 0 is an unused channel."""
+    """Return the mode of an alpha channel (H, W) uint8: a mask with hardly any intermediate values; all 0 means unused."""
     count = np.bincount(alpha.reshape(-1), minlength=256)
     absent, present = int(count[:16].sum()), int(count[240:].sum())
     between = alpha.size - absent - present
@@ -291,8 +294,8 @@ def _mode(alpha: np.ndarray) -> AlphaMode:
     return "mask" if between <= min(0.1 * alpha.size, absent) else "blend"
 
 
-def _hides_a_picture(pixels: np.ndarray) -> bool:
-    """Whether colours (H, W, 4) vary where alpha is 0 as they do elsewhere: then it is no opacity, but gloss or the like."""
+def _alpha_is_no_opacity(pixels: np.ndarray) -> bool:
+    """True if colours (H, W, 4) vary where alpha is 0 as elsewhere; such an alpha is not an opacity, but gloss for example."""
     some = pixels[:: max(1, len(pixels) // 512)]
     change = np.abs(np.diff(some[..., :3].astype(float).sum(2), axis=1))
     alpha = some[..., 3]
@@ -303,8 +306,8 @@ def _hides_a_picture(pixels: np.ndarray) -> bool:
     return bool(change[absent].mean() > max(0.5 * change[present].mean(), 1.0))
 
 
-def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
-    """(H, W) uint8 of a picture: the channel of -imfchan, else its alpha where that says something, else its brightness."""
+def _alpha_channel(pixels: np.ndarray, channel: str) -> np.ndarray:
+    """Return (H, W) uint8: the channel of -imfchan, else the alpha unless it is constant, else the luminance."""
     if channel in ("r", "g", "b", "m"):
         return np.asarray(pixels[..., "rgbm".index(channel)])
     if channel != "l" and pixels[..., 3].min() < 255:
@@ -312,8 +315,8 @@ def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
     return np.asarray(np.rint(pixels[..., :3] @ LUMINANCE), np.uint8)
 
 
-def _joined(image: Image | None, alpha: np.ndarray, name: str) -> Image:
-    """The image (None: white) with another alpha; both in the larger of their sizes."""
+def _image_with_alpha(image: Image | None, alpha: np.ndarray, name: str) -> Image:
+    """Return the image (None: white) with another alpha; both at the larger of their sizes."""
     import PIL.Image
 
     height, width = alpha.shape

@@ -1,17 +1,17 @@
-"""Splits polygons into triangles: convex ones into fans, concave ones, and those that visit a bridge twice, by their ears."""
+"""Triangulation of polygons: fans for convex ones, ear clipping for concave ones and those with bridges."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_REFLEX = -1e-3  # sine of a corner's turn, against the polygon's own; above it is rounding, or a plane that is bent a little
+_REFLEX = -1e-3  # sine of a corner's turn against the polygon's; above it is rounding, or a slightly bent plane
 
 
 def triangulate(positions: np.ndarray, vertices: np.ndarray, sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(F, 3) int64 into the corners, and (F,) the polygon that each triangle is of, in ascending order.
+    """Return (F, 3) int64 into the corners, and (F,) the polygon of each triangle, ascending.
 
-    positions: (V, 3). vertices: (C,) into positions, the corners of all polygons one after another. sides: (P,) how many corners
-    each has, at least 3. A convex polygon becomes a fan about its first corner. Self-crossing outlines get some triangles.
+    positions: (V, 3). vertices: (C,) into positions, the corners of all polygons, concatenated. sides: (P,) the number of corners
+    of each, at least 3. A convex polygon becomes a fan about its first corner. Self-intersecting outlines get some triangles.
     """
     if (sides == 3).all():
         return np.arange(len(vertices)).reshape(-1, 3), np.arange(len(sides))
@@ -32,11 +32,11 @@ def triangulate(positions: np.ndarray, vertices: np.ndarray, sides: np.ndarray) 
 
 
 def _ears(points: np.ndarray, fan: np.ndarray) -> np.ndarray:
-    """The triangles (P, K - 2, 3) of polygons (P, K, 3): `fan`, others where a polygon is concave."""
+    """Return the triangles (P, K - 2, 3) of polygons (P, K, 3): `fan`, or ears for concave ones."""
     with np.errstate(all="ignore"):
         edges = np.roll(points, -1, axis=1) - points  # from each corner to the next
         from_first = points - points[:, :1]
-        normal = np.cross(from_first, np.roll(from_first, -1, axis=1)).sum(1)  # Newell's: twice the area, on average
+        normal = np.cross(from_first, np.roll(from_first, -1, axis=1)).sum(1)  # Newell's normal: the mean of twice the area
         turn = (np.cross(np.roll(edges, 1, axis=1), edges) * normal[:, None]).sum(2)
         length = np.linalg.norm(edges, axis=2)
         scale = np.roll(length, 1, axis=1) * length * np.linalg.norm(normal, axis=1)[:, None]
@@ -64,6 +64,6 @@ def _ears(points: np.ndarray, fan: np.ndarray) -> np.ndarray:
         a, b, c = (outline[ears[:, i]] for i in range(3))
         clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
         ears[clockwise] = ears[clockwise][:, ::-1]
-        out[polygon] = 0  # corners in one line need no triangle: those that are left over have no area
+        out[polygon] = 0  # collinear corners need no triangle: the remaining triangles have no area
         out[polygon, : len(ears)] = ears
     return out

@@ -1,4 +1,4 @@
-"""Reads the geometry of an `.obj` file with whole-array operations: a million triangles take seconds."""
+"""Reader of the geometry of `.obj` files with whole-array operations: a million triangles take seconds."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _USAGE = {VERTEX: "v X Y Z", NORMAL: "vn X Y Z", COORDINATE: "vt U V"}
 
 @dataclass(frozen=True)
 class Shape:
-    """Triangles as an .obj file has them, before any transform; indices count from 0.
+    """Triangles of an .obj file before any transform; indices count from 0.
 
     positions: (V, 3) float64. colors: (V, 3) linear, or None. normals: (N, 3) float64, as written. uvs: (T, 2) float64, v down
     from the image's top. corners: (F, 3) int64 into positions. corner_normals, corner_uvs: (F, 3) int64, -1 for none.
-    materials: (F,) int64 into names; names[0] is "" (none yet). groups: (F,) into group_names, likewise. flat: (F,) bool, where
-    smoothing is off. libraries: the mtllib lines, as written. notices: what was left out, in lines without the file's name.
+    materials: (F,) int64 into names; names[0] is "" (none). groups: (F,) into group_names, likewise. flat: (F,) bool, True where
+    smoothing is off. libraries: the mtllib lines, as written. notices: omissions, in lines without the file's name.
     """
 
     positions: np.ndarray
@@ -49,19 +49,19 @@ class Shape:
 
 
 def load_obj(path: Path, strict: bool = True) -> Shape:
-    """The triangles of the file at `path`, in file order; convex polygons become fans about their first corner.
+    """Read the triangles of the file at `path`, in file order; convex polygons become fans about their first corner.
 
-    Reads `v`, `vn`, `vt`, `f` with corners a, a/t, a//n, a/t/n (negative indices count back from the last one above the face),
-    `usemtl`, `mtllib`, `o`, `g` and `s`; other lines are ignored. Raises InputError for a file that is missing, empty or no text.
-    strict: and, with file and line, for a malformed line, corners of several kinds in a face, and an index that is 0 or beyond
-    what the file has. Otherwise what is malformed is left out, and notices count it; encodings are any, `v` has colours.
+    Commands are `v`, `vn`, `vt`, `f` with corners a, a/t, a//n, a/t/n (negative indices count back from the face), `usemtl`,
+    `mtllib`, `o`, `g` and `s`; other lines are ignored. Raises InputError for a file that is missing, empty or not text.
+    strict: also, with file and line, for a malformed line, corners of several kinds in a face, and invalid indices. Otherwise
+    malformed lines are left out with a notice, any encoding is accepted, and `v` may have colours.
     """
     lines = find_lines(path, text_bytes(path, strict, MOST_GEOMETRY))
     others = np.flatnonzero(lines.kind == OTHER)
     spans = zip(lines.start[others].tolist(), lines.end[others].tolist(), strict=True)
     words = [lines.data[a:b].split(None, 1) for a, b in spans]
     if len(others) == len(lines.kind) and words and not {decoded(word[0]) for word in words} & _OTHER_WORDS:
-        raise InputError("no line of this file is OBJ; expected 'v', 'vn' and 'f' lines", path)
+        raise InputError("no line of this file is an OBJ command; expected 'v', 'vn' and 'f' lines", path)
     remarks: list[str] = []
     vertices = _vectors(lines, VERTEX, (3, 4, 6, 7), strict, remarks)
     normals = _vectors(lines, NORMAL, (3,), strict, remarks)[:, :3]
@@ -76,7 +76,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     line = faces.lines[polygon]
     table = _State(others, words)
     if not strict:
-        table.tell(remarks)
+        table.report_not_shown(remarks)
     names, materials = table.names(b"usemtl", line)
     group_names, groups = table.names(b"g o", line)
     corners, corner_uvs, corner_normals = (np.ascontiguousarray(faces.corners[:, i])[at] for i in range(3))
@@ -84,7 +84,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
         np.nan_to_num(positions),
         None if strict else _colors(vertices),
         np.nan_to_num(normals, posinf=0.0, neginf=0.0),
-        _downward(coordinates),
+        _uvs_from_top(coordinates),
         corners,
         corner_normals,
         corner_uvs,
@@ -93,15 +93,15 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
         table.flat(line),
         names,
         group_names,
-        tuple(decoded(words[i][1]).strip() for i in table.which(b"mtllib") if len(words[i]) > 1),
+        tuple(decoded(words[i][1]).strip() for i in table.lines_of(b"mtllib") if len(words[i]) > 1),
         tuple(remarks),
     )
 
 
 def _vectors(lines: Lines, kind: int, counts: tuple[int, ...], strict: bool, remarks: list[str]) -> np.ndarray:
-    """(N, 3 or more) float64: the numbers of each line of one kind, in file order; NaN where none is written.
+    """Return (N, 3 or more) float64: the numbers of each line of one kind, in file order; NaN for missing ones.
 
-    The first three are NaN in lines that can't be read, which raise InputError if `strict`; otherwise a remark counts them.
+    The first three are NaN in invalid lines, which raise InputError if `strict`; otherwise a remark counts them.
     """
     text = block(lines, np.flatnonzero(lines.kind == kind))
     values, least = floats(text.code.tobytes(), len(text.word)), counts[0]
@@ -118,7 +118,7 @@ def _vectors(lines: Lines, kind: int, counts: tuple[int, ...], strict: bool, rem
         bad |= ~np.isin(text.count, counts) if strict else (np.abs(table[:, :least]) > GREATEST).any(1)
     if bad.any():
         first = text.lines[np.argmax(bad)]
-        reason = _explain(lines, first, counts if strict else (), kind)
+        reason = _number_error(lines, first, counts if strict else (), kind)
         if strict:
             raise InputError(reason, lines.path, lines.number(first))
         remarks.append(_counted(int(bad.sum()), f"'{_USAGE[kind].split()[0]}' line", f"line {lines.number(first)}: {reason}"))
@@ -131,8 +131,8 @@ def _counted(count: int, what: str, first: str) -> str:
     return f"{count} {what}{'s' * (count > 1)} can't be read and {'are' if count > 1 else 'is'} left out; the first is {first}"
 
 
-def _explain(lines: Lines, line: int, counts: tuple[int, ...], kind: int) -> str:
-    """What is wrong with the numbers in the `line`-th line."""
+def _number_error(lines: Lines, line: int, counts: tuple[int, ...], kind: int) -> str:
+    """Return the error in the numbers of the `line`-th line."""
     usage, args = _USAGE[kind], lines.words(line)
     if (counts and len(args) not in counts) or len(args) < (1 if kind == COORDINATE else 3):
         return f"'{usage.split()[0]}' has {len(args)} values; expected: {usage}"
@@ -145,7 +145,7 @@ def _explain(lines: Lines, line: int, counts: tuple[int, ...], kind: int) -> str
 
 
 def _without_bad_vertices(lines: Lines, faces: Faces, positions: np.ndarray, remarks: list[str]) -> Faces:
-    """The faces whose vertices could be read; remarks tell of the others, and of those that were no faces at all."""
+    """Return the faces with valid vertices; remarks count the others, and the invalid lines."""
     broken = np.isnan(positions[:, 0])
     lost = np.zeros(0, int)
     if broken.any() and len(faces.corners):
@@ -160,62 +160,64 @@ def _without_bad_vertices(lines: Lines, faces: Faces, positions: np.ndarray, rem
         reason = "one of its vertices can't be read" if first in lost else explain_face(lines, int(first))
         remarks.append(_counted(len(all_lost), "face", f"line {lines.number(first)}: {reason}"))
     if faces.loose:
-        remarks.append(f"{faces.loose} corners refer to texture coordinates or normals that are not there; they go without")
+        remarks.append(
+            f"{faces.loose} corners refer to texture coordinates or normals that do not exist, and are read without these"
+        )
     return faces
 
 
 def _colors(vertices: np.ndarray) -> np.ndarray | None:
-    """(V, 3) linear colours of those behind the positions, sRGB in 0..1 or 0..255; white where one has none; None: none has."""
+    """Return (V, 3) linear colours from sRGB in 0..1 or 0..255 after the positions, white if missing; None for none at all."""
     if vertices.shape[1] < 6:
         return None
     rgb = vertices[:, 3:6]
     there = np.isfinite(rgb).all(1)
     if not there.any() or rgb[there].min() < 0.0 or rgb[there].max() > 255.0:
-        return None  # normals, or what else some programs write there
+        return None  # normals, or other data of some programs
     scale = 255.0 if rgb[there].max() > 2.0 else 1.0
     colors = np.ones((len(vertices), 3))
     colors[there] = linear_from_srgb(np.minimum(rgb[there] / scale, 1.0))
     return None if (colors == 1.0).all() else colors
 
 
-def _downward(coordinates: np.ndarray) -> np.ndarray:
-    """(T, 2) texture coordinates with v downward from the image's top; 0 where none is written."""
+def _uvs_from_top(coordinates: np.ndarray) -> np.ndarray:
+    """Return (T, 2) texture coordinates with v downward from the image's top; 0 for missing ones."""
     out: np.ndarray = np.nan_to_num(coordinates[:, :2], posinf=0.0, neginf=0.0)
     out[:, 1] = 1.0 - out[:, 1]
     return out
 
 
 class _State:
-    """What the lines between the faces say, in file order: `lines` (K,) are their numbers, `words` keyword and rest."""
+    """State lines between the faces, in file order: `lines` (K,) are their numbers, `words` keyword and rest."""
 
     def __init__(self, lines: np.ndarray, words: list[list[bytes]]) -> None:
         self.lines, self.words = lines, words
         self.keys = [word[0] for word in words]
 
-    def which(self, keys: bytes) -> list[int]:
-        """Those that begin with one of the words in `keys`."""
+    def lines_of(self, keys: bytes) -> list[int]:
+        """Return the lines with one of the keywords in `keys`."""
         wanted = set(keys.split())
         return [i for i, key in enumerate(self.keys) if key in wanted]
 
     def names(self, keys: bytes, line: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """The different names that such lines give, "" first, and which of them holds in each of the lines (F,)."""
-        which = self.which(keys)
+        """Return the distinct names in these lines, "" first, and the name in effect at each of the lines (F,)."""
+        lines_of = self.lines_of(keys)
         number: dict[bytes, int] = {b"": 0}
         index = [0]
-        for i in which:
+        for i in lines_of:
             word = self.words[i]
             index.append(number.setdefault(b" ".join(word[1].split()) if len(word) > 1 else b"", len(number)))
         names = tuple(decoded(name) for name in number)
-        return names, np.array(index)[np.searchsorted(self.lines[which], line)]
+        return names, np.array(index)[np.searchsorted(self.lines[lines_of], line)]
 
     def flat(self, line: np.ndarray) -> np.ndarray:
-        """(F,) bool: whether smoothing is off in each of these lines."""
-        which = self.which(b"s")
-        off = [False, *(len(self.words[i]) > 1 and self.words[i][1].strip().lower() in (b"off", b"0") for i in which)]
-        return np.array(off)[np.searchsorted(self.lines[which], line)]
+        """Return (F,) bool: True where smoothing is off at these lines."""
+        lines_of = self.lines_of(b"s")
+        off = [False, *(len(self.words[i]) > 1 and self.words[i][1].strip().lower() in (b"off", b"0") for i in lines_of)]
+        return np.array(off)[np.searchsorted(self.lines[lines_of], line)]
 
-    def tell(self, remarks: list[str]) -> None:
-        """Adds one remark on what is not shown."""
+    def report_not_shown(self, remarks: list[str]) -> None:
+        """Add one remark on elements that are not shown."""
         found = Counter(_NOT_SHOWN[key.decode("latin-1")] for key in self.keys if key.decode("latin-1") in _NOT_SHOWN)
         if found:
             remarks.append(f"{' and '.join(f'{count} {what}' for what, count in found.items())} are not shown; only faces are")

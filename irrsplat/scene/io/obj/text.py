@@ -1,4 +1,4 @@
-"""Finds the lines of an `.obj` file by kind, and reads the numbers of all lines of a kind at once."""
+"""Line index of `.obj` files by kind, and parsing of the numbers of all lines of a kind at once."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 VERTEX, NORMAL, COORDINATE, FACE, OTHER = range(5)
 KEYWORDS = (b"v", b"vn", b"vt", b"f")
-_DEEPEST = 64  # characters of indentation that are skipped for all lines at once
+_MOST_INDENTATION = 64  # characters of indentation that are skipped for all lines together
 _BLANKS = bytes(c if c > 32 else 32 for c in range(256))  # every control character is a blank
 
 
 @dataclass(frozen=True)
 class Lines:
-    """The bytes of a file and, for each line that is neither blank nor a comment: first letter, end, and kind."""
+    """The bytes of a file and, for each line that is neither blank nor a comment, its first letter, end and kind."""
 
     path: Path
     data: bytes
@@ -26,18 +26,18 @@ class Lines:
     kind: np.ndarray
 
     def number(self, line: int | np.integer) -> int:
-        """The place in the file, from 1, of the `line`-th of these lines."""
-        at = int(self.start[line])  # a continued line, whose break has become a \v, counts as several
+        """Return the line number in the file, from 1, of the `line`-th of these lines."""
+        at = int(self.start[line])  # a continued line, whose break is now a \v, counts as several
         return self.data.count(b"\n", 0, at) + self.data.count(b"\v", 0, at) + 1
 
     def words(self, line: int | np.integer) -> list[str]:
-        """The words after the keyword of the `line`-th of these lines, without a comment behind them."""
+        """Return the words after the keyword of the `line`-th of these lines, without comments."""
         text = self.data[self.start[line] : self.end[line]].split(b"#", 1)[0]
         return [decoded(word) for word in text.split()[1:]]
 
 
 def decoded(text: bytes) -> str:
-    """`text` as UTF-8, else as Windows' western encoding; bytes that mean nothing there stay as Latin-1's."""
+    """Return `text` decoded as UTF-8, else as Windows-1252, with Latin-1 for undefined bytes."""
     try:
         return text.decode()
     except UnicodeDecodeError:
@@ -48,15 +48,15 @@ _CP1252 = [bytes([byte]).decode("cp1252", "ignore") or chr(byte) for byte in ran
 
 
 def find_lines(path: Path, data: bytes) -> Lines:
-    """The lines of `data`, the text of the file at `path`, whose lines end by ``\\n``."""
+    """Return the lines of `data`, the text of the file at `path`, with line ends ``\\n``."""
     if b"\\\n" in data:
         data = data.replace(b"\\\n", b" \v")
-    data += b"\n\n\n"  # so that a look at three letters never leaves it
+    data += b"\n\n\n"  # allows access to three letters from any start
     code = np.frombuffer(data, np.uint8)
     end = np.flatnonzero(code == 10)
     start = np.concatenate([[0], end[:-1] + 1])
     indented = np.flatnonzero((code[start] <= 32) & (start < end))
-    for _ in range(_DEEPEST):
+    for _ in range(_MOST_INDENTATION):
         if not len(indented):
             break
         start[indented] += 1
@@ -78,10 +78,10 @@ def find_lines(path: Path, data: bytes) -> Lines:
 
 @dataclass(frozen=True)
 class Block:
-    """The text of some lines of one kind, without their keyword; comments are blank.
+    """The text of some lines of one kind, without keywords; comments are blank.
 
-    lines: (L,) their numbers among all. code: (B,) uint8. offset: (L,) where each begins in it. word: (W,) where each word
-    begins. first, count: (L,) each line's first word, and how many it has.
+    lines: (L,) their numbers. code: (B,) uint8. offset: (L,) start of each in it. word: (W,) start of each word.
+    first, count: (L,) each line's first word and number of words.
     """
 
     lines: np.ndarray
@@ -93,10 +93,10 @@ class Block:
 
 
 def block(lines: Lines, which: np.ndarray) -> Block:
-    """The lines that `which`, ascending indices of lines of one kind, picks."""
+    """Return the lines `which`, ascending indices of lines of one kind."""
     start, end = lines.start[which], lines.end[which]
-    apart = np.flatnonzero(start[1:] != end[:-1] + 1)  # neighbours are copied as one
-    runs = zip(start[np.append(0, apart + 1)].tolist(), end[np.append(apart, -1)].tolist(), strict=True) if len(which) else ()
+    gaps = np.flatnonzero(start[1:] != end[:-1] + 1)  # neighbours are copied together
+    runs = zip(start[np.append(0, gaps + 1)].tolist(), end[np.append(gaps, -1)].tolist(), strict=True) if len(which) else ()
     text = b"".join([lines.data[a : b + 1] for a, b in runs])
     if b"#" in text:
         text = re.sub(rb"#[^\n]*", lambda comment: b" " * len(comment[0]), text)
@@ -113,9 +113,9 @@ def block(lines: Lines, which: np.ndarray) -> Block:
 
 
 def floats(text: bytes, count: int) -> np.ndarray:
-    """(count,) float64: what each word of `text` spells, as Python's `float` reads it; NaN for what is no number.
+    """Return (count,) float64: the words of `text` as Python's `float` reads them; NaN for invalid ones.
 
-    Words are what control characters and blanks part.
+    Control characters and blanks separate words.
     """
     values = _read(text, np.float64, count)
     if values is not None:
@@ -125,20 +125,20 @@ def floats(text: bytes, count: int) -> np.ndarray:
 
 
 def integers(text: bytes, count: int) -> np.ndarray | None:
-    """(count,) int64: the numbers in `text`, blanks between them; None where they are not as many, or something else is there."""
+    """Return (count,) int64: the numbers in `text`, separated by blanks; None for another count or other words."""
     return _read(text, np.int64, count)
 
 
 def _read(text: bytes, kind: type[np.float64] | type[np.int64], count: int) -> np.ndarray | None:
-    if text.isspace():  # numpy takes blanks for a number
+    if text.isspace():  # numpy parses blanks as a number
         return None if count else np.zeros(0, kind)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # it stops, and warns, at the first that is no number
+        warnings.simplefilter("ignore", DeprecationWarning)  # it stops, with a warning, at the first invalid word
         try:
             values = np.fromstring(text, kind, sep=" ")
         except ValueError:
             return None
-    return values if len(values) == count else None  # 1.2.3 gives two: so none has failed where there is one for each word
+    return values if len(values) == count else None  # 1.2.3 gives two: the count shows any invalid word
 
 
 def _float(word: bytes) -> float:

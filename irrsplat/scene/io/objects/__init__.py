@@ -1,1 +1,1 @@
-"""Scenes from what programs hold in memory: NumPy arrays (arrays), trimesh's meshes and scenes, and Mitsuba's scenes."""
+"""Scenes from objects in memory: NumPy arrays (arrays), trimesh's meshes and scenes, and Mitsuba's scenes."""

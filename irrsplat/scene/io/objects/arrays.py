@@ -1,4 +1,4 @@
-"""Meshes and scenes from NumPy arrays, completed as those from files are."""
+"""Meshes and scenes from NumPy arrays, with the same stand-ins as those from files."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.defaults import FarAway, finish
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
@@ -40,16 +41,16 @@ def make_mesh(
     crease_angle: float = CREASE_ANGLE,
     name: str = "",
 ) -> Mesh:
-    """A Mesh of triangles for `make_scene`.
+    """Return a Mesh of triangles for `make_scene`.
 
-    vertices: (V, 3), metres. faces: (F, 3) whole numbers, rows of vertices, counter-clockwise seen from outside. material: grey
+    vertices: (V, 3), metres. faces: (F, 3) integers, rows of vertices, counter-clockwise seen from outside. material: grey
     of reflectance 0.5, if None. normals: (V, 3), of any length; None: edges between triangles that meet at less than
     `crease_angle` (degrees, 0..180) are smooth. colors: (V, 3) linear reflectance in place of the material's albedo. uvs: (V, 2),
     from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4), affine, world from vertices.
     name: for `Renderer.move` and messages. Triangles without an area are left out.
-    Raises InputError for arrays that do not belong together, numbers that are not finite, and a singular transform.
+    Raises InputError for arrays of different lengths, numbers that are not finite, and a singular transform.
     """
-    LoadOptions(crease_angle=crease_angle)  # which checks it
+    LoadOptions(crease_angle=crease_angle)  # for its check
     said = f"of mesh {name!r:.60}" if name else "of a mesh"
     points = _rows(f"the vertices {said}", vertices, 3)
     corners = _faces(f"the faces {said}", faces, len(points))
@@ -64,7 +65,8 @@ def make_mesh(
         uvs=None if uvs is None else np.tile(_rows(f"the uvs {said}", uvs, 2, len(points)), 2),
     )
     check_type(f"the material {said}", part.material, Material)
-    return smoothed(part, crease_angle).mesh(Path(name or "mesh"), (0.0, 0.0, 0.0))[0]
+    (built,) = build_meshes([smoothed(part, crease_angle)])
+    return built.mesh_or_error(Path(name or "mesh"))
 
 
 def make_scene(
@@ -76,13 +78,12 @@ def make_scene(
     up: Up = "y",
     name: str = "scene",
 ) -> Scene:
-    """A Scene of `meshes`, as `irrsplat.load` gives one of a file.
+    """Return a Scene of `meshes`, as `irrsplat.load` does for a file.
 
-    sky: (3,) radiance, the same all around; (H, W, 3) radiance of an equirectangular map, top row first, with north in its
-    middle; or a text as the option `sky` of `irrsplat.load`. up: which axis points up. Where there is no light at all, a sky and
-    a key light stand in, and where there is no camera, one that sees the scene; Scene.notices say so. Nothing is added to light
-    that is there.
-    Raises InputError for meshes without a triangle, and for anything of another kind.
+    sky: (3,) uniform radiance; (H, W, 3) radiance of an equirectangular map, top row first, with north in its middle; or a text
+    as the option `sky` of `irrsplat.load`. up: the vertical axis. A sky and a key light stand in for missing light, and a camera
+    that sees the scene for a missing camera, with Scene.notices. Existing light is never supplemented. Raises InputError for
+    meshes without a triangle, and for values of another kind.
     """
     meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
     for mesh in meshes:
@@ -101,9 +102,9 @@ def completed(
     dropped: int = 0,
     origin: Vector = (0.0, 0.0, 0.0),
 ) -> Scene:
-    """The Scene of these parts, the meshes relative to `origin`, with stand-ins where there is no light or no camera.
+    """Return the Scene of these parts, with meshes relative to `origin`, and stand-ins for missing light or camera.
 
-    Raises InputError where there are no triangles. Of a scene far from 0 0 0 the meshes become relative to an origin near by.
+    Raises InputError for a scene without triangles. Meshes far from 0 0 0 become relative to a nearby origin.
     """
     if up not in ("x", "y", "z"):
         raise InputError(f"up is one of x, y, z, not {up!r:.60}")
@@ -120,7 +121,7 @@ def completed(
 
 
 def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
-    """The sky that a caller has given as a text, as a radiance (3,) or as a map (H, W, 3); raises InputError for others."""
+    """Return the sky of a text, a radiance (3,) or a map (H, W, 3); raise InputError for other values."""
     if sky is None:
         return None
     if isinstance(sky, str):
@@ -140,7 +141,7 @@ def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
 
 
 def sky_map(radiance: np.ndarray) -> Environment:
-    """The Environment of an equirectangular map (H, W, 3) of radiance, its suns apart; of too many rows, means of 2×2 texels."""
+    """Return the Environment of an equirectangular map (H, W, 3) of radiance, without its suns; large maps are halved."""
     while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
         height, width = radiance.shape[:2]
         radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
@@ -150,7 +151,7 @@ def sky_map(radiance: np.ndarray) -> Environment:
 
 
 def smoothed(part: Part, crease_angle: float) -> Part:
-    """The part with normals by the crease angle where it has none; with an angle of 0 each triangle keeps its own."""
+    """Return the part with normals by the crease angle if it has none; with an angle of 0 normals are those of faces."""
     if part.normals is not None or crease_angle <= 0.0 or not len(part.corners):
         return part
     normals, corner_normals = crease_normals(part.positions, part.corners, crease_angle)
@@ -158,7 +159,7 @@ def smoothed(part: Part, crease_angle: float) -> Part:
 
 
 def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = None) -> np.ndarray:
-    """A caller's (rows, columns) float64; raises InputError, which calls them `what`, for anything else."""
+    """Return a caller's (rows, columns) float64; raise InputError, with the name `what`, for other values."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
@@ -173,7 +174,7 @@ def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = Non
 
 
 def _faces(what: str, values: npt.ArrayLike, count: int) -> np.ndarray:
-    """A caller's faces (F, 3) int64 into `count` vertices; raises InputError for anything else."""
+    """Return a caller's faces (F, 3) int64 into `count` vertices; raise InputError for other values."""
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
@@ -181,5 +182,5 @@ def _faces(what: str, values: npt.ArrayLike, count: int) -> np.ndarray:
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InputError(f"{what} are an array (F, 3) of whole numbers, not of shape {array.shape} of {array.dtype}")
     if array.size and not 0 <= array.min() <= array.max() < count:
-        raise InputError(f"{what} refer to vertices that are not there; expected 0 to {count - 1}")
+        raise InputError(f"{what} refer to vertices that do not exist; expected 0 to {count - 1}")
     return array.astype(np.int64)

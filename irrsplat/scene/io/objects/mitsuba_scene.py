@@ -1,6 +1,6 @@
-"""Scenes from Mitsuba 3: its shapes with the diffuse part of their BSDFs, its emitters and its perspective cameras.
+"""Scenes from Mitsuba 3: shapes with the diffuse part of their BSDFs, emitters and perspective cameras.
 
-A loaded scene is read through `mitsuba.traverse`, so that files, dicts and scenes that a program has changed take one way.
+Loaded scenes are read through `mitsuba.traverse`, so that files, dicts and scenes changed by programs have one path.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from irrsplat.sky.sky_text import Sky
 if TYPE_CHECKING:
     import mitsuba
 
-_VARIANT = "scalar_rgb"  # in which files and dicts are loaded where no RGB variant is set
+_VARIANT = "scalar_rgb"  # for files and dicts, if no RGB variant is set
 
 
 def from_mitsuba(
     source: mitsuba.Scene | Mapping[str, Any] | str | os.PathLike[str], *, up: Up = "y", name: str = "scene"
 ) -> Scene:
-    """The Scene of a Mitsuba 3 scene: a mitsuba.Scene, what `mitsuba.load_dict` takes, or the path of an XML file.
+    """Return the Scene of a Mitsuba 3 scene: a mitsuba.Scene, an argument of `mitsuba.load_dict`, or the path of an XML file.
 
-    Read are meshes, rectangles, disks, spheres and cylinders; diffuse BSDFs, also two-sided, with bitmaps and checkerboards, and
-    of others the diffuse part or a stand-in; emitters area, point, spot, directional, constant and envmap; perspective cameras.
-    An area emitter shines from its front alone, as in Mitsuba. What is not supported is left out, or shown otherwise, and told in
-    Scene.notices. A file reads whatever files it names. up: which axis points up, for stand-ins as `make_scene` has them.
-    Needs the extra: pip install 'irrsplat[reference]'. Raises InputError for a scene of a variant without RGB, and for one that
-    Mitsuba cannot load; IrrsplatError without Mitsuba.
+    Supported are meshes, rectangles, disks, spheres and cylinders; diffuse BSDFs, also two-sided, with bitmaps and checkerboards,
+    and the diffuse part of others or a stand-in; emitters area, point, spot, directional, constant and envmap; perspective
+    cameras. An area emitter emits from its front only, as in Mitsuba. Unsupported parts are left out or replaced, with
+    Scene.notices. A file may refer to any other files. up: the vertical axis, as for `make_scene`. Needs the extra: pip install
+    'irrsplat[reference]'. Raises InputError for a variant without RGB, and for a scene that Mitsuba cannot load; IrrsplatError
+    without Mitsuba.
     """
     try:
         import mitsuba
@@ -52,7 +52,7 @@ def from_mitsuba(
 
 @contextmanager
 def _rgb(mitsuba: Any) -> Iterator[None]:
-    """A `with` block in which an RGB variant is set; the one that was set is set again behind it."""
+    """A `with` block with an RGB variant, which restores the former variant."""
     before = mitsuba.variant()
     if before is None or "rgb" not in before:
         mitsuba.set_variant(_VARIANT)
@@ -64,7 +64,7 @@ def _rgb(mitsuba: Any) -> Iterator[None]:
 
 
 def _loaded(mitsuba: Any, source: Any) -> Any:
-    """The mitsuba.Scene of a caller's source."""
+    """Return the mitsuba.Scene of a caller's source."""
     if isinstance(source, (str, os.PathLike)):
         if not os.path.isfile(source):
             raise InputError("there is no such file", source)
@@ -83,19 +83,19 @@ def _loaded(mitsuba: Any, source: Any) -> Any:
             f"Mitsuba cannot load it: {' '.join(lines)[:200]}", source if isinstance(source, (str, os.PathLike)) else None
         ) from None
     if not hasattr(found, "shapes"):
-        raise InputError(f"this is no scene of Mitsuba's, but {type(found).__name__}; give one of type 'scene'")
+        raise InputError(f"this is not a Mitsuba scene, but {type(found).__name__}; give one of type 'scene'")
     return found
 
 
 class _Reader:
-    """Reads one mitsuba.Scene."""
+    """Conversion of one mitsuba.Scene."""
 
     def __init__(self, mitsuba: Any, source: Any, name: str) -> None:
         self.mitsuba, self.source, self.name = mitsuba, source, name
         self.remarks = Remarks(name)
 
     def scene(self, up: Up) -> Scene:
-        """The whole scene."""
+        """Return the whole scene."""
         if not isinstance(self.source, self.mitsuba.Scene):  # each variant has classes of its own
             raise InputError("this scene is not of the RGB variant that is set; load it after mitsuba.set_variant('scalar_rgb')")
         surfaces = Surfaces(self.mitsuba, self.remarks)
@@ -131,14 +131,14 @@ class _Reader:
         yield Camera(three(eye), three(eye + forward), three(up), math.degrees(2.0 * math.atan(half)), named)
 
     def _lights(self) -> tuple[list[Light], Sky | None, np.ndarray | None]:
-        """The lights, the sky, and the axes of a sky that is a map."""
+        """Return the lights, the sky, and the axes of an environment map."""
         lights: list[Light] = []
         sky, turned = None, None
         for emitter in self.source.emitters():
             kind, values = emitter.class_name(), values_of(self.mitsuba, emitter)
             named = str(emitter.id())
             if kind == "AreaLight":
-                continue  # a shape's, which has it
+                continue  # belongs to a shape
             if kind == "PointLight":
                 lights.append(
                     Light(three(numbers(values["position"])), self._strength(values, "intensity"), physical=True, name=named)
@@ -174,12 +174,12 @@ class _Reader:
         )
 
     def _map(self, values: Mapping[str, Any]) -> tuple[Sky, np.ndarray]:
-        """The sky of an environment map, and its axes.
+        """Return the sky of an environment map, and its axes.
 
         Mitsuba's map has its middle at +z of the emitter and goes round towards −x; ours has −z (north) and +x (east) there.
         """
         data = np.array(values["data"], np.float32)[..., :3]
-        data = data[:, :-1]  # Mitsuba repeats the first column behind the last one
+        data = data[:, :-1]  # Mitsuba repeats the first column after the last one
         scale = float(numbers(values.get("scale", 1.0))[0])
         rotation = _matrix(values["to_world"])[:3, :3]
         rotation = rotation / np.linalg.norm(rotation, axis=0)
@@ -195,15 +195,15 @@ class _Reader:
 
 
 def _angle(values: Mapping[str, Any], text: str, key: str) -> float:
-    """An angle of a spot in degrees; Mitsuba before 3.8 only prints it, in radians."""
+    """Return an angle of a spot in degrees; Mitsuba before 3.8 only prints it, in radians."""
     if key in values:
         return float(numbers(values[key])[0])
     found = re.search(rf"{key} = ([\d.e+-]+)", text)
     if found is None:
-        raise InputError(f"this version of Mitsuba does not tell the {key} of a spot; pip install -U mitsuba")
+        raise InputError(f"this version of Mitsuba does not expose the {key} of a spot; pip install -U mitsuba")
     return math.degrees(float(found[1]))
 
 
 def _matrix(transform: Any) -> np.ndarray:
-    """(4, 4) of a transform of Mitsuba's."""
+    """Return (4, 4) of a Mitsuba transform."""
     return np.array(transform.matrix, float).reshape(4, 4)

@@ -13,50 +13,50 @@ import numpy as np
 
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.vectors import unit
-from irrsplat.scene.io.mesh_builder import welded
+from irrsplat.scene.io.mesh_builder import build_meshes, welded
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Image, Material, Mesh, Texture
 
-_DIFFUSE = ("reflectance", "diffuse_reflectance", "base_color")  # what BSDFs call their diffuse part
+_DIFFUSE = ("reflectance", "diffuse_reflectance", "base_color")  # names of the diffuse part of BSDFs
 _CLEAR = ("SmoothDielectric", "ThinDielectric", "RoughDielectric")
 _DIFFUSE_BSDF, _MASK, _TWO_SIDED = "SmoothDiffuse", "MaskBSDF", "TwoSidedBRDF"
-_BACKING = 5e-4  # of the scene's diagonal: how far behind an open emitter lies what keeps its back dark
+_BACKING = 5e-4  # of the scene's diagonal: distance of the black backing behind an open emitter
 _ROUND = 64  # corners of a circle
 
 
 @dataclass
 class Remarks:
-    """What is not shown as Mitsuba does, a line each, none twice."""
+    """Notices on differences to Mitsuba, without duplicates."""
 
     name: str
     lines: list[str] = field(default_factory=list)
 
     def add(self, words: str) -> None:
-        """Remember a remark."""
+        """Add a remark."""
         line = f"{self.name}: {words}"
         if line not in self.lines:
             self.lines.append(line)
 
 
 def values_of(mitsuba: Any, thing: Any) -> dict[str, Any]:
-    """The parameters of a Mitsuba object by name."""
+    """Return the parameters of a Mitsuba object by name."""
     parameters = mitsuba.traverse(thing)
     return {key: parameters[key] for key in parameters.keys()}  # noqa: SIM118  # it is no dict
 
 
 def numbers(value: Any) -> np.ndarray:
-    """(N,) float64 of a number, vector or array of any variant."""
+    """Return (N,) float64 of a number, vector or array of any variant."""
     return np.array(value, float).reshape(-1)
 
 
 def three(values: np.ndarray) -> tuple[float, float, float]:
-    """Three numbers as a tuple."""
+    """Return three numbers as a tuple."""
     x, y, z = np.asarray(values, float).tolist()
     return x, y, z
 
 
 def color(values: Mapping[str, Any], key: str) -> tuple[float, float, float] | None:
-    """The uniform colour called `key`, not below 0; None where it is none."""
+    """Return the uniform colour called `key`, at least 0; None for other values."""
     if f"{key}.value" not in values:
         return None
     found = np.maximum(numbers(values[f"{key}.value"]), 0.0)
@@ -64,16 +64,16 @@ def color(values: Mapping[str, Any], key: str) -> tuple[float, float, float] | N
 
 
 class Surfaces:
-    """Reads shapes; what is not shown as Mitsuba does goes to `remarks`."""
+    """Conversion of shapes; differences to Mitsuba go to `remarks`."""
 
     def __init__(self, mitsuba: Any, remarks: Remarks) -> None:
         self.mitsuba, self.remarks = mitsuba, remarks
         self._images: dict[bytes, Image] = {}
 
     def meshes(self, shapes: Iterable[Any], diagonal: float) -> tuple[list[Mesh], int]:
-        """The meshes of the shapes, and how many degenerate triangles were left out. diagonal: of the whole scene.
+        """Return the meshes of the shapes, and the number of dropped degenerate triangles. diagonal: of the whole scene.
 
-        They are ordered by name and content: Mitsuba's own order differs from load to load, and records must not.
+        They are sorted by name and content, because Mitsuba's order varies from load to load, and records must not.
         """
         found: list[list[Mesh]] = []
         dropped = 0
@@ -82,8 +82,9 @@ class Surfaces:
             if part is None:
                 continue
             material = self._material(shape)
-            mesh, lost = replace(part, material=material).mesh(Path(part.name or self.remarks.name), (0.0, 0.0, 0.0))
-            dropped += lost
+            (built,) = build_meshes([replace(part, material=material)])
+            mesh = built.mesh_or_error(Path(part.name or self.remarks.name))
+            dropped += built.dropped
             lit = any(material.emission) and len(mesh.faces)
             found.append([mesh, *(self._backing(shape, mesh, diagonal) if lit else [])])
         found.sort(key=lambda meshes: _content(meshes[0]))
@@ -92,7 +93,7 @@ class Surfaces:
     # ---- shapes ------------------------------------------------------------------------------------------------------
 
     def _part(self, shape: Any) -> Part | None:
-        """The triangles of a shape in world space; None where it has none."""
+        """Return the triangles of a shape in world space; None if unsupported."""
         kind, name = shape.class_name(), str(shape.id())
         name = "" if name.startswith(("__", "object_")) else name
         if shape.is_mesh() and hasattr(shape, "vertex_positions_buffer"):
@@ -105,8 +106,11 @@ class Surfaces:
         return replace(canonical(), name=name, matrix=np.array(values["to_world"].matrix, float).reshape(4, 4))
 
     def _backing(self, shape: Any, mesh: Mesh, diagonal: float) -> list[Mesh]:
-        """What keeps the back of an emitter dark, which Mitsuba's area emitters do not light: the same triangles a little behind
-        it, and walls along its rim, black. Nothing for a closed emitter that shines outward."""
+        """Return a black backing for an emitter, because Mitsuba's area emitters do not light their back.
+
+        It consists of the same triangles a little behind, and walls along the rim. A closed emitter with outward front needs
+        none.
+        """
         corners = mesh.positions[mesh.faces].astype(float)
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         point = self._sample(shape)
@@ -128,17 +132,17 @@ class Surfaces:
         part = Part(
             np.concatenate([front, behind]), corners_of, material=Material((0.0, 0.0, 0.0)), name=f"{mesh.name} back".strip()
         )
-        return [part.mesh(Path(part.name), (0.0, 0.0, 0.0))[0]]
+        return [built.mesh_or_error(Path(part.name)) for built in build_meshes([part])]
 
     def _sample(self, shape: Any) -> tuple[np.ndarray, np.ndarray]:
-        """A point of a shape, and the direction in which its front faces there."""
+        """Return a point of a shape, and its normal there."""
         found = shape.sample_position(self.mitsuba.Float(0.0), self.mitsuba.Point2f(0.4, 0.3))
         return numbers(found.p), numbers(found.n)
 
     # ---- materials ---------------------------------------------------------------------------------------------------
 
     def _material(self, shape: Any) -> Material:
-        """A shape's BSDF and emission."""
+        """Return a shape's BSDF and emission."""
         bsdf = shape.bsdf()
         material = Material() if bsdf is None else self._reflection(bsdf)
         if not shape.is_emitter():
@@ -160,7 +164,7 @@ class Surfaces:
         return replace(material, emission=(1.0, 1.0, 1.0))
 
     def _reflection(self, bsdf: Any) -> Material:
-        """The diffuse part of a BSDF."""
+        """Return the diffuse part of a BSDF."""
         kind, values, text = bsdf.class_name(), values_of(self.mitsuba, bsdf), str(bsdf)
         if kind in _CLEAR:
             self.remarks.add(f"the BSDF {kind} is shown as clear glass, without refraction and reflection")
@@ -179,20 +183,20 @@ class Surfaces:
         return material
 
     def _cut_out(self, material: Material, opacity: np.ndarray, to_uv: Any) -> Material:
-        """The material with the opacities (H, W) of a mask, in the alpha of its texture."""
-        worn, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
-        if worn is not None and worn.transform != given.transform:
-            self.remarks.add("a mask that does not lie as the texture below it is shown by its mean")
+        """Return the material with the opacities (H, W) of a mask, in the alpha of its texture."""
+        below, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
+        if below is not None and below.transform != given.transform:
+            self.remarks.add("a mask with another mapping than the texture below it is shown by its mean")
             mean = float(opacity.mean())
             return replace(material, opacity=mean, alpha_mode="blend" if mean < 1.0 else "opaque")
-        pixels = np.full((1, 1, 4), 255, np.uint8) if worn is None else worn.image.pixels
+        pixels = np.full((1, 1, 4), 255, np.uint8) if below is None else below.image.pixels
         height, width = np.maximum(pixels.shape[:2], opacity.shape)
         rows, columns = np.arange(height), np.arange(width)[None]
         pixels = pixels[(rows * len(pixels) // height)[:, None], columns * pixels.shape[1] // width].copy()
         alpha = opacity[(rows * len(opacity) // height)[:, None], columns * opacity.shape[1] // width]
         pixels[..., 3] = np.round(255.0 * np.clip(alpha, 0.0, 1.0))
         sharp = np.isin(pixels[..., 3], (0, 255)).all()
-        texture = replace(given if worn is None else worn, image=self._image(pixels))
+        texture = replace(given if below is None else below, image=self._image(pixels))
         return replace(material, albedo_texture=texture, alpha_mode="mask" if sharp else "blend")
 
     def _diffuse(self, values: Mapping[str, Any], kind: str, text: str) -> Material:
@@ -218,8 +222,10 @@ class Surfaces:
         return Material()
 
     def _texture(self, picture: np.ndarray, to_uv: Any, nearest: bool = False) -> Texture:
-        """A texture of linear colours (H, W, 3) in 0..1; Mitsuba's coordinates begin at the image's first row, as ours do. How it
-        is filtered and goes on beyond its edges, Mitsuba does not tell: it is blended, and repeated."""
+        """Return a texture of linear colours (H, W, 3) in 0..1; coordinates start at the image's first row in both programs.
+
+        Mitsuba does not expose filter and wrap mode: the texture is interpolated and repeated.
+        """
         data = np.round(255.0 * srgb(picture)).astype(np.uint8)
         pixels = np.dstack([data, np.full(data.shape[:2], 255, np.uint8)])
         matrix = np.eye(3) if to_uv is None else np.array(to_uv.matrix, float).reshape(3, 3)
@@ -227,12 +233,12 @@ class Surfaces:
         return Texture(self._image(pixels), transform=(a, b, c, d, e, f), nearest=nearest)
 
     def _image(self, pixels: np.ndarray) -> Image:
-        """The image of these pixels, the same one for the same pixels."""
+        """Return the image of these pixels, one object for equal pixels."""
         return self._images.setdefault(repr(pixels.shape).encode() + pixels.tobytes(), Image(pixels))
 
 
 def _innermost(kind: str, text: str) -> str:
-    """The class of the BSDF within masks, and of the front of two-sided ones, from what Mitsuba prints of it."""
+    """Return the class of the BSDF within masks, and of the front of two-sided ones, from Mitsuba's printed form."""
     for outer, inner in ((_MASK, r"nested_bsdf = (\w+)"), (_TWO_SIDED, r"brdf\[0\] = (\w+)")):
         if kind == outer and (found := re.search(inner, text)):
             kind = found[1]
@@ -240,9 +246,9 @@ def _innermost(kind: str, text: str) -> str:
 
 
 def _picture(data: Any, name: str, text: str) -> np.ndarray:
-    """(H, W, 3) linear values of a bitmap's data, grey or colour. name, text: of the bitmap in what Mitsuba prints.
+    """Return (H, W, 3) linear values of a bitmap's data, grey or colour. name, text: of the bitmap in Mitsuba's printed form.
 
-    Mitsuba 3.9 keeps whole numbers as the file has them, in sRGB unless the bitmap is raw; other versions keep linear ones.
+    Mitsuba 3.9 keeps integers as in the file, in sRGB unless the bitmap is raw; other versions keep linear values.
     """
     array = np.array(data)
     if array.dtype.kind == "u":
@@ -258,12 +264,12 @@ def _picture(data: Any, name: str, text: str) -> np.ndarray:
 
 
 def _content(mesh: Mesh) -> tuple[str, str]:
-    """What tells a shape from others in every load of a file alike: its name and a hash of its corners and their order."""
+    """Return a name and a hash of the triangles, which identify a shape across loads."""
     return mesh.name, sha256(mesh.positions.tobytes() + mesh.faces.tobytes()).hexdigest()
 
 
 def _of_mesh(shape: Any) -> Part:
-    """The triangles of a mesh, which Mitsuba keeps in world space."""
+    """Return the triangles of a mesh, which are in world space in Mitsuba."""
     positions = np.array(shape.vertex_positions_buffer(), float).reshape(-1, 3)
     corners = np.array(shape.faces_buffer(), np.int64).reshape(-1, 3)
     normals = np.array(shape.vertex_normals_buffer(), float).reshape(-1, 3) if shape.has_vertex_normals() else None
@@ -278,24 +284,26 @@ def _of_mesh(shape: Any) -> Part:
 
 
 def _sphere() -> Part:
-    """The unit sphere about 0 0 0, with as much area as a round one."""
+    """Return the unit sphere about 0 0 0, scaled to a sphere's exact area."""
     rows, columns = _ROUND // 2, _ROUND
     theta, phi = np.pi * np.arange(rows + 1) / rows, 2.0 * np.pi * np.arange(columns + 1) / columns
     sine, cosine = np.sin(theta)[:, None], np.repeat(np.cos(theta)[:, None], columns + 1, axis=1)
-    around = np.where(np.arange(columns + 1) == columns, 0.0, phi)  # the seam's two sides are at one place exactly
+    around = np.where(np.arange(columns + 1) == columns, 0.0, phi)  # both sides of the seam coincide exactly
     sine[[0, -1]] = 0.0
     points = np.stack([sine * np.cos(around), sine * np.sin(around), cosine], -1).reshape(-1, 3)
     u, v = np.meshgrid(phi / (2.0 * np.pi), theta / np.pi)
     corners = _grid(rows, columns)
     half = len(corners) // 2
-    corners = np.concatenate([corners[: half - columns], corners[half + columns :]])  # without those with two corners at a pole
+    corners = np.concatenate(
+        [corners[: half - columns], corners[half + columns :]]
+    )  # without triangles with two corners at a pole
     return Part(
         _of_area(points, corners, 4.0 * np.pi), corners, normals=points, uvs=np.tile(np.stack([u, v], -1).reshape(-1, 2), 2)
     )
 
 
 def _disk() -> Part:
-    """The unit disk in z = 0, facing +z, with as much area as a round one; its coordinates are radius and angle, as Mitsuba's."""
+    """Return the unit disk in z = 0, facing +z, scaled to the exact area; its coordinates are radius and angle, as in Mitsuba."""
     turn = np.arange(_ROUND + 1) / _ROUND
     phi = 2.0 * np.pi * (np.arange(_ROUND + 1) % _ROUND) / _ROUND
     rim = np.stack([np.cos(phi), np.sin(phi), np.zeros(_ROUND + 1)], -1)
@@ -308,7 +316,7 @@ def _disk() -> Part:
 
 
 def _cylinder() -> Part:
-    """The tube of radius 1 about the z axis from 0 to 1, facing outward, with as much area as a round one."""
+    """Return the tube of radius 1 about the z axis from 0 to 1, facing outward, scaled to the exact area."""
     phi = 2.0 * np.pi * (np.arange(_ROUND + 1) % _ROUND) / _ROUND
     ring = np.stack([np.cos(phi), np.sin(phi), np.zeros(_ROUND + 1)], -1)
     wide = (np.pi / _ROUND) / np.sin(np.pi / _ROUND)
@@ -317,15 +325,14 @@ def _cylinder() -> Part:
 
 
 def _rectangle() -> Part:
-    """The square from −1 to 1 in z = 0, facing +z."""
+    """Return the square from −1 to 1 in z = 0, facing +z."""
     points = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     uvs = np.tile(0.5 + 0.5 * points[:, :2], 2)
     return Part(points, np.array([[0, 1, 2], [0, 2, 3]]), normals=np.tile([0.0, 0.0, 1.0], (4, 1)), uvs=uvs)
 
 
 def _grid(rows: int, columns: int) -> np.ndarray:
-    """(F, 3) the triangles of a grid of (rows + 1)·(columns + 1) points, row by row downward, the columns to the left seen from
-    the front."""
+    """Return (F, 3) the triangles of a grid of (rows + 1)·(columns + 1) points, rows downward, columns to the left."""
     row, column = (index.reshape(-1) for index in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
     a = row * (columns + 1) + column
     b, c, d = a + 1, a + columns + 1, a + columns + 2
@@ -333,7 +340,7 @@ def _grid(rows: int, columns: int) -> np.ndarray:
 
 
 def _of_area(points: np.ndarray, corners: np.ndarray, area: float) -> np.ndarray:
-    """The points, scaled so that the triangles have this area together."""
+    """Return the points, scaled so that the triangles have this total area."""
     a, b, c = (points[corners[:, i]] for i in range(3))
     found = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
     scaled: np.ndarray = points * np.sqrt(area / found)

@@ -16,16 +16,17 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.vectors import near_origin
 from irrsplat.core.words import GREATEST
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.objects.arrays import Up, completed, given_sky, smoothed
-from irrsplat.scene.io.part import Part, check_corners
+from irrsplat.scene.io.part import Part, corner_problem
 from irrsplat.scene.model import AlphaMode, Camera, Image, Light, Material, Scene, Texture
 
 if TYPE_CHECKING:
     import trimesh
 
 _ALPHA: dict[str, AlphaMode] = {"MASK": "mask", "BLEND": "blend"}
-_UNSET = [102.0 / 255.0] * 3  # what a SimpleMaterial has where no colour was given
-_V_UP = (1.0, 0.0, 0.0, 0.0, -1.0, 1.0)  # trimesh's texture coordinates begin at the lower left corner
+_UNSET = [102.0 / 255.0] * 3  # default colour of a SimpleMaterial
+_V_UP = (1.0, 0.0, 0.0, 0.0, -1.0, 1.0)  # trimesh's texture coordinates start at the lower left corner
 
 
 def from_trimesh(
@@ -38,28 +39,26 @@ def from_trimesh(
     crease_angle: float = CREASE_ANGLE,
     name: str = "scene",
 ) -> Scene:
-    """The Scene of a trimesh.Trimesh or trimesh.Scene; lights and sky, of which trimesh has no notion, are given beside it.
+    """Return the Scene of a trimesh.Trimesh or trimesh.Scene, with lights and sky, which trimesh does not have.
 
-    Materials: base colour or diffuse colour with its texture, emission, alpha; vertex and face colours are sRGB. Lengths in other
-    `units` than metres become metres. Normals are made by `crease_angle` (degrees). The camera of a trimesh.Scene that has one
-    stands behind those in `cameras`. Other arguments, stand-ins and errors as `make_scene`; what is not shown is told in
-    Scene.notices.
+    Materials: base colour or diffuse colour with its texture, emission, alpha; vertex and face colours are sRGB. Lengths are
+    converted from `units` to metres. Missing normals are computed by `crease_angle` (degrees). The camera of a trimesh.Scene
+    follows those in `cameras`. Other arguments, stand-ins and errors are those of `make_scene`; omissions are in Scene.notices.
     """
-    LoadOptions(crease_angle=crease_angle)  # which checks it
+    LoadOptions(crease_angle=crease_angle)  # for its check
     reader = _Reader(name)
     parts = [smoothed(part, crease_angle) for part in reader.parts(source)]
     cameras = (*cameras, *reader.cameras(source))
     origin = near_origin(*_bounds(parts))
     meshes, dropped = [], 0
-    for part in parts:
-        mesh, lost = part.mesh(Path(part.name or name), origin)
-        meshes.append(mesh)
-        dropped += lost
+    for built in build_meshes(parts, origin):
+        meshes.append(built.mesh_or_error(Path(built.part.name or name)))
+        dropped += built.dropped
     return completed(meshes, lights, cameras, given_sky(sky), up, name, reader.notices, dropped, origin)
 
 
 def _bounds(parts: Sequence[Part]) -> np.ndarray:
-    """(2, 3) the least and the greatest corner of the parts in world space; zeros where there is nothing."""
+    """Return (2, 3) the least and the greatest corner of the parts in world space; zeros for none."""
     places = [part.positions @ part.matrix[:3, :3].T + part.matrix[:3, 3] for part in parts if part.matrix is not None]
     corners = [corner for place in places if len(place) for corner in (place.min(0), place.max(0))]
     return np.array([np.min(corners, 0), np.max(corners, 0)]) if corners else np.zeros((2, 3))
@@ -67,14 +66,14 @@ def _bounds(parts: Sequence[Part]) -> np.ndarray:
 
 @dataclass
 class _Reader:
-    """Reads trimesh's objects; notices: one line each on what is not shown."""
+    """Conversion of trimesh's objects; notices: one line each on omissions."""
 
     name: str
     notices: list[str] = field(default_factory=list)
-    _images: dict[int, Image] = field(default_factory=dict)  # by the id of PIL's, so that two surfaces share one
+    _images: dict[int, Image] = field(default_factory=dict)  # by the id of PIL's, so that surfaces share images
 
     def parts(self, source: Any) -> Iterator[Part]:
-        """The triangles of a mesh or scene, in world space by their matrix."""
+        """Yield the triangles of a mesh or scene, with their world matrices."""
         if hasattr(source, "geometry") and hasattr(source, "graph"):
             for node in source.graph.nodes_geometry:
                 matrix, name = source.graph[node]
@@ -89,7 +88,7 @@ class _Reader:
             raise InputError(f"from_trimesh takes a trimesh.Trimesh or a trimesh.Scene, not {type(source).__name__}")
 
     def cameras(self, source: Any) -> Iterator[Camera]:
-        """The camera of a scene that has one."""
+        """Yield the camera of a scene that has one."""
         if not getattr(source, "has_camera", False):
             return
         matrix, scale = np.asarray(source.camera_transform, float), self._metres(source)
@@ -97,7 +96,7 @@ class _Reader:
         yield Camera(_three(eye), _three(eye - backward), _three(up), float(source.camera.fov[1]))
 
     def _metres(self, source: Any) -> float:
-        """How long the unit of a mesh or scene is; 1 where it has none, or an unknown one."""
+        """Return the length of a mesh's or scene's unit; 1 for none or an unknown one."""
         units = getattr(source, "units", None)
         if units is None:
             return 1.0
@@ -105,7 +104,7 @@ class _Reader:
 
         try:
             return float(trimesh.units.unit_conversion(units, "meters"))
-        except Exception:  # trimesh raises what its parser of units raises
+        except Exception:  # trimesh raises the exceptions of its unit parser
             notice = f"{self.name}: its unit '{units}' is unknown, and taken for metres"
             if notice not in self.notices:
                 self.notices.append(notice)
@@ -115,7 +114,8 @@ class _Reader:
         positions, corners = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
         if not (np.abs(positions) <= GREATEST).all():
             raise InputError(f"the vertices of '{name}' must be finite numbers, at most {GREATEST:g}")
-        check_corners(corners, len(positions), name)
+        if problem := corner_problem(corners, len(positions)):
+            raise InputError(problem, name)
         matrix = matrix.copy()
         matrix[:3] *= self._metres(mesh)
         visual = mesh.visual
@@ -136,25 +136,25 @@ class _Reader:
     def _textured(
         self, make: Any, material: Any, numbers: Any, positions: np.ndarray, corners: np.ndarray, uvs: np.ndarray | None
     ) -> Iterator[Part]:
-        """The parts of a mesh with a material, or, with several, of each."""
+        """Yield the parts of a mesh, one for each of its materials."""
         several = getattr(material, "materials", None)
         if several is None or numbers is None or len(numbers) != len(corners):
             first = material if several is None else (several[0] if len(several) else None)
             yield make(positions, corners, material=self._material(first, uvs is not None), uvs=uvs)
             return
         for number in np.unique(numbers):
-            worn = self._material(several[number], uvs is not None)
-            yield make(positions, corners[np.asarray(numbers) == number], material=worn, uvs=uvs)
+            own_material = self._material(several[number], uvs is not None)
+            yield make(positions, corners[np.asarray(numbers) == number], material=own_material, uvs=uvs)
 
     def _material(self, given: Any, has_uvs: bool) -> Material:
-        """The diffuse part of a PBRMaterial or SimpleMaterial."""
+        """Return the diffuse part of a PBRMaterial or SimpleMaterial."""
         if given is None:
             return Material()
         ke = getattr(given, "kwargs", {}).get("ke")  # of an OBJ's material, which to_pbr drops
         pbr = given.to_pbr() if hasattr(given, "to_pbr") else given
         red, green, blue, alpha = _unit(getattr(pbr, "baseColorFactor", None))
         if pbr is not given and pbr.baseColorTexture is not None and _unit(given.diffuse)[:3].tolist() in (_UNSET, [0.0] * 3):
-            red = green = blue = 1.0  # a picture has no colour beside it; in an OBJ, 0 0 0 says that as well
+            red = green = blue = 1.0  # a picture has no additional colour; in an OBJ, 0 0 0 means that as well
         emission = getattr(pbr, "emissiveFactor", None)
         if emission is None:
             emission = (0.0, 0.0, 0.0) if ke is None else ke
@@ -177,7 +177,7 @@ class _Reader:
         )
 
     def _texture(self, picture: Any) -> Texture | None:
-        """A PIL image as a texture."""
+        """Return a PIL image as a texture."""
         if picture is None:
             return None
         if id(picture) not in self._images:
@@ -186,7 +186,7 @@ class _Reader:
 
 
 def _unit(color: Any) -> np.ndarray:
-    """(4,) red, green, blue and alpha in 0..1, of numbers in 0..1 or bytes; white for None."""
+    """Return (4,) red, green, blue and alpha in 0..1, from numbers in 0..1 or bytes; white for None."""
     if color is None:
         return np.ones(4)
     values = np.asarray(color)

@@ -1,4 +1,4 @@
-"""Reads a `.scene` file, the seed paper's own text format, which maps to OpenGL's matrix commands."""
+"""Reader of `.scene` files, the text format of the seed paper, which maps to OpenGL's matrix commands."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
 from irrsplat.scene.io.lines import Line, lines
-from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.reader import Shape, load_obj
-from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.stand_ins.up_axis import Vector
 from irrsplat.sky import sky_text
 
@@ -40,60 +41,66 @@ _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
 def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector = WORLD) -> Scene:  # noqa: B008  # it is frozen
-    """The scene in the `.scene` file at `path`; raises InputError with file and line for whatever is wrong in it.
+    """Load the scene in the `.scene` file at `path`; raise InputError with file and line for an invalid file.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
-    `cam`, else the first named one, else a camera that sees everything. Notices say what was dropped or invented.
-    options: of these only the sky counts, which replaces the file's. origin: of the scene; raises FarAway for another one.
+    `cam`, else the first named one, else a camera that sees everything. Notices list omissions and stand-ins.
+    options: only the sky applies, in place of the file's. origin: of the scene; raises FarAway for another one.
     """
     reader = _Reader(other_sky=sky_text.sky_of(options.sky), origin=origin)
     for line in lines(path):
         command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
         if command is None:
-            raise line.error(f"unknown word {quote(line.word)}; a .scene knows {', '.join(USAGE)}")
+            raise line.error(f"unknown word {quote(line.word)}; expected one of {', '.join(USAGE)}")
         command(line)
     return reader.scene(path)
 
 
 @dataclass
 class _Reader:
-    """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command.
+    """Interpreter of the commands, one method each: OpenGL's state, and the scene so far.
 
-    other_sky: in place of the file's. origin: of the scene."""
+    other_sky: in place of the file's. origin: of the scene.
+    """
 
     other_sky: sky_text.Sky | None = None
     origin: Vector = WORLD
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
-    albedo: tuple[float, float, float] = Material().albedo
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W/(m² sr)
+    material: Material = Material()
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
-    per_unit: float = 1.0  # W/sr for each unit that lights are given in, and W/(m² sr) for those of emission and sky
-    bright: Line | None = None  # the first that said how bright something is
-    cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
+    per_unit: float = 1.0  # W/sr per unit of lights, and W/(m² sr) per unit of emission and sky
+    first_brightness: Line | None = None  # the first line with a radiance or intensity
+    camera_lines: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
-    meshes: list[Mesh] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
+    paths: dict[str, Path] = field(default_factory=dict)  # of `obj` lines, by their text
     shapes: dict[Path, Shape] = field(default_factory=dict)
-    dropped: Counter[str] = field(default_factory=Counter)
     files: list[Path] = field(default_factory=list)
-    lamps: LightReader = field(default_factory=LightReader)
+    light_reader: LightReader = field(default_factory=LightReader)
 
     def scene(self, path: Path) -> Scene:
         if self.stack:
             raise self.stack[-1][0].error("this 'push' has no 'pop'; add one, or remove it")
         cameras = []
-        for line, name, values in sorted(self.cams, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
+        for line, name, values in sorted(self.camera_lines, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
             eye, target, up = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
             try:
                 cameras.append(Camera(eye, target, up, self.fov, name))
             except InputError as error:
                 raise line.error(str(error)) from None
-        files, sky = [*self.files, *self.lamps.files], self.other_sky or self.sky
-        return finish(path, self.meshes, self.lights, cameras, sky, self.dropped, self.lamps.notices, files, None, self.origin)
+        meshes, dropped = [], Counter[str]()
+        for built in build_meshes(self.parts, self.origin):
+            if built.mesh is None:
+                raise built.part.source.error(built.problem)
+            meshes.append(built.mesh)
+            dropped[str(built.part.files[0])] += built.dropped
+        files, sky = [*self.files, *self.light_reader.files], self.other_sky or self.sky
+        return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, self.origin)
 
-    def _first(self, key: str, line: Line) -> None:
+    def _once(self, key: str, line: Line) -> None:
         if key in self.once:
             raise line.error(f"'{key}' is given twice; first in line {self.once[key].number}")
         self.once[key] = line
@@ -106,12 +113,12 @@ class _Reader:
                 raise line.error(f"'cam' has 10 numbers; expected: {USAGE['cam']}, or: {_NAMED}")
         elif len(args) != 9:
             raise line.error(f"'cam' has {len(args)} values; expected: {USAGE['cam']}, or: {_NAMED}")
-        self._first(f"cam {name}".strip(), line)
-        self.cams.append((line, name, line.numbers(_NAMED if name else USAGE["cam"], args)))
+        self._once(f"cam {name}".strip(), line)
+        self.camera_lines.append((line, name, line.numbers(_NAMED if name else USAGE["cam"], args)))
 
     def _proj(self, line: Line) -> None:
         fov, aspect, near, far = line.numbers(USAGE["proj"])
-        self._first("proj", line)
+        self._once("proj", line)
         if not 0.0 < fov < 180.0:
             raise line.error(f"the field of view is {fov:g}; expected FOVY between 0 and 180 degrees")
         if not (aspect > 0.0 and near >= 0.0 and far > near):
@@ -121,23 +128,25 @@ class _Reader:
     def _units(self, line: Line) -> None:
         if line.args not in (("radiometric",), ("photometric",)):
             raise line.error(f"{quote(line.rest)} are no units; expected: {USAGE['units']}")
-        self._first("units", line)
-        if self.bright is not None:
-            raise line.error(f"'units' stands before all light, but line {self.bright.number} has some; move it to the top")
+        self._once("units", line)
+        if self.first_brightness is not None:
+            raise line.error(
+                f"'units' stands before all light, but line {self.first_brightness.number} has some; move it to the top"
+            )
         self.per_unit = 1.0 / LUMINOUS_EFFICACY if line.args == ("photometric",) else 1.0
 
     def _radiance(self, line: Line, r: float, g: float, b: float) -> tuple[float, float, float]:
-        """W/(m² sr) for what a line gives in the file's units."""
-        self.bright = self.bright or line
+        """Return W/(m² sr) for values in the file's units."""
+        self.first_brightness = self.first_brightness or line
         return r * self.per_unit, g * self.per_unit, b * self.per_unit
 
     def _light(self, line: Line) -> None:
-        self.bright = self.bright or line
+        self.first_brightness = self.first_brightness or line
         path = line.file(USAGE["light"])
         if path.suffix.lower() != ".ies":
-            self.lights.append(self.lamps.light(path, self.per_unit))
+            self.lights.append(self.light_reader.light(path, self.per_unit))
             return
-        photometry = self.lamps.photometry(path)
+        photometry = self.light_reader.photometry(path)
         try:
             self.lights.append(placed(photometry, self.matrix))
         except InputError as error:
@@ -149,17 +158,17 @@ class _Reader:
             r, g, b, _ = line.numbers("diffuse R G B A", line.args[1:])
             if not 0.0 <= min(r, g, b) <= max(r, g, b) <= 1.0:
                 raise line.error(f"the reflectance is {r:g} {g:g} {b:g}; expected values from 0 to 1")
-            self.albedo = r, g, b
+            self.material = replace(self.material, albedo=(r, g, b))
         elif kind == "emission":
             r, g, b = line.numbers("emission R G B", line.args[1:])
             if min(r, g, b) < 0.0:
                 raise line.error(f"the emission is {r:g} {g:g} {b:g}; expected values of 0 or more")
-            self.emission = self._radiance(line, r, g, b)
+            self.material = replace(self.material, emission=self._radiance(line, r, g, b))
         else:
             raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
 
     def _sky(self, line: Line) -> None:
-        self._first("sky", line)
+        self._once("sky", line)
         sky = sky_text.parse(line.rest, line.path.parent, line.error)
         self.sky = replace(sky, radiance=self._radiance(line, *sky.radiance))
 
@@ -191,32 +200,30 @@ class _Reader:
         self.matrix = self.matrix @ np.diag([*values, 1.0])
 
     def _obj(self, line: Line) -> None:
-        path = line.file(USAGE["obj"])
+        path = self.paths.get(line.rest) or self.paths.setdefault(line.rest, line.file(USAGE["obj"]))
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
             self.files.append(path)
         elif not take_copies(len(self.shapes[path].positions)):
             raise line.error(TOO_MANY_COPIES)
         shape = self.shapes[path]
-        try:
-            mesh, dropped = build_mesh(
+        self.parts.append(
+            Part(
                 shape.positions,
                 shape.corners,
                 shape.normals,
                 shape.corner_normals,
                 self.matrix,
-                Material(self.albedo, self.emission),
+                self.material,
                 name=path.stem,
-                origin=self.origin,
+                files=(path,),
+                source=line,
             )
-        except InputError as error:
-            raise line.error(str(error)) from None
-        self.meshes.append(mesh)
-        self.dropped[str(path)] += dropped
+        )
 
 
 def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:
-    """(4, 4): a turn by `angle` degrees about `axis` (of any length), as glRotate; Rodrigues' formula."""
+    """Return (4, 4): a rotation by `angle` degrees about `axis` (of any length), as glRotate, by Rodrigues' formula."""
     x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     radians = np.radians(angle)

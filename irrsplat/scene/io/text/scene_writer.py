@@ -1,4 +1,4 @@
-"""Writes a scene as a `.scene` file, with its `.light` and `.obj` files in a folder beside it."""
+"""Writer of `.scene` files, with `.light` and `.obj` files in a folder of their own."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from irrsplat.core.words import is_number
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene, sun_lights
 
-_FOLDER = "-files"  # behind the scene's name: the folder of what belongs to it
-_NEAR, _FAR = 0.01, 1000.0  # metres, which `proj` asks for and nobody reads
+_FOLDER = "-files"  # suffix of the folder for lights and objects
+_NEAR, _FAR = 0.01, 1000.0  # metres, required by `proj` and ignored by readers
 
 
 def parts_folder(path: Path) -> Path:
-    """The folder beside a `.scene` file at `path` that `write_scene` puts its lights and objects into."""
+    """Return the folder for the lights and objects of a `.scene` file at `path`."""
     return path.with_name(path.stem + _FOLDER)
 
 
 def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
-    """Write the scene to `path`, and return what a `.scene` cannot hold of it, in one line; "" where it holds all.
+    """Write the scene to `path`, and return a line about losses of the format; "" without losses.
 
-    Read again, it has the same lights and cameras, and the same triangles in the same float32 numbers, as they stand now. Hidden
-    meshes are left out. Raises InputError where `path` has another ending than .scene, or where it is there and may not be
-    overwritten; IrrsplatError where writing fails.
+    Reading restores lights, cameras, and triangles in their present place, in the same float32 numbers. Hidden meshes are left
+    out. Raises InputError if `path` has another ending than .scene, or exists and may not be overwritten; IrrsplatError if
+    writing fails.
     """
     if path.suffix != ".scene":
         raise InputError("a scene is saved under a name that ends in .scene", path)
     folder = parts_folder(path)
     if not overwrite and (path.exists() or folder.exists()):
         there = path if path.exists() else folder
-        raise InputError("this is there already; give another name", there)
+        raise InputError("this file exists already; give another name", there)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make this folder: {error.strerror}", folder) from None
     writer = _Writer(folder)
     lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
-    lines += [writer.light(light) for light in scene.lights if not writer.comes_with_sky(light, scene)]
+    lines += [writer.light(light) for light in scene.lights if not writer.is_sun_of_sky(light, scene)]
     for mesh in scene.meshes:
         lines += writer.mesh(mesh, scene.origin)
     write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
@@ -57,7 +57,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
 
 @dataclass
 class _Writer:
-    """Writes what belongs to a scene into a folder. lost: what the format cannot hold, and of how many things; 0: not counted."""
+    """Writer of a scene's files into a folder. lost: losses of the format, with the number of objects; 0: not counted."""
 
     folder: Path
     taken: set[str] = field(default_factory=set)
@@ -67,15 +67,15 @@ class _Writer:
         self.lost[what] = self.lost.get(what, 0) + count
 
     def _file(self, name: str, default: str, ending: str) -> Path:
-        """A file of its own for something of this name."""
+        """Return an unused file for an object with this name."""
         stem = re.sub(r"[^\w-]+", "_", name).strip("_") or default
         names = (stem if i == 1 else f"{stem}-{i}" for i in range(1, len(self.taken) + 2))
-        free = next(one for one in names if one.lower() + ending not in self.taken)  # some file systems know no case
+        free = next(one for one in names if one.lower() + ending not in self.taken)  # some file systems ignore case
         self.taken.add(free.lower() + ending)
         return self.folder / (free + ending)
 
     def cameras(self, cameras: Iterable[Camera]) -> list[str]:
-        """The lines of the cameras; the first one comes first when they are read again."""
+        """Return the lines of the cameras; the first one stays first when they are read again."""
         cameras = list(cameras)
         taken: set[str] = set()
         lines = []
@@ -91,10 +91,10 @@ class _Writer:
         return [*lines, f"proj {_numbers((fov, 1.0, _NEAR, _FAR))}"]
 
     def sky(self, scene: Scene) -> list[str]:
-        """The line of the sky, where there is one; one that stands in is left to the reader, where it would come to the same."""
+        """Return the line of the sky, if there is one; none for a stand-in that the reader restores."""
         if any(scene.sky_gradient):
             self._lose("a sky that is brighter above", 0)
-        if scene.environment is not None and self._keeps(scene):
+        if scene.environment is not None and self._can_write_sky(scene):
             return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
             self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
@@ -104,20 +104,20 @@ class _Writer:
             return []
         return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not shines else []
 
-    def _keeps(self, scene: Scene) -> bool:
-        """Whether the scene's sky can be written as a line, its suns with it: these are as it has them."""
+    def _can_write_sky(self, scene: Scene) -> bool:
+        """True if the scene's sky can be written as a line that includes all of its suns, unchanged."""
         sky = scene.environment
         if sky is None or not sky.line:
             return False
         return all(sun in scene.lights for sun in sun_lights(sky))
 
-    def comes_with_sky(self, light: Light, scene: Scene) -> bool:
-        """Whether a light is a sun that the line of the sky brings along."""
+    def is_sun_of_sky(self, light: Light, scene: Scene) -> bool:
+        """True if a light is a sun that the line of the sky includes."""
         sky = scene.environment
-        return sky is not None and self._keeps(scene) and light in sun_lights(sky)
+        return sky is not None and self._can_write_sky(scene) and light in sun_lights(sky)
 
     def light(self, light: Light) -> str:
-        """Write a light; the line that names its file."""
+        """Write a light, and return the line with its file."""
         path = self._file(light.name, "light", ".light")
         if light.photometry is not None:
             return self._luminaire(light, light.photometry, path)
@@ -139,13 +139,13 @@ class _Writer:
         return f"light {self.folder.name}/{path.name}"
 
     def _luminaire(self, light: Light, photometry: Photometry, path: Path) -> str:
-        """Write a luminaire, with a copy of its photometric file beside it."""
-        source, beside = Path(photometry.path), list[Path]()
-        if not np.array_equal(load_ies(source, [], beside).axes, photometry.axes):
+        """Write a luminaire with a copy of its photometric file."""
+        source, tilt_files = Path(photometry.path), list[Path]()
+        if not np.array_equal(load_ies(source, [], tilt_files).axes, photometry.axes):
             self._lose("mirrored luminaires")
         copy = self._file(source.stem, "luminaire", ".ies")
         write_bytes(copy, read_bytes(source))
-        for tilt in beside:  # which it knows by name
+        for tilt in tilt_files:  # the file refers to these by name
             write_bytes(self.folder / tilt.name, read_bytes(tilt))
         x, y, z = light.position
         lines = [f"ies {copy.name}", f"position {_numbers((*light.position, 1.0))}", f"intensity {_numbers(light.color)}"]
@@ -154,8 +154,8 @@ class _Writer:
         return f"light {self.folder.name}/{path.name}"
 
     def mesh(self, mesh: Mesh, origin: tuple[float, float, float]) -> list[str]:
-        """Write a mesh; the lines of its material, of the `origin` that it is relative to, and the one that names its file; none
-        for a hidden one."""
+        """Write a mesh, relative to `origin`, and return the lines of its material, its origin and its file; none for a hidden
+        mesh."""
         if mesh.is_point or not len(mesh.faces):
             return []
         material = mesh.material
@@ -182,5 +182,5 @@ class _Writer:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """Numbers with as many digits as tell them from all others."""
+    """Return numbers with as many digits as identify them."""
     return " ".join(repr(float(v)).removesuffix(".0") for v in values)
