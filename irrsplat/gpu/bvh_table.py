@@ -19,8 +19,8 @@ from irrsplat.scene.seen_by_light import FaceCounts
 class TriangleTable(Owner):
     """The triangles that light meets, by their numbers in the scene, with their vertices (shaders/lib/rays/triangles.glsl).
 
-    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int, from scene.flatten.
-    counts: number of faces of each sort (default: all open). Raises InputError for more than the GPU's textures hold.
+    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int, from scene.flatten. counts: number of faces
+    of each sort (default: all open). Raises InputError for more than the GPU's textures hold.
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:

@@ -20,7 +20,7 @@ from irrsplat.core.errors import GLError
 
 REQUIRED = 330  # OpenGL 3.3 core, which includes macOS (4.1) and old laptops
 _made_in: set[int] = set()  # process numbers; a forked process inherits its parent's
-_left: list[tuple[moderngl.Context, Callable[[], object]]] = []  # frees that wait for their context
+_deferred: list[tuple[moderngl.Context, Callable[[], object]]] = []  # frees that wait for their context
 _DEVICES = 8  # EGL devices to try
 
 # Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
@@ -49,7 +49,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
             "multiprocessing.get_context('spawn')"
         )
     prepare()
-    free_left()
+    free_deferred()
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # hide Mesa's warnings: an error is one line, ours
@@ -68,12 +68,12 @@ def create(require: int = REQUIRED) -> moderngl.Context:
                 break
         else:
             _made_in.add(os.getpid())
-            ctx.extra = _here()
+            ctx.extra = _process_and_thread()
             return ctx
     raise GLError(advice(first)) from None
 
 
-def _here() -> tuple[int, int]:
+def _process_and_thread() -> tuple[int, int]:
     """Return the numbers of the current process and thread."""
     return os.getpid(), threading.get_ident()
 
@@ -82,9 +82,8 @@ def prepare() -> None:
     """Set Mesa's environment variables where the user has not set them.
 
     Mesa's llvmpipe keeps compiled shaders on disk, and finds them for any LP_NATIVE_VECTOR_WIDTH. Shaders compiled for 256 bits
-    write
-    beyond the buffers of a process with 128 bits and end it ("free(): invalid next size"). A process with a set width has no disk
-    cache.
+    write beyond the buffers of a process with 128 bits and end it ("free(): invalid next size"). A process with a set width has
+    no disk cache.
     """
     if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
         os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
@@ -101,41 +100,41 @@ def link(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None
     moderngl's C code calls Python for each member of a program, and ends the process if that call raises. Signal handlers such as
     Ctrl-C's raise there, so signals wait until the program exists.
     """
-    with _signals_held():
+    with _signals_delayed():
         return ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
 
 
 @contextmanager
-def _signals_held() -> Iterator[None]:
+def _signals_delayed() -> Iterator[None]:
     """Delay Python's signal handlers until the block ends. No effect outside the main thread, which alone receives signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    answers: dict[int, Any] = {}
-    came: list[int] = []
-    holding = True
+    handlers: dict[int, Any] = {}
+    delayed: list[int] = []
+    delaying = True
 
-    def answer(number: int, frame: FrameType | None) -> None:
-        if holding:
-            came.append(number)
+    def handle_or_delay(number: int, frame: FrameType | None) -> None:
+        if delaying:
+            delayed.append(number)
         else:  # a signal between the end of the block and the return of this handler
-            answers[number](number, frame)
+            handlers[number](number, frame)
 
     try:
         for one in signal.valid_signals():
             if callable(handler := signal.getsignal(one)):
-                answers[one] = handler
-                signal.signal(one, answer)
+                handlers[one] = handler
+                signal.signal(one, handle_or_delay)
         yield
     finally:
-        holding = False
-        for number, handler in answers.items():
+        delaying = False
+        for number, handler in handlers.items():
             signal.signal(number, handler)
-        for number in came:
-            answers[number](number, None)
+        for number in delayed:
+            handlers[number](number, None)
 
 
-def leave(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], object]) -> None:
+def free_or_defer(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], object]) -> None:
     """Call `free` for the resources of a deleted owner in `ctx`. handles: from `current`, when the owner was made.
 
     Python may call this at any time and in any thread. If `ctx` is not current, or belongs to a host, `free` waits until `ctx` is
@@ -143,20 +142,20 @@ def leave(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], ob
     """
     if is_gone(ctx):
         return
-    if ctx.extra == _here() and any(handles) and current() == handles:
+    if ctx.extra == _process_and_thread() and any(handles) and current() == handles:
         free()
     else:
-        _left.append((ctx, free))
+        _deferred.append((ctx, free))
 
 
-def free_left(found: moderngl.Context | None = None) -> None:
+def free_deferred(found: moderngl.Context | None = None) -> None:
     """Call the pending `free` functions of contexts that `create` made in this thread, or of the context `found` current."""
-    for left in list(_left):
-        ctx, free = left
+    for entry in list(_deferred):
+        ctx, free = entry
         if is_gone(ctx):
-            _left.remove(left)
-        elif ctx is found or (found is None and ctx.extra == _here()):
-            _left.remove(left)
+            _deferred.remove(entry)
+        elif ctx is found or (found is None and ctx.extra == _process_and_thread()):
+            _deferred.remove(entry)
             if found is None:
                 ctx.__enter__()  # type: ignore[no-untyped-call]
             free()
@@ -171,11 +170,11 @@ def check_alive(ctx: moderngl.Context) -> None:
 def make_current(ctx: moderngl.Context) -> None:
     """Make `ctx`, made by `create`, the current context of this thread; raises GLError in another thread or process than its
     own."""
-    if ctx.extra != _here():
+    if ctx.extra != _process_and_thread():
         if ctx.extra[0] != os.getpid():
             raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
         raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
-    free_left()
+    free_deferred()
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 
@@ -184,17 +183,17 @@ _NATIVE = {  # libraries that make contexts current, and their query functions
     "win32": (("opengl32.dll", "wglGetCurrentContext"),),
     "darwin": (("/System/Library/Frameworks/OpenGL.framework/OpenGL", "CGLGetCurrentContext"),),
 }
-_asked: dict[str, Callable[[], int | None]] = {}
+_native_functions: dict[str, Callable[[], int | None]] = {}
 
 
 def current() -> tuple[int, ...]:
     """Return the system's handles of the contexts current in this thread, one per library; 0 for none, empty if unknown."""
-    return tuple(_ask(library, name) for library, name in _NATIVE.get(sys.platform, ()))
+    return tuple(_native_handle(library, name) for library, name in _NATIVE.get(sys.platform, ()))
 
 
-def _ask(library: str, name: str) -> int:
+def _native_handle(library: str, name: str) -> int:
     """Return the result of the library's function `name`; 0 if the library is not loaded, so that no context of it is current."""
-    if library not in _asked:
+    if library not in _native_functions:
         try:
             # Windows always has it loaded, and offers no RTLD_NOLOAD
             loaded = ctypes.CDLL(library) if sys.platform == "win32" else ctypes.CDLL(library, os.RTLD_NOLOAD | os.RTLD_LAZY)
@@ -202,8 +201,8 @@ def _ask(library: str, name: str) -> int:
         except (OSError, AttributeError):
             return 0
         function.argtypes, function.restype = (), ctypes.c_void_p
-        _asked[library] = function
-    return _asked[library]() or 0
+        _native_functions[library] = function
+    return _native_functions[library]() or 0
 
 
 def check_current(expected: tuple[int, ...]) -> None:

@@ -18,9 +18,9 @@ class Geometry(Owner):
     """An indexed triangle list.
 
     vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int32. counts: number of faces of each sort
-    (default: all open). `parts` maps "all", "closed", "open", "cut_out" and "lit" (all but faces that light passes) to
-    (first index, number of indices). planes: RGBA32F table with one texel per face, its unit normal n and n·p.
-    corners: (F, 3, 3) float32, kept on the CPU.
+    (default: all open). `parts` maps "all", "closed", "open", "cut_out" and "lit" (all but faces that light passes) to (first
+    index, number of indices). planes: RGBA32F table with one texel per face, its unit normal n and n·p. corners: (F, 3, 3)
+    float32, kept on the CPU.
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:

@@ -26,8 +26,7 @@ class DrawState:
 
     depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
     None. cull: "front", "back" or None. depth_clamp: draw geometry before the near plane instead of clipping it. clip_planes:
-    number
-    of gl_ClipDistance in use. wireframe: draw the edges of triangles only.
+    number of gl_ClipDistance in use. wireframe: draw the edges of triangles only.
     """
 
     depth: Literal["<", "1"] | None = None
@@ -67,8 +66,8 @@ class Draw:
 class Program:
     """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, compiled and linked at its first draw.
 
-    Each call must give every declared uniform by name (samplers take textures), and no other; else TypeError.
-    A compiler error is a ShaderError at the first draw, not in the constructor.
+    Each call must give every declared uniform by name (samplers take textures), and no other; else TypeError. A compiler error is
+    a ShaderError at the first draw, not in the constructor.
     """
 
     def __init__(
@@ -80,13 +79,13 @@ class Program:
         self._defines = dict(defines or {})
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
         self._gl: moderngl.Program | None = None
-        self._read(self._sources())
+        self._set_sources(self._sources())
 
     def _sources(self) -> list[shader_source.Source]:
         """Return the vertex and the fragment shader, read from their files."""
         return [shader_source.load(file, self._defines) for file in self._files]
 
-    def _read(self, sources: list[shader_source.Source]) -> None:
+    def _set_sources(self, sources: list[shader_source.Source]) -> None:
         self._source = sources
         self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
         samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
@@ -100,25 +99,25 @@ class Program:
             return context.link(self.ctx, vertex, fragment, geometry)
         except moderngl.Error as error:
             log = str(error)
-            guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
-            raise shader_source.ShaderError(shader_source.explain(log, guilty)) from error
+            faulty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
+            raise shader_source.ShaderError(shader_source.explain(log, faulty)) from error
 
-    def _take(self, program: moderngl.Program) -> None:
+    def _install(self, program: moderngl.Program) -> None:
         self.active = set(program)
         for name in self.units.keys() & self.active:
             program[name].value = self.units[name]  # type: ignore[union-attr]
-        self._kept: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
+        self._array_inputs: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
         self._gl = program  # last: marks the program as linked
 
     @property
     def gl(self) -> moderngl.Program:
         """The linked program; raises ShaderError if it does not compile."""
         if self._gl is None:
-            self._take(self._linked(self._source))
+            self._install(self._linked(self._source))
         assert self._gl is not None
         return self._gl
 
-    def known(self, uniforms: Uniforms) -> dict[str, Any]:
+    def declared(self, uniforms: Uniforms) -> dict[str, Any]:
         """Return the uniforms that the shaders declare."""
         return {name: value for name, value in uniforms.items() if name in self.uniforms}
 
@@ -141,18 +140,16 @@ class Program:
         """Draw `geometry` (its `part`, or `draws` of it) into `target`.
 
         Without geometry, draw `vertices` without attributes, which the vertex shader places by gl_VertexID (default: a triangle
-        that
-        covers the target). mode: their primitive, e.g. moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: int32 attribute
-        in_number, one
-        per instance. viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none. uniforms: textures,
-        numbers, tuples and arrays; a matrix is (rows, columns), as in numpy.
+        that covers the target). mode: their primitive, e.g. moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: int32 attribute
+        in_number, one per instance. viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
+        uniforms: textures, numbers, tuples and arrays; a matrix is (rows, columns), as in numpy.
         """
         names = uniforms.keys() | {name for draw in draws or () for name in draw.uniforms}
         if names != self.uniforms.keys():
             missing, unknown = self.uniforms.keys() - names, names - self.uniforms.keys()
             raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
         given: dict[str, Any] = {}
-        self._give(uniforms, given)
+        self._set_uniforms(uniforms, given)
         target.use(viewport, scissor, depth_write=state.depth_write)
         self._apply(state)
         array = self._array(geometry, numbers)
@@ -160,7 +157,7 @@ class Program:
             array.render(mode, vertices=vertices, instances=instances)
         elif draws is not None:
             for draw in draws:
-                self._give(draw.uniforms, given)
+                self._set_uniforms(draw.uniforms, given)
                 array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
         else:
             first, count = geometry.parts[part]
@@ -174,7 +171,7 @@ class Program:
             if isinstance(given[name], SampledTexture):
                 given[name].sampler.clear(self.units[name])
 
-    def _give(self, uniforms: Mapping[str, Any], given: dict[str, Any]) -> None:
+    def _set_uniforms(self, uniforms: Mapping[str, Any], given: dict[str, Any]) -> None:
         """Set these uniforms, except those whose value in `given` is unchanged."""
         program = self.gl
         for name in uniforms.keys() & self.active:
@@ -224,7 +221,7 @@ class Program:
                 content.append((numbers, "1i/i", "in_number"))
             index = None if geometry is None else geometry.indices
             array = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
-            self._kept += [geometry, numbers]
+            self._array_inputs += [geometry, numbers]
             self._arrays[key] = array
         return self._arrays[key]
 
@@ -270,5 +267,5 @@ def reload(programs: Iterable[Program]) -> None:
         raise
     for program, sources, gl in made:
         program.release()
-        program._read(sources)
-        program._take(gl)
+        program._set_sources(sources)
+        program._install(gl)

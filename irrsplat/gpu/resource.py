@@ -70,7 +70,7 @@ class Tenant(Owner):
         self.ctx = ctx or context.create()
         self._native = context.current()
         if not self._owns_ctx:
-            context.free_left(self.ctx)
+            context.free_deferred(self.ctx)
         with ExitStack() as made:
             if self._owns_ctx:
                 made.callback(self.ctx.release)
@@ -78,7 +78,7 @@ class Tenant(Owner):
             yield made
             free = self.ctx.release if self._owns_ctx else made.pop_all().close
             made.pop_all()
-        self._end = finalize(self, context.leave, self.ctx, self._native, free)
+        self._end = finalize(self, context.free_or_defer, self.ctx, self._native, free)
         self._end.atexit = False
 
     def _use(self) -> None:
@@ -91,7 +91,7 @@ class Tenant(Owner):
             context.make_current(self.ctx)
         else:
             context.check_current(self._native)
-            context.free_left(self.ctx)
+            context.free_deferred(self.ctx)
 
     def release(self) -> None:
         """Free all GPU resources, and the context if it is owned; a second call does nothing."""

@@ -38,15 +38,14 @@ void main()
 @dataclass(frozen=True)
 class Abilities:
     """The abilities of an OpenGL. missing: names of required features. numbers_triangles: True if fragment shaders have
-    gl_PrimitiveID without a geometry shader.
-    """
+    gl_PrimitiveID without a geometry shader."""
 
     missing: tuple[str, ...]
     numbers_triangles: bool
 
 
 T = TypeVar("T", bound=Resource)
-_known: dict[str, Abilities] = {}  # by driver
+_abilities: dict[str, Abilities] = {}  # by driver
 
 
 def check(ctx: moderngl.Context) -> None:
@@ -66,25 +65,25 @@ def abilities(ctx: moderngl.Context) -> Abilities:
     processes."""
     extensions = hashlib.sha256(" ".join(sorted(ctx.extensions)).encode()).hexdigest()[:12]
     name = f"{context.machine(context.describe(ctx))}; extensions {extensions}"
-    if name not in _known:
-        _known[name] = _kept(name) or _tried(ctx, name)
-    return _known[name]
+    if name not in _abilities:
+        _abilities[name] = _stored(name) or _test_and_store(ctx, name)
+    return _abilities[name]
 
 
 def tried(ctx: moderngl.Context) -> Abilities:
     """Return the abilities of `ctx`, tested now; the bound framebuffer is bound again."""
     bound = ctx.fbo or ctx.detect_framebuffer(0)
     try:
-        missing = tuple(name for name, holds in FEATURES if not _holds(ctx, holds))
-        plain = _holds(ctx, _numbered_triangles)
-        if not plain and not _holds(ctx, _numbered_by_geometry_shader):
+        missing = tuple(name for name, holds in FEATURES if not _passes(ctx, holds))
+        plain = _passes(ctx, _numbered_triangles)
+        if not plain and not _passes(ctx, _numbered_by_geometry_shader):
             missing = (*missing, "gl_PrimitiveID")
     finally:
         bound.use()
     return Abilities(missing, plain)
 
 
-def _holds(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -> bool:
+def _passes(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -> bool:
     """True if a feature gives the correct result and no OpenGL error."""
     ctx.clear_errors()
     try:
@@ -202,9 +201,7 @@ void main() { a = float(gl_PrimitiveID + 1); b = vec4(v_corner, v_flat); c = v_c
 
 def _numbered_triangles(ctx: moderngl.Context, behind_geometry_shader: bool = False) -> bool:
     """Test the numbers and the interpolated outputs of two triangles on either side of the diagonal. Mesa 26.0's llvmpipe gives
-    the
-    right number and wrong interpolated outputs.
-    """
+    the right number and wrong interpolated outputs."""
     geometry, fragment = None, _NUMBER
     if behind_geometry_shader:
         geometry, fragment = numbering_triangles(_TWO_TRIANGLES, _NUMBER, {})
@@ -233,7 +230,7 @@ FEATURES: tuple[tuple[str, Callable[[moderngl.Context], bool]], ...] = (
 # ---- the file ----------------------------------------------------------------------------------------------------------
 
 
-def _tried(ctx: moderngl.Context, name: str) -> Abilities:
+def _test_and_store(ctx: moderngl.Context, name: str) -> Abilities:
     """Return `tried`, and store the result in the file under this name if nothing is missing and the file can be written."""
     found = tried(ctx)
     path = _path()
@@ -245,7 +242,7 @@ def _tried(ctx: moderngl.Context, name: str) -> Abilities:
     return found
 
 
-def _kept(name: str) -> Abilities | None:
+def _stored(name: str) -> Abilities | None:
     """Return the abilities that an earlier process stored under this name; it stores only complete ones."""
     path = _path()
     numbers_triangles = None if path is None else _entries(path).get(name)

@@ -42,18 +42,16 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
     """Return the shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` expanded.
 
     `#include "lib/x.glsl"` is replaced by the file's text once, and by nothing afterwards; "generated/x.glsl" is written in
-    Python
-    (core/glsl.py). Includes in blocks that the compiler skips are left out. Places of lines are kept here, not in #line
-    directives,
-    because Mesa drops their file numbers. Unchanged files are not read again. Raises ShaderError for a missing file.
+    Python (core/glsl.py). Includes in blocks that the compiler skips are left out. Places of lines are kept here, not in #line
+    directives, because Mesa drops their file numbers. Unchanged files are not read again. Raises ShaderError for a missing file.
     """
     root, defines = root or folder("shaders"), defines or {}
-    asked = name, root, tuple((key, str(value)) for key, value in defines.items())
-    if asked not in _loaded or _stamps(_loaded[asked][1]) != _loaded[asked][1]:
+    key = name, root, tuple((key, str(value)) for key, value in defines.items())
+    if key not in _loaded or _stamps(_loaded[key][1]) != _loaded[key][1]:
         if len(_loaded) >= _MOST_LOADED:
             _loaded.clear()
-        _loaded[asked] = _expanded(name, defines, root)
-    return _loaded[asked][0]
+        _loaded[key] = _expanded(name, defines, root)
+    return _loaded[key][0]
 
 
 def _stamps(files: Iterable[Path]) -> _Stamps:
@@ -88,8 +86,8 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
         for number, line in enumerate(content.splitlines(), start=1):
             include = _INCLUDE.match(line) if "#" in line else None
-            looked_at = conditions.follow(line)
-            if include and looked_at:
+            compiled = conditions.is_compiled(line)
+            if include and compiled:
                 expand(include[1], f"{name}:{number}: ")
             elif not include:
                 text.append(line)
@@ -106,27 +104,27 @@ class _Conditions:
     def __init__(self, defines: Mapping[str, object]) -> None:
         self._defines = defines
         self._blocks: list[bool | None] = []  # True if an open block is compiled; None: unknown
-        self._looked_at = True
+        self._compiled = True
 
-    def follow(self, line: str) -> bool:
+    def is_compiled(self, line: str) -> bool:
         """Advance to the next line; True if it is compiled."""
         if "#" in line:  # most lines have none, and each Renderer reads thousands of lines
-            self._take(line)
-        return self._looked_at
+            self._read_directive(line)
+        return self._compiled
 
-    def _take(self, line: str) -> None:
+    def _read_directive(self, line: str) -> None:
         word, _, condition = line.partition("//")[0].strip().partition(" ")
         if word.startswith("#if"):
-            self._blocks.append(self._holds(condition) if word == "#if" else None)
+            self._blocks.append(self._value_of(condition) if word == "#if" else None)
         elif word == "#elif":
             self._blocks[-1] = None if self._blocks[-1] is None or not self._blocks[-1] else False
         elif word == "#else" and self._blocks[-1] is not None:
             self._blocks[-1] = not self._blocks[-1]
         elif word == "#endif":
             self._blocks.pop()
-        self._looked_at = False not in self._blocks
+        self._compiled = False not in self._blocks
 
-    def _holds(self, condition: str) -> bool | None:
+    def _value_of(self, condition: str) -> bool | None:
         """True if the names, each with ! or not, joined by && and ||, are defined as non-zero; None for other conditions."""
         terms = [[name.strip() for name in both.split("&&")] for both in condition.split("||")]
         if not all(name.removeprefix("!").isidentifier() for both in terms for name in both):
@@ -138,7 +136,7 @@ def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
     """Return the uniforms that `text` declares in compiled lines, name → type."""
     bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
     conditions = _Conditions(defines)
-    kept = [line for line in bare.splitlines() if conditions.follow(line)]
+    kept = [line for line in bare.splitlines() if conditions.is_compiled(line)]
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 
@@ -148,7 +146,7 @@ def numbering_triangles(vertex: str, fragment: str, defines: Mapping[str, object
     For drivers whose fragment shaders have no gl_PrimitiveID otherwise. defines: those that both shaders were loaded with.
     """
     conditions, text, body = _Conditions(defines), fragment, ""
-    outputs = _OUTPUT.findall("\n".join(line for line in vertex.splitlines() if conditions.follow(line)))
+    outputs = _OUTPUT.findall("\n".join(line for line in vertex.splitlines() if conditions.is_compiled(line)))
     declared = "#version 330 core\nlayout(triangles) in;\nlayout(triangle_strip, max_vertices = 3) out;\n"
     for flat, kind, name, length in outputs:
         if name == "gl_ClipDistance":

@@ -49,9 +49,7 @@ class Budget:
 
     def part(self, share: float, reserve: float, least: float = 0.0) -> Budget:
         """Return a budget of `share` of the time left after `reserve` seconds, at least 20 % of this budget and `least` of the
-        whole
-        frame.
-        """
+        whole frame."""
         if self.seconds is None or self.tick is None:
             return self
         return Budget(max(share * (self.end - now() - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
@@ -72,12 +70,9 @@ class Pace:
     """Splits GPU work of one kind into batches that fit into budgets.
 
     The model is cost = overhead + n·(marginal cost) for n items: a line fitted to the measured batches with exponentially
-    decaying
-    weights. If a budget is smaller than the overhead, the batch is large enough that both terms are equal: half of its time is
-    useful.
-    Batches of one size do not separate the terms, so the overhead estimate grows after each until a larger batch is tried. A
-    first
-    batch that took much longer than the second is discarded.
+    decaying weights. If a budget is smaller than the overhead, the batch is large enough that both terms are equal: half of its
+    time is useful. Batches of one size do not separate the terms, so the overhead estimate grows after each until a larger batch
+    is tried. A first batch that took much longer than the second is discarded.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -120,11 +115,10 @@ class Pace:
 
     def batches(self, wanted: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
         """Yield batch sizes of at most `capacity` until all items are done or the budget ends; at least one item, but none while
-        input
-        waits.
+        input waits.
 
-        The caller processes each batch before it takes the next size; the time in between is the batch's cost.
-        rays: per item, for a clock that counts rays.
+        The caller processes each batch before it takes the next size; the time in between is the batch's cost. rays: per item,
+        for a clock that counts rays.
         """
         done, last = 0, 0
         while done < wanted:

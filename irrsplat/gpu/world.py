@@ -52,9 +52,9 @@ class World(Owner):
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
         self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
-        self._planted: Future[Bvh] | None = None
-        self._fits: bool | None = None  # True if the GPU can hold the ray structures; None: not tried yet
-        self._caster: Future[RayCaster] | None = None
+        self._pending_tree: Future[Bvh] | None = None
+        self._ray_structures_fit: bool | None = None  # True if the GPU can hold the ray structures; None: not tried yet
+        self._pending_caster: Future[RayCaster] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -122,7 +122,7 @@ class World(Owner):
     def tree(self) -> BvhTable:
         """BVH, made at first use and again after moves. Raises InputError if the GPU cannot hold it."""
         if self._tree is None:
-            self._tree, self._planted = BvhTable(self.ctx, self._planting().result()), None
+            self._tree, self._pending_tree = BvhTable(self.ctx, self._tree_build().result()), None
         return self._tree
 
     def casts_rays(self, seconds: float | None = None) -> bool:
@@ -130,44 +130,44 @@ class World(Owner):
         wait)."""
         if seconds is not None and self.large and not self.wait(seconds, tree=True):
             return False
-        if self._fits is None:
+        if self._ray_structures_fit is None:
             try:
-                self._fits = bool(self.trace_uniforms)
+                self._ray_structures_fit = bool(self.trace_uniforms)
             except InputError:
-                self._fits = False
-        return self._fits
+                self._ray_structures_fit = False
+        return self._ray_structures_fit
 
-    def _planting(self) -> Future[Bvh]:
+    def _tree_build(self) -> Future[Bvh]:
         """Return the build of `tree`, in a thread if it takes long."""
-        if self._planted is None:
-            self._planted = self._beside(partial(build, self.geometry.corners[: self.geometry.counts.lit]))
-        return self._planted
+        if self._pending_tree is None:
+            self._pending_tree = self._in_background(partial(build, self.geometry.corners[: self.geometry.counts.lit]))
+        return self._pending_tree
 
     @property
     def caster(self) -> RayCaster:
         """Embree's scene of the triangles that light meets, by their numbers; made at first use and again after moves."""
-        return self._casting().result()
+        return self._caster_build().result()
 
-    def _casting(self) -> Future[RayCaster]:
+    def _caster_build(self) -> Future[RayCaster]:
         """Return the build of `caster`, in a thread if it takes long."""
-        if self._caster is None:
+        if self._pending_caster is None:
             vertices, faces, _ = flatten(self._scene)
-            self._caster = self._beside(
+            self._pending_caster = self._in_background(
                 partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
             )
-        return self._caster
+        return self._pending_caster
 
-    def _forget_rays(self) -> None:
-        """Discard ray structures of moved triangles, and cancel builds that have not begun."""
+    def _discard_ray_structures(self) -> None:
+        """Discard ray structures of moved triangles, and cancel builds that have not builds."""
         tree, self._tree = self._tree, None
         if tree is not None:
             tree.release()
-        for begun in (self._planted, self._caster):
-            if begun is not None:
-                begun.cancel()
-        self._planted = self._caster = None
+        for builds in (self._pending_tree, self._pending_caster):
+            if builds is not None:
+                builds.cancel()
+        self._pending_tree = self._pending_caster = None
 
-    def _beside(self, make: Callable[[], Made]) -> Future[Made]:
+    def _in_background(self, make: Callable[[], Made]) -> Future[Made]:
         """Return the future of `make`, in a thread for a large scene."""
         return started(make) if self.large else done(make)
 
@@ -179,26 +179,25 @@ class World(Owner):
     def expect(self, tree: bool = False, caster: bool = False) -> None:
         """Start the builds of `tree` and `caster` in the background if they take long."""
         if self.large:
-            self._begun(tree, caster)
+            self._pending_builds(tree, caster)
 
-    def _begun(self, tree: bool, caster: bool) -> list[Future[Any]]:
+    def _pending_builds(self, tree: bool, caster: bool) -> list[Future[Any]]:
         """Return the unfinished builds of `tree` and `caster`."""
-        begun: list[Future[Any]] = [self._casting()] if caster else []
-        return begun + ([self._planting()] if tree and self._tree is None else [])
+        builds: list[Future[Any]] = [self._caster_build()] if caster else []
+        return builds + ([self._tree_build()] if tree and self._tree is None else [])
 
     def wait(self, seconds: float, tree: bool = False, caster: bool = False) -> bool:
         """Wait at most `seconds` for the builds of `tree` and `caster`; True if they are done.
 
         Polling without waiting would take the interpreter's lock from the building threads.
         """
-        return wait_for(self._begun(tree, caster), seconds)
+        return wait_for(self._pending_builds(tree, caster), seconds)
 
     def follow(self, change: SceneChange) -> None:
         """Apply `change`, from the present scene to another with the same meshes lit, placed or painted differently.
 
         Moved triangles are uploaded again, and ray structures are rebuilt at their next use. Raises InputError, unchanged, for
-        materials
-        that would renumber triangles, or that have other textures.
+        materials that would renumber triangles, or that have other textures.
         """
         scene = change.new
         if self._uploaded is not scene.meshes:
@@ -220,7 +219,7 @@ class World(Owner):
                 raise
             if moved:
                 self.geometry.update(vertices, faces)
-                self._forget_rays()
+                self._discard_ray_structures()
             else:
                 self.geometry.repaint(vertices)
                 if self._triangles is not None:

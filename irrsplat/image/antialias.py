@@ -79,9 +79,8 @@ class Antialiaser(Owner):
         """Return `view` with `samples` per pixel, or with as many additional samples as the budget allows.
 
         A limited budget is checked after each stage of a sample. At least one stage is drawn, unless input waits, and the next
-        call
-        continues there. A new view starts again; while a view is refined, the previous result keeps its textures.
-        Ctrl-C ends an unlimited call early. on_progress: called after each sample.
+        call continues there. A new view starts again; while a view is refined, the previous result keeps its textures. Ctrl-C
+        ends an unlimited call early. on_progress: called after each sample.
         """
         if samples <= 1:
             return view
@@ -192,9 +191,9 @@ class MeanPass(Owner):
     ) -> list[moderngl.Texture]:
         """Return the means including sample `number` (1 starts new means), RGBA32F textures of this pass.
 
-        sums: (Σ k·E, Σ k) of the sample; centre: the sums at the pixels' centres, used where the sample's are empty.
-        behind: uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and indirect light in the image.
-        band: the region (x, y, width, height) to draw; None: everything.
+        sums: (Σ k·E, Σ k) of the sample; centre: the sums at the pixels' centres, used where the sample's are empty. behind:
+        uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and indirect light in the image. band: the
+        region (x, y, width, height) to draw; None: everything.
         """
         self.programs[sky_defines(behind)["SKY_MAP"]](
             self.target,

@@ -162,9 +162,7 @@ def _keep_coverage(texture: moderngl.Texture, alpha: np.ndarray, cutoff: float) 
 
 def scaled_alpha(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndarray:
     """Return (h, w) uint8: `means` of opacities `alpha` (H, W), all uint8, scaled to the same share above the cutoff (Castano
-    2010,
-    "Computing Alpha Mipmaps").
-    """
+    2010, "Computing Alpha Mipmaps")."""
     least = np.ceil(255.0 * cutoff)
     share = float((alpha >= least).mean())
     if share in (0.0, 1.0):

@@ -59,8 +59,7 @@ def automatic_exposure(total: float, lit: float) -> float:
     """Return the stops that map mid grey in the picture's mean light to mid grey; 0 without a lit pixel.
 
     total, lit: from `metered`. Light is metered, not reflectance: white rooms are white, dark ones dark. The mean is geometric,
-    so
-    that a few bright pixels count little, and rounded, so that tiles agree.
+    so that a few bright pixels count little, and rounded, so that tiles agree.
     """
     return round(-total / lit, 4) if lit else 0.0
 

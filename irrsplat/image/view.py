@@ -28,9 +28,8 @@ class View:
 
     camera: relative to the scene's origin, like the g-buffer's positions. sums: (Σ k·E, Σ k), with quotient E: the splat buffer's
     own, or temporally filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including
-    the
-    sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled at
-    pixel centres. fading: True while temporal accumulation has not reached the records' E.
+    the sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled
+    at pixel centres. fading: True while temporal accumulation has not reached the records' E.
     """
 
     camera: Camera

@@ -22,11 +22,10 @@ Sides = Literal["back"] | None  # culled sides
 
 @dataclass(frozen=True, eq=False)
 class SceneParts:
-    """All triangles of a scene in the order of their numbers, in N parts: each of one mesh, and of no more than _MOST triangles.
+    """All triangles of a scene in the order of their numbers, in N parts of one mesh and at most _MOST triangles each.
 
-    first: (N + 1,) the number of each one's first triangle, at the end the number of all. low, high: (N, 3) the least and the
-    greatest corner of each. inner_low, inner_high: (N, 3) the same of its whole mesh where that is closed, else of all space:
-    from outside this box none of its back faces is seen.
+    first: (N + 1,) number of each part's first triangle, and the total. low, high: (N, 3) bounding boxes of the parts. inner_low,
+    inner_high: (N, 3) bounding boxes of closed meshes, else of all space; from outside, no back face is visible.
     """
 
     first: np.ndarray
@@ -37,7 +36,7 @@ class SceneParts:
 
     @staticmethod
     def of(scene: Scene) -> SceneParts:
-        """The parts of a scene as it is."""
+        """Return the parts of a scene."""
         first, boxes = [np.zeros(1, int)], [np.zeros((0, 4, 3))]
         for mesh in in_order(scene):
             count = len(mesh.faces)

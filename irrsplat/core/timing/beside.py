@@ -1,4 +1,4 @@
-"""Long work without OpenGL in a thread of its own, while something else goes on."""
+"""Long work without OpenGL in background threads."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from irrsplat.core.timing.clock import wait_for
 Result = TypeVar("Result")
 Share = TypeVar("Share")
 
-_STEP = 0.01  # seconds that one step waits at most
-_AT_ONCE = 2  # works: a scene's tree is built while its surfaces are cut; more would be what quick changes leave unfinished
+_STEP = 0.01  # seconds that one step waits, at most
+_AT_ONCE = 2  # concurrent tasks: the BVH's build and the surfaces' layout; more would be leftovers of quick changes
 _free = Semaphore(_AT_ONCE)
 
 
 def started(work: Callable[[], Result]) -> Future[Result]:
-    """Begin `work` in a thread, once at most one other goes on; what it returns or raises is in the future."""
+    """Start `work` in a thread when at most one other runs; the future has its result or exception."""
     future: Future[Result] = Future()
 
     def run() -> None:
@@ -27,7 +27,7 @@ def started(work: Callable[[], Result]) -> Future[Result]:
                 return
             try:
                 future.set_result(work())
-            except BaseException as error:  # it is raised where it is waited for
+            except BaseException as error:  # raised where the future is read
                 future.set_exception(error)
 
     Thread(target=run, daemon=True).start()
@@ -35,16 +35,16 @@ def started(work: Callable[[], Result]) -> Future[Result]:
 
 
 def done(work: Callable[[], Result]) -> Future[Result]:
-    """Do `work` at once; what it returns is in the future, what it raises is raised."""
+    """Run `work` now; the future has its result, an exception is raised here."""
     future: Future[Result] = Future()
     future.set_result(work())
     return future
 
 
 def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
-    """Do `work` in a thread; yield `share` about every 10 ms until it is done. Returns what it returns, raises what it raises.
+    """Run `work` in a thread; yield `share` about every 10 ms until it is done. Returns its result, raises its exception.
 
-    Where the generator is dropped, work that has begun goes on to its end, and other work never begins.
+    If the generator is dropped, running work continues to its end, and waiting work never starts.
     """
     future = started(work)
     try:

@@ -19,7 +19,7 @@ _APART = 2.0  # pixel sizes: largest distance between a neighbour and the other'
 
 @dataclass(frozen=True)
 class Parallel:
-    """A parallel view: rows of `axes` are right, up and towards the viewer; `centre` (3,) is shown at `middle` (x, y) pixels.
+    """A parallel view: rows of `axes` are right, up and towards the viewer; `centre` (3,) appears at `middle` (x, y) pixels.
 
     scale: pixels per metre.
     """
@@ -42,8 +42,10 @@ class Parallel:
 
 @dataclass(frozen=True)
 class Surface:
-    """The seen surfaces as quads between neighbouring pixels: corners (N, 4, 3) in world space, colours (N, 4, 3) in display
-    values 0..1, and normals (N, 3), unit, turned to the eye."""
+    """The seen surfaces as quads between neighbouring pixels.
+
+    corners (N, 4, 3) in world space, colours (N, 4, 3) in display values 0..1, normals (N, 3), unit, facing the eye.
+    """
 
     corners: np.ndarray
     colours: np.ndarray

@@ -26,9 +26,9 @@ _SPHERE, _QUAD, _U, _V = (214, 118, 0), (0, 104, 184), (200, 40, 110), (0, 140, 
 
 @dataclass(frozen=True)
 class ShownRecord:
-    """The record that the figure shows, world space: p_k and n_k (3,), R_k and the radius r that this eye gives it, in metres.
+    """The record in the figure, world space: p_k and n_k (3,), R_k and its radius r for this eye, in metres.
 
-    eye: (3,). u, v: (3,) the unit vectors perpendicular to the eye vector that span the quad, as in shaders/indirect/splat.vert.
+    eye: (3,). u, v: (3,) unit vectors perpendicular to the eye vector that span the quad, as in shaders/indirect/splat.vert.
     """
 
     position: np.ndarray

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -13,11 +12,9 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import eight_bits
+from irrsplat.image.frame_buffers import FrameBuffers
 from irrsplat.image.output.false_colours import GROUND, write_words
 from irrsplat.image.tonemap import heat_scale, show, viridis
-
-if TYPE_CHECKING:
-    from irrsplat.image.frame import Frame
 
 NARROW, WIDE = 300, 480  # pixels: smaller pictures are enlarged by an integer factor, larger ones reduced
 _SHAPE = 1.5  # target width by height of the sheet
@@ -27,7 +24,7 @@ _MARGIN = 14  # pixels between cells
 _BAR = 9  # pixels: height of a colour bar
 
 
-def contact_sheet(frame: Frame, names: Sequence[str]) -> np.ndarray:
+def contact_sheet(frame: FrameBuffers, names: Sequence[str]) -> np.ndarray:
     """Return (H, W, 3) float32 display values 0..1: the frame's buffers in `names` in cells of one size, under a headline.
 
     The order is that of buffers.CHANNELS. Raises InputError if the frame holds none of them.
@@ -72,7 +69,7 @@ def _cell(width: int, height: int) -> tuple[int, int]:
     return wide, max(1, round(height * wide / width))
 
 
-def _headline(frame: Frame, width: int, height: int) -> str:
+def _headline(frame: FrameBuffers, width: int, height: int) -> str:
     """Return the headline: scene, size, records, rounds and preset."""
     stats = frame.stats
     words = [str(stats["scene"])] if "scene" in stats else []

@@ -23,9 +23,9 @@ def brightest(light: np.ndarray, depth: np.ndarray) -> float:
 def coloured(light: np.ndarray, depth: np.ndarray, scale: LightScale) -> np.ndarray:
     """Return (H, W, 3) display colours 0..1 of `light` (H, W), in the scale's unit, with isolines.
 
-    depth: (H, W), +inf for pixels without a surface; both arrays top row first. The scale's upper end must be set.
-    As in shaders/viewer/buffers/light.frag, a pixel is on an isoline if its light is in another step of the scale than the pixel
-    right of it or above it on the same surface.
+    depth: (H, W), +inf for pixels without a surface; both arrays top row first. The scale's upper end must be set. As in
+    shaders/viewer/buffers/light.frag, a pixel is on an isoline if its light is in another step of the scale than the pixel right
+    of it or above it on the same surface.
     """
     place, seen, palette = scale.place(light), np.isfinite(depth), false_colours()
     at = np.arange(len(palette)) / (len(palette) - 1.0)
