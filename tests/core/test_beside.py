@@ -1,4 +1,4 @@
-"""Work in a thread beside a generator: its result, its errors, and what becomes of it when nobody waits any more."""
+"""Background work next to a generator: its result, its errors and its end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 
 
 def last(steps: Generator[float, None, Result]) -> Result:
-    """What a generator returns."""
+    """Return the value that a generator returns."""
     while True:
         try:
             assert next(steps) == 0.5
