@@ -54,7 +54,7 @@ class Budget:
             return self
         return Budget(max(share * (self.end - now() - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
 
-    def go_on(self, work: Generator[object, None, Result]) -> Result | None:
+    def advance(self, work: Generator[object, None, Result]) -> Result | None:
         """Advance `work` by at least one step until the budget ends; return its result, or None if it is unfinished."""
         try:
             while True:
@@ -95,7 +95,7 @@ class Pace:
         batches, n, *_ = self._sums
         return max(min(self._overhead, 2.0 * n / batches), 1.0) if batches else 1.0
 
-    def _learn(self, count: int, seconds: float, stuck: bool) -> None:
+    def _fit(self, count: int, seconds: float, stuck: bool) -> None:
         """Refit the line with a batch of `count` items in `seconds`; stuck: time, not demand, limited its size."""
         if not self._sums[0]:
             self._cold = seconds
@@ -137,5 +137,5 @@ class Pace:
             traced(count * rays)
             if budget.limited:
                 self.ctx.finish()
-                self._learn(count, now() - start, affordable < 2.0 * efficient < most)
+                self._fit(count, now() - start, affordable < 2.0 * efficient < most)
             done, last = done + count, count

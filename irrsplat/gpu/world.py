@@ -12,7 +12,7 @@ import moderngl
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
-from irrsplat.core.timing.beside import done, started
+from irrsplat.core.timing.background import run_now, start_thread
 from irrsplat.core.timing.clock import wait_for
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
@@ -169,14 +169,14 @@ class World(Owner):
 
     def _in_background(self, make: Callable[[], Made]) -> Future[Made]:
         """Return the future of `make`, in a thread for a large scene."""
-        return started(make) if self.large else done(make)
+        return start_thread(make) if self.large else run_now(make)
 
     @property
     def large(self) -> bool:
         """True if processing all triangles takes seconds."""
         return self.geometry.triangles >= _LARGE
 
-    def expect(self, tree: bool = False, caster: bool = False) -> None:
+    def prebuild(self, tree: bool = False, caster: bool = False) -> None:
         """Start the builds of `tree` and `caster` in the background if they take long."""
         if self.large:
             self._pending_builds(tree, caster)
@@ -193,7 +193,7 @@ class World(Owner):
         """
         return wait_for(self._pending_builds(tree, caster), seconds)
 
-    def follow(self, change: SceneChange) -> None:
+    def apply(self, change: SceneChange) -> None:
         """Apply `change`, from the present scene to another with the same meshes lit, placed or painted differently.
 
         Moved triangles are uploaded again, and ray structures are rebuilt at their next use. Raises InputError, unchanged, for

@@ -106,7 +106,7 @@ class GBufferPass(Owner):
 
     def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:
         """Return all runs as batches; the same object for the same runs."""
-        self.maps.follow(runs)
+        self.maps.prepare(runs)
         if self._batched[0] is not runs:
             kinds: dict[tuple[object, ...], list[Run]] = {}
             for run in runs:

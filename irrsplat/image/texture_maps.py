@@ -87,7 +87,7 @@ class TextureMaps(Owner):
         """Return the resources that `release` frees."""
         return (*self._textures.values(), *self._samplers.values())
 
-    def follow(self, runs: Sequence[Run]) -> None:
+    def prepare(self, runs: Sequence[Run]) -> None:
         """Prepare the images of these runs, and free all others."""
         if runs is self._runs:
             return

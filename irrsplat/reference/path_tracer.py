@@ -465,7 +465,7 @@ def view(
     return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions), tracer.epsilon)
 
 
-def look(
+def visible_hits(
     tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
 ) -> Hit:
     """Return the visible surfaces at one point of every pixel, with mapped normals; one lane per pixel."""

@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.reference.camera_view import Visible
 from irrsplat.reference.caster import camera_rays
 from irrsplat.reference.lanes import lights
-from irrsplat.reference.path_tracer import Hit, Tracer, image, look, surface, view
+from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
 from irrsplat.reference.worker import Pass, Report, serve
 from irrsplat.scene.model import Camera, Scene
 
@@ -212,7 +212,7 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
         least.append(np.ones((height, width), bool))
         most.append(np.zeros((height, width), bool))
     for dx, dy in _within_a_pixel(3):
-        sub = look(tracer, camera, size, dx, dy)
+        sub = visible_hits(tracer, camera, size, dx, dy)
         for k, light in enumerate(tracer.scene.lights):
             E, before = tracer.lit(light, sub)
             # for surfaces turned away and outside of cones the light is zero, so visibility is as well

@@ -17,7 +17,7 @@ _AT_ONCE = 2  # concurrent tasks: the BVH's build and the surfaces' layout; more
 _free = Semaphore(_AT_ONCE)
 
 
-def started(work: Callable[[], Result]) -> Future[Result]:
+def start_thread(work: Callable[[], Result]) -> Future[Result]:
     """Start `work` in a thread when at most one other runs; the future has its result or exception."""
     future: Future[Result] = Future()
 
@@ -34,19 +34,19 @@ def started(work: Callable[[], Result]) -> Future[Result]:
     return future
 
 
-def done(work: Callable[[], Result]) -> Future[Result]:
+def run_now(work: Callable[[], Result]) -> Future[Result]:
     """Run `work` now; the future has its result, an exception is raised here."""
     future: Future[Result] = Future()
     future.set_result(work())
     return future
 
 
-def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
+def in_background(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
     """Run `work` in a thread; yield `share` about every 10 ms until it is done. Returns its result, raises its exception.
 
     If the generator is dropped, running work continues to its end, and waiting work never starts.
     """
-    future = started(work)
+    future = start_thread(work)
     try:
         while not wait_for([future], _STEP):
             yield share
