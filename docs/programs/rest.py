@@ -1,4 +1,4 @@
-"""Measures how a view at rest converges, for docs/METHOD.md: `python docs/programs/rest.py [SCENE …]` (an hour on two cores).
+"""Measure how a refined view converges, for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (an hour, two cores).
 
 Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against the
 truth in tests/reference, and the estimate. What is measured stays in out/rest.json; the picture and the tables are made of that.
@@ -64,7 +64,7 @@ def table(found: dict[str, list[Point]]) -> str:
 
 
 def main() -> None:
-    """Measure what is named, or all that is not known yet; fill docs/METHOD.md and draw docs/images/measured/rest.png."""
+    """Measure the named scenes, or those without data; fill docs/about/experiments.md and draw docs/images/measured/rest.png."""
     found: dict[str, list[Point]] = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     for bounces in (1, "all"):
         for name in sys.argv[1:] or SCENES:
@@ -86,7 +86,7 @@ def main() -> None:
     write_picture(
         ROOT / "docs" / "images" / "measured" / "rest.png", loglog(lines, title, "seconds of processor time", "error, %")
     )
-    page = ROOT / "docs" / "METHOD.md"
+    page = ROOT / "docs" / "about" / "experiments.md"
     text = page.read_text(encoding="utf-8")
     made = table({key: found[key] for key in keys})
     page.write_text(between(text, "rest", "rest", made), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What flows between the stages: one table of the image channels, and the frozen bundles of GPU handles.
+"""Data between the stages: the table of image channels, and frozen bundles of GPU handles.
 
 EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 """
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     import moderngl
 
 
-# GLSL uniforms by name: numbers, tuples, arrays and textures. Any, because a draw is handed them beside its own arguments; the
-# draw itself checks that every uniform of its shaders is there, and no other.
+# GLSL uniforms by name: numbers, tuples, arrays and textures. Each draw checks that all uniforms of its shaders are given, and no
+# other.
 Uniforms = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One image buffer: its name, number of components, unit, how it is shown, and what it is."""
+    """One image buffer: its name, number of components, unit, display and meaning."""
 
     name: str
     components: int  # 1: H W, 3: H W 3
@@ -58,7 +58,7 @@ CHANNELS: dict[str, Channel] = {
 class Filmic(NamedTuple):
     """Hable's filmic curve (2010, "Filmic Tonemapping Operators"): f(scale·x)/f(white), per channel, clipped to 0..1.
 
-    f(x) = (x(ax + cb) + de)/(x(ax + b) + df) − e/f. With `scale` mid grey 0.18 stays 0.18 before sRGB, and radiance 9.1 is white.
+    f(x) = (x(ax + cb) + de)/(x(ax + b) + df) − e/f. `scale` keeps mid grey 0.18 at 0.18 before sRGB; radiance 9.1 is white.
     """
 
     a: float = 0.15
@@ -74,15 +74,15 @@ class Filmic(NamedTuple):
 FILMIC = Filmic()
 
 
-NOTHING_SEEN = 1e30  # the splat buffer's weight where the camera sees nothing: no record is wanted there
+NOTHING_SEEN = 1e30  # splat buffer's weight of pixels without a surface, which request no record
 
 
 @dataclass(frozen=True, eq=False)
 class Filters:
-    """What stands before the surfaces of the g-buffer and lets most light pass, as float textures of its size.
+    """Filters in front of the g-buffer's surfaces, which let most light pass, as float textures of its size.
 
-    tint: rgb the share of what is behind that is seen, 1 where there is no filter. opacity: of the nearest one, 0 where none is.
-    glow: rgb the radiance that they emit themselves; None where none of the scene does.
+    tint: rgb transmittance, 1 without a filter. opacity: of the nearest filter, 0 without one. glow: rgb radiance of the filters;
+    None if no filter of the scene emits.
     """
 
     tint: moderngl.Texture
@@ -92,14 +92,13 @@ class Filters:
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """What the eye sees, as RGBA32F textures of one size, bottom row first.
+    """The visible surfaces, as RGBA32F textures of one size, bottom row first.
 
-    position: xyz world space at the pixel's centre, w depth along the view axis (0 where nothing is seen).
-    normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
-    albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
-    mapped_normal: xyz the shading normal bent by the normal map; None where no surface of the scene has one. filters: None where
-    no surface can be one. emissive: whether any surface of the scene emits; else `emission` is black everywhere.
-    corner: where in the whole picture the first pixel lies, of a part of one.
+    position: xyz world space at the pixel's centre, w depth along the view axis (0 without a surface). normal: xyz shading normal
+    turned to the camera, w the geometric normal's octahedral x. albedo: rgb reflectance, w the geometric normal's octahedral y.
+    emission: rgb emitted radiance, w the triangle's number. mapped_normal: xyz shading normal with normal map; None if no surface
+    has a map. filters: None if the scene has none. emissive: True if a surface of the scene emits; else `emission` is black.
+    corner: position of the first pixel in the whole picture.
     """
 
     position: moderngl.Texture
@@ -113,17 +112,17 @@ class GBuffer:
 
     @property
     def lit_normal(self) -> moderngl.Texture:
-        """The normal that light meets: `mapped_normal`, or `normal` where that is the same. Records know `normal` alone."""
+        """Normal for direct light: `mapped_normal`, or `normal` without maps. Records use `normal` only."""
         return self.mapped_normal or self.normal
 
     @property
     def material_uniforms(self) -> Uniforms:
-        """The uniforms of generated/gbuffer_material.glsl."""
+        """Uniforms of generated/gbuffer_material.glsl."""
         return {one.name: getattr(self, one.name) for one in PROPERTIES}
 
 
 class LightRow(IntEnum):
-    """What the rows of a light in the light table hold: shaders/lighting/lights.glsl reads them as LIGHT_POSITION and so on."""
+    """Rows of a light in the light table, in shaders/lighting/lights.glsl as LIGHT_POSITION and so on."""
 
     POSITION = 0  # xyz position, or the unit direction towards a directional light; w: 1 if directional
     COLOR = 1  # rgb: E = rgb·cosθ·spot/(k·(1, d, d²)); w: number of shadow tiles
@@ -140,11 +139,11 @@ LUMINAIRE_ROWS = 3  # of a light in the table of luminaires, see irrsplat/lighti
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Every light's depth tiles in one texture, and the table that finds them (shaders/lighting/lights.glsl reads both).
+    """Every light's depth tiles in one texture, and their table (both for shaders/lighting/lights.glsl).
 
-    depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; LightRow names
-    them. layout: a tile's side in texels, the tiles per row, and the metres of depth in the perspective ones.
-    luminaires, photometry: the rows and the R32F texture of irrsplat/lighting/luminaire_table.py; None where no light is one.
+    depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; rows by LightRow. layout:
+    a tile's side in texels, tiles per row, and metres of depth in perspective tiles. luminaires, photometry: rows and R32F
+    texture of irrsplat/lighting/luminaire_table.py; None without luminaires.
     """
 
     depth: moderngl.Texture
@@ -155,7 +154,7 @@ class ShadowMaps:
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms that shaders/lighting/lights.glsl declares."""
+        """Uniforms of shaders/lighting/lights.glsl."""
         plain = {"light_table": self.table, "shadow_depth": self.depth, "shadow_layout": self.layout}
         if self.photometry is None:
             return plain
@@ -164,10 +163,9 @@ class ShadowMaps:
 
 @dataclass(frozen=True)
 class HitLight:
-    """What lights the surfaces that a gather sees: the lamps with their shadow maps and, from the second bounce on, the surface
-    cache.
+    """The light on surfaces hit by a gather: lights with shadow maps and, from the second bounce on, the surface cache.
 
-    surface: the uniforms of shaders/surface_cache/lookup.glsl; None for one bounce.
+    surface: uniforms of shaders/surface_cache/lookup.glsl; None for one bounce.
     """
 
     shadows: ShadowMaps
@@ -175,16 +173,19 @@ class HitLight:
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms of both."""
+        """Uniforms of both."""
         return {**self.shadows.uniforms, **(self.surface or {})}
 
 
 @dataclass(frozen=True, eq=False)
 class SplatBuffer:
-    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
-    the luminances Y of the E, which tells how far the records contradict each other). `luminance_floor`: as in Records.
-    pixel_stride: 2 where only every other pixel of the view has a texel here, in both directions, else 1. reach: R32F texture,
-    the share of the records' reach that counts at each pixel, 0..1, where a view is refined; None: all of it."""
+    """The sums of splatting.
+
+    `sums` RGBA32F (Σ k·E, Σ k). `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of the luminances Y of E, for the
+    inter-record variance). `luminance_floor`: as in Records. pixel_stride: 2 if only every other pixel of the view has a texel,
+    in both directions, else 1. reach: R32F texture, relative radius of the records at each pixel, 0..1, in a refined view; None:
+    1.
+    """
 
     sums: moderngl.Texture
     weight: moderngl.Texture
@@ -195,11 +196,11 @@ class SplatBuffer:
 
 @dataclass(frozen=True)
 class Sites:
-    """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
+    """Sites of new records, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
 
-    triangle: (N,) the numbers of the triangles that they lie on, where known. frame_rotation: (N,) what the rotations
-    of the frames that they look in are drawn from; without it, the records' own numbers. screen: (N,) metres that the image is
-    high there, in the view that asks for the record; None, or 0: not known.
+    triangle: (N,) numbers of their triangles, if known. frame_rotation: (N,) seeds of the rotations of the hemisphere frames; by
+    default the records' numbers. screen: (N,) height of the image in metres at the site, in the requesting view; None, or 0:
+    unknown.
     """
 
     position: np.ndarray
@@ -214,7 +215,7 @@ class Sites:
 
     @staticmethod
     def joined(parts: Sequence[Sites]) -> Sites:
-        """The sites of all parts, which know the same of theirs."""
+        """Return the sites of all parts, which have the same optional columns."""
 
         def column(name: str) -> Any:
             columns = [getattr(part, name) for part in parts]
@@ -223,7 +224,7 @@ class Sites:
         return Sites(*(column(one.name) for one in fields(Sites)))
 
     def frame_rotations(self, numbers: np.ndarray) -> np.ndarray:
-        """(N,) what the rotations of the frames are drawn from, for records here that have these `numbers` (N,)."""
+        """Return (N,) seeds of the frames' rotations, for records with these `numbers` (N,)."""
         return numbers if self.frame_rotation is None else self.frame_rotation
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
@@ -234,12 +235,12 @@ class Sites:
 
 @dataclass(frozen=True)
 class LightSamples:
-    """The next-event estimation of one kind of light by a batch of records, besides the rays of a gather.
+    """The next-event estimation of one kind of light by a batch of records, in addition to the hemisphere samples.
 
-    of: the sampled sources: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: samples of a record.
-    rows: (5, N, 4) float32, of the batch's records, as Atlas.frames has them. uniforms: those of
-    shaders/gather/light_samples/sum.frag that do not depend on the batch. materials: World.material_defines. free: returns
-    which lines from points (N, 3) to others (N, 3), metres, are free; None: the shader traces the lines.
+    of: the sampled sources: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: samples per record.
+    rows: (5, N, 4) float32, of the batch's records, as in Atlas.frames. uniforms: of shaders/gather/light_samples/sum.frag,
+    independent of the batch. materials: World.material_defines. free: returns (N,) visibility between points (N, 3) and others
+    (N, 3), metres; None: the shader traces the rays.
     """
 
     of: Literal["emitters", "virtual lights"]
@@ -254,17 +255,15 @@ class LightSamples:
 class Atlas:
     """The hemisphere samples of a batch of records: row-major cells of `cell` (width, height) texels, `columns` per row.
 
-    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
-    planes: RGBA32F texture, the plane of what was hit: 1/distance in the unit direction w is xyz·w, 1/m (0 where nothing was).
-    table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
-    edges: RGBA32F texture of two texels a texel, see gather.plane.plane_edges.
-    frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
-    that frame and, w, its number in the cache; (i, 4) is its eye and, w, the distance of the eyes in a circle about that,
-    from which further shadow rays give derivatives, metres.
-    count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
-    light_samples: the shadow rays to be added.
-    rays: like the table, with the directions of the texels' own rays; None: those of the table.
-    sky_share: R32F texture, the share of each texel that sees the sky; None: all of it where nothing was hit.
+    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 without a hit). planes: RGBA32F texture, plane of the hit:
+    1/distance in the unit direction w is xyz·w, 1/m (0 without a hit). table: RGBA32F texture of one cell, xyz direction in the
+    record's frame (tangent, bitangent, normal), w cosθ·dω. edges: RGBA32F texture of two texels per texel, see
+    gather.plane.plane_edges. frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its
+    geometric normal in that frame and, w, its number in the cache. Texel (i, 4) is its eye and, w, the radius in metres of the
+    circle of eyes around it, from which further shadow rays give derivatives. count: number of records. block: texels summed by
+    one thread of the first reduction step, as (width, height). light_samples: shadow rays to be added. rays: directions of the
+    texels' own rays, in the layout of the table; None: the table's. sky_share: R32F texture, visible share of the sky per texel;
+    None: 1 without a hit.
     """
 
     radiance: moderngl.Texture
@@ -285,8 +284,8 @@ class Atlas:
 class Records:
     """The cache on the GPU: `count` records, record i in texel (i % glsl.TABLE_COLUMNS, i // glsl.TABLE_COLUMNS) of each texture.
 
-    textures: by the names of record_layout.TEXTURES; record_layout.COLUMNS says what they hold. luminance_floor: W/m²; where it
-    is darker, errors count as if the luminance were that.
+    textures: by the names of record_layout.TEXTURES; record_layout.COLUMNS has their contents. luminance_floor: W/m²; errors are
+    relative to at least this luminance.
     """
 
     textures: Mapping[str, moderngl.Texture]
@@ -301,12 +300,12 @@ class Records:
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms with which shaders/records/record.glsl reads them."""
+        """Uniforms of shaders/records/record.glsl."""
         samplers = {f"records_{name}": texture for name, texture in self.textures.items()}
         return {**samplers, "luminance_floor": self.luminance_floor}
 
     def read(self, *names: str) -> dict[str, np.ndarray]:
-        """Columns of the records by name, (N, …) float32 each. It waits for the GPU to finish what it is drawing."""
+        """Return columns of the records by name, (N, …) float32 each, after waiting for the GPU."""
         wanted = {texture for name in names for texture, _ in record_layout.COLUMNS[name].slots}
         texels = {name: np.frombuffer(self.textures[name].read(), "f4") for name in wanted}
         rows = {name: data.reshape(-1, record_layout.TEXTURES[name])[: self.count] for name, data in texels.items()}

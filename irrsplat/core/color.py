@@ -1,4 +1,4 @@
-"""Colour: sRGB encoding and decoding, luminance and photometric units, and clipping."""
+"""Colour: sRGB encoding and decoding, luminance and photometric units, and clamping."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-MID_GREY = 0.18  # reflectance that looks halfway between black and white
-DARKEST = 0.02  # reflectance of black velvet: an exposure meter takes nothing for darker
+MID_GREY = 0.18  # reflectance that appears halfway between black and white
+DARKEST = 0.02  # reflectance of black velvet: lower bound for exposure metering
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
-# The lumens that a watt of white light is taken for, as Radiance does (WHTEFFICACY in its color.h; Ward 1994): photometric units
-# are radiometric ones times this, colours weighted by LUMINANCE.
+# lm/W of white light, as in Radiance (WHTEFFICACY in its color.h; Ward 1994). Photometric units are radiometric units times this,
+# with colours weighted by LUMINANCE.
 LUMINOUS_EFFICACY = 179.0
 
 
@@ -22,14 +22,14 @@ class Srgb(NamedTuple):
     offset: float = 0.055
     power: float = 2.4
     linear_end: float = 0.0031308
-    encoded_end: float = 0.04045  # what `linear_end` is encoded as, as the standard rounds it
+    encoded_end: float = 0.04045  # encoded `linear_end`, as the standard rounds it
 
 
 SRGB = Srgb()
 
 
 def linear_from_srgb(values: np.ndarray) -> np.ndarray:
-    """Linear values for sRGB-encoded ones in 0..1 (IEC 61966-2-1), of any shape."""
+    """Return linear values of sRGB-encoded ones in 0..1 (IEC 61966-2-1), of any shape."""
     c = SRGB
     curved = ((values + c.offset) / (1.0 + c.offset)) ** c.power
     linear: np.ndarray = np.where(values <= c.encoded_end, values / c.slope, curved)
@@ -37,7 +37,7 @@ def linear_from_srgb(values: np.ndarray) -> np.ndarray:
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:
-    """sRGB-encoded values in 0..1 (IEC 61966-2-1) for linear ones of any shape, which are clipped to 0..1."""
+    """Return sRGB-encoded values in 0..1 (IEC 61966-2-1) of linear ones of any shape, clamped to 0..1."""
     x = np.clip(linear, 0.0, 1.0)
     c = SRGB
     curved = (1.0 + c.offset) * np.maximum(x, c.linear_end) ** (1 / c.power) - c.offset
@@ -46,12 +46,12 @@ def srgb(linear: np.ndarray) -> np.ndarray:
 
 
 def photometric(values: np.ndarray) -> np.ndarray:
-    """(…) lux, cd/m², cd or lm for (…, 3) W/m², W/(m² sr), W/sr or W of red, green and blue."""
+    """Return (…) lux, cd/m², cd or lm of (…, 3) W/m², W/(m² sr), W/sr or W of red, green and blue."""
     found: np.ndarray = LUMINOUS_EFFICACY * (values @ LUMINANCE.astype(values.dtype))
     return found
 
 
 def clip_color(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
-    """Three values, each clipped to 0..1; NaN becomes 0."""
+    """Return three values clamped to 0..1; NaN becomes 0."""
     r, g, b = np.clip(np.nan_to_num(np.asarray(values, float)), 0.0, 1.0).tolist()
     return r, g, b

@@ -1,4 +1,4 @@
-"""The errors that irrsplat raises on purpose: each message is one line that says what, where and what to do."""
+"""The errors that irrsplat raises on purpose: each message is one line with cause, place and remedy."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Iterable
 
 from irrsplat.core.words import spelled
 
-_ALIKE = 0.6  # how much a word has of a name, 0..1 as difflib counts it, where that is probably meant
+_ALIKE = 0.6  # least similarity of a word to a suggested name, 0..1 in difflib's measure
 
 
 class IrrsplatError(Exception):
-    """Anything irrsplat reports as one line instead of a traceback; the command line exits with 1."""
+    """An error reported as one line instead of a traceback; the command line exits with 1."""
 
 
 class InputError(IrrsplatError):
-    """The command line, a setting or a file is wrong; the command line exits with 2.
+    """An error in the command line, a setting or a file; the command line exits with 2.
 
-    `path` and `line` (1-based) say where, and stand in front of the message as ``file:line: message``. What a terminal would not
-    show as it is, ends of lines above all, is spelled out.
+    `path` and `line` (1-based) precede the message as ``file:line: message``. Characters that a terminal would interpret are
+    escaped, line ends included.
     """
 
     def __init__(self, message: str, path: str | os.PathLike[str] | None = None, line: int | None = None) -> None:
@@ -28,17 +28,17 @@ class InputError(IrrsplatError):
 
 
 class GLError(IrrsplatError):
-    """There is no OpenGL here, or less of it than is needed; the message says how to mend that."""
+    """Missing or insufficient OpenGL; the message has the remedy."""
 
 
 def nearest(word: str, names: Iterable[str]) -> str:
-    """The one of `names` that `word` is most like, whatever its case; empty where none is like it."""
+    """Return the most similar of `names`, ignoring case; empty if none is similar."""
     known = {name.lower().lstrip("-"): name for name in names}
     found = difflib.get_close_matches(word.lower().lstrip("-"), known, n=1, cutoff=_ALIKE)
     return known[found[0]] if found else ""
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """What stands behind a wrong `word` in an error: the one of `names` that was probably meant; empty where none is like it."""
+    """Return the suggestion after a wrong `word` in an error; empty if none of `names` is similar."""
     found = nearest(word, names)
     return f" (did you mean '{found}'?)" if found else ""

@@ -1,6 +1,6 @@
-"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed.
+"""Atomic writing of files: under a temporary name in the same folder, then renamed.
 
-What a process that was killed left under such a name goes when the next one writes there: whoever fills it holds a lock on it.
+Each writer locks its temporary files. Files of a killed process are removed by the next writer.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 try:
     import fcntl
-except ImportError:  # Windows has no such locks: nothing is swept there
+except ImportError:  # Windows lacks these locks, so nothing is swept there
     fcntl = None  # type: ignore[assignment]
 
 Pathlike = str | os.PathLike[str]
 
-# what reading a damaged file of numbers, an NPZ with JSON in it say, may raise
+# exceptions of reading a damaged file of numbers, such as an NPZ with JSON
 DAMAGE = (
     ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, RecursionError, ArithmeticError, MemoryError,
     NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
-_HEADER = 1 << 20  # bytes that an EXR's header takes at most
-_CHUNK = 16  # rows of an EXR that ZIP packs together
+_HEADER = 1 << 20  # bytes of an EXR's header, at most
+_CHUNK = 16  # rows per ZIP chunk of an EXR
 _PARTS = ".irrsplat-*.part*"
 
 
 def check_file(path: Pathlike) -> None:
-    """Raises InputError where `path` cannot be written as a file; leaves nothing behind."""
+    """Raise InputError if `path` cannot be written as a file; leaves nothing behind."""
     text = os.fspath(path)
     if os.path.isdir(text) or text.endswith(("/", os.sep)):
         raise InputError("cannot write: it is a folder, not a file", text)
@@ -52,7 +52,7 @@ def check_file(path: Pathlike) -> None:
         mode = target.stat().st_mode
     except FileNotFoundError:
         mode = stat.S_IFREG
-    except OSError as error:  # a name too long, a file where a folder should be, …
+    except OSError as error:  # a name too long, a file in place of a folder, …
         raise InputError(f"cannot write: {error.strerror or error}", text) from error
     if not stat.S_ISREG(mode):
         raise InputError("cannot write: it is not a regular file", text)
@@ -62,12 +62,12 @@ def check_file(path: Pathlike) -> None:
 
 
 def write_text(path: Pathlike, text: str) -> None:
-    """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError where that fails."""
+    """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError if that fails."""
     write_file(path, lambda part: part.write_text(text, encoding="utf-8", errors="surrogateescape"))
 
 
 def json_text(value: object, indent: int | None = 2) -> str:
-    """Return strict JSON: numpy's values become plain ones, numbers that are not finite null, file names text."""
+    """Return strict JSON: numpy's values become plain ones, non-finite numbers null, file names text."""
     return json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
 
 
@@ -82,17 +82,17 @@ def _plain(value: object) -> object:
         return None
     if value is None or isinstance(value, (int, float)):
         return value
-    return str(value).encode("utf-8", "surrogateescape").decode("utf-8", "replace")  # the names of a locale without UTF-8
+    return str(value).encode("utf-8", "surrogateescape").decode("utf-8", "replace")  # names in a locale without UTF-8
 
 
 def write_bytes(path: Pathlike, data: bytes) -> None:
-    """Write `data` to `path`, completely or not at all; raises IrrsplatError where that fails."""
+    """Write `data` to `path`, completely or not at all; raises IrrsplatError if that fails."""
     write_file(path, lambda part: part.write_bytes(data))
 
 
 def write_picture(path: Pathlike, display: np.ndarray, bits: int = 8) -> None:
     """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 or 16 bits, completely or not at all; raises
-    IrrsplatError where that fails."""
+    IrrsplatError if that fails."""
     write_file(path, lambda part: _png(part, display, bits))
 
 
@@ -106,13 +106,15 @@ def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
 
 
 def png_16(display: np.ndarray) -> bytes:
-    """Display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits a channel."""
+    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits per channel."""
     return png_16_of([display], len(display))
 
 
 def png_16_of(strips: Iterable[np.ndarray], height: int) -> bytes:
-    """The same of a picture of so many rows that comes in strips, the top one first, so that it is not there as a whole. Pillow
-    cannot write it (W3C 2003, "Portable Network Graphics", second edition)."""
+    """Return a 16-bit PNG of a picture of `height` rows from strips, top first, to limit the memory.
+
+    Pillow cannot write it (W3C 2003, "Portable Network Graphics", second edition).
+    """
     packer, packed, above = zlib.compressobj(6), [], None
     for display in strips:
         rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(len(display), -1).view(np.uint8)
@@ -120,7 +122,7 @@ def png_16_of(strips: Iterable[np.ndarray], height: int) -> bytes:
             width, channels = display.shape[1:]
             above = np.zeros_like(rows[0])
         filtered = np.empty((len(rows), 1 + rows.shape[1]), np.uint8)
-        filtered[:, 0] = 2  # each row is what it differs by from the row above (filter "Up"), which packs better
+        filtered[:, 0] = 2  # filter "Up": differences to the row above compress better
         filtered[:, 1:] = rows - np.concatenate([above[None], rows[:-1]])
         packed.append(packer.compress(filtered.tobytes()))
         above = rows[-1]
@@ -134,7 +136,7 @@ def png_16_of(strips: Iterable[np.ndarray], height: int) -> bytes:
 
 
 def as_png(display: np.ndarray) -> bytes:
-    """Display values 0..1, (H, W, 3) or (H, W, 4), as a PNG file of 8 bits."""
+    """Return display values 0..1, (H, W, 3) or (H, W, 4), as a PNG file of 8 bits."""
     from PIL import Image
 
     data = io.BytesIO()
@@ -143,10 +145,10 @@ def as_png(display: np.ndarray) -> bytes:
 
 
 def dithered(display: np.ndarray, first: int = 0) -> np.ndarray:
-    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), as uint8: colours dithered, so that gradients show no bands.
+    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), as uint8 with dithered colours, to prevent banding.
 
-    A colour is rounded up with the probability of its fraction, by interleaved gradient noise (Jimenez 2014), which depends
-    on the pixel alone. first: the number of the first row in its picture.
+    The probability of rounding up is the fraction, by interleaved gradient noise (Jimenez 2014), which depends on the pixel only.
+    first: number of the first row in its picture.
     """
     rows, columns = np.ogrid[first : first + len(display), : display.shape[1]]
     noise = np.modf(52.9829189 * np.modf(0.06711056 * columns + 0.00583715 * rows)[0])[0]
@@ -156,18 +158,17 @@ def dithered(display: np.ndarray, first: int = 0) -> np.ndarray:
 
 
 def eight_bits(display: np.ndarray) -> np.ndarray:
-    """Display values 0..1, any shape, as uint8."""
+    """Return display values 0..1, any shape, as uint8."""
     found: np.ndarray = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
     return found
 
 
 def check_exr(path: Path, rows: int) -> None:
-    """Raises OSError where an EXR of so many `rows`, packed by ZIP, ends before the last of them: OpenEXR says nothing where the
-    disk is full."""
+    """Raise OSError if a ZIP-compressed EXR of `rows` is truncated: OpenEXR reports no error on a full disk."""
     with open(path, "rb") as file:
         text, at = file.read(_HEADER), 8
         try:
-            while text[at]:  # an attribute: name and type, each up to a 0, its size, and so many bytes
+            while text[at]:  # an attribute: name and type, each zero-terminated, size, and content
                 value = text.index(0, text.index(0, at) + 1) + 1
                 at = value + 4 + int.from_bytes(text[value : value + 4], "little")
             file.seek(at + 1)
@@ -182,9 +183,9 @@ def check_exr(path: Path, rows: int) -> None:
 
 @contextmanager
 def _part(folder: Path, make: Callable[[Path], object], ending: str = "") -> Iterator[Path]:
-    """A temporary file or folder in `folder`, made by `make`: this process holds its lock and removes it at the end."""
+    """Yield a temporary file or folder in `folder`, made by `make`, locked by this process and removed at the end."""
     handle = None
-    while handle is None:  # another process may sweep a name away before the name is locked
+    while handle is None:  # another process may remove the file before it is locked
         part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
         make(part)
         handle = _lock(part)
@@ -200,7 +201,7 @@ def _part(folder: Path, make: Callable[[Path], object], ending: str = "") -> Ite
 
 
 def _lock(part: Path) -> int | None:
-    """Return a handle that locks `part`; -1 where there are no locks; None where another process sweeps `part` away."""
+    """Return a handle that locks `part`; -1 without locks; None if another process removes `part`."""
     if fcntl is None:
         return -1
     try:
@@ -222,7 +223,7 @@ def _lock(part: Path) -> int | None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """A `with` block that no other process executes for `folder` at the same time, where the file system has locks."""
+    """Exclude other processes from this block for `folder`, if the file system has locks."""
     handle = None
     try:
         with suppress(OSError):
@@ -236,11 +237,11 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove temporary files and folders in `folder` whose process is dead: those that nobody holds."""
+    """Remove unlocked temporary files and folders in `folder`, whose processes are dead."""
     if fcntl is None:
         return
     for part in folder.glob(_PARTS):
-        with suppress(OSError):  # it has gone meanwhile, belongs to somebody else, or is held
+        with suppress(OSError):  # removed meanwhile, owned by another user, or locked
             handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
                 kind = os.fstat(handle).st_mode  # a pipe or a device of that name is not ours
@@ -254,15 +255,15 @@ def _sweep(folder: Path) -> None:
 
 
 def _put(part: Path, target: Path) -> None:
-    """Rename `part` to `target`, with the content on the disk first and the name next: at a power cut one of both is whole."""
+    """Rename `part` to `target` after syncing its content, so that a power cut leaves one of both whole."""
     _sync(part)
     os.replace(part, target)
-    with suppress(OSError):  # some file systems do not take a folder, and the file is in place
+    with suppress(OSError):  # some file systems cannot sync a folder; the file is in place
         _sync(target.parent)
 
 
 def _sync(path: Path) -> None:
-    """Have the system write a file or folder to the disk; Windows does that for open files of a process alone."""
+    """Sync a file or folder to the disk; Windows can do that only for a process's open files."""
     if fcntl is None:
         return
     handle = os.open(path, os.O_RDONLY)
@@ -273,14 +274,14 @@ def _sync(path: Path) -> None:
 
 
 def _keep_mode(part: Path, target: Path) -> None:
-    """Give `part` the permissions of the file that it replaces, before anything is written."""
+    """Give `part` the permissions of the replaced file, before any content is written."""
     with suppress(FileNotFoundError):
         part.chmod(stat.S_IMODE(target.stat().st_mode) & 0o777)
 
 
 @contextmanager
 def _naming(path: Pathlike) -> Iterator[None]:
-    """Turns errors of the system, numpy or OpenEXR while writing into one IrrsplatError that names `path`."""
+    """Turn errors of the system, numpy or OpenEXR while writing into one IrrsplatError that names `path`."""
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:
@@ -289,10 +290,10 @@ def _naming(path: Pathlike) -> Iterator[None]:
 
 
 def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file in the same folder, then rename it to `path`: at no time is `path` half written.
+    """Let `write` fill a temporary file in the same folder, then rename it to `path`, which is never half written.
 
-    The file that a symbolic link points to is replaced, and the link stays. Permissions stay; other hard links keep the old
-    content. The content is on the disk before the name is.
+    A symbolic link stays, and its target is replaced. Permissions stay; other hard links keep the old content. The content is
+    synced before the rename.
     """
     target = Path(os.path.realpath(path))
     with _naming(path):
@@ -304,7 +305,7 @@ def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
 
 
 def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]], bits: int = 8) -> None:
-    """Write all pictures into a new folder, then rename it, or the files in it where `folder` exists already."""
+    """Write all pictures into a new folder, then rename the folder, or its files if `folder` exists."""
     exists = folder.is_dir()
     inside = folder if exists else folder.parent
     with _naming(folder):
@@ -335,7 +336,7 @@ def _try_folder(text: str) -> None:
 
 
 def _try_inside(folder: Path, text: str) -> None:
-    """Raises InputError, naming `text`, where no file can be made in `folder`."""
+    """Raise InputError, naming `text`, if no file can be made in `folder`."""
     if not folder.is_dir():
         raise InputError(f"cannot write: the folder '{folder}' does not exist; make it first", text)
     try:

@@ -1,4 +1,4 @@
-"""GLSL made from Python: constants and tables that both sides need stand in Python alone, and shaders include them by name."""
+"""GLSL generated from Python: constants and tables of both sides are defined in Python alone, and included by name."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, LUMINAIRE_ROWS, NOTHING_SE
 from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, SRGB
 from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
-TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
+TABLE_COLUMNS = 1024  # items in a row of every table with lookup by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/plane.py)
-MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
-EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
-WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain
-GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of the golden section, whose multiples fill 0..1 evenly
-PLASTIC = 0.7548776662466927  # the inverse of the plastic number, whose multiples and those of GOLDEN fill a square evenly
-GOLDEN_ANGLE = 2.39996323  # radians, by which each point of a spiral is turned from the one before
-SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
-ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: how far off its surface a place in float32 may lie
-SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
-TOLD = 1e-13  # Σ k of a pixel, below which no record contributes but one from within a closed mesh
-BRIGHT = 32.0  # times the luminance floor: an error at what is brighter counts less than in proportion to the luminance
-FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
+MAX_EMITTER_CLUSTERS = 32  # clusters of emissive triangles, between which next-event estimation divides its samples
+EYES_BESIDE = 6  # eyes on a circle about a record, for derivatives of next-event estimation
+WORTH = 4.0  # rays per next-event sample of equal value: near an emitter's rim a ray may miss, the sample always hits
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # golden section, whose multiples fill 0..1 evenly
+PLASTIC = 0.7548776662466927  # inverse of the plastic number; its multiples and those of GOLDEN fill a square evenly
+GOLDEN_ANGLE = 2.39996323  # radians between successive points of a spiral
+SHORT = 1e-4  # of the distance: margin of a shadow ray before the emitter
+ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: largest distance of a float32 position from its surface
+SKY_RAY_TEXELS = 3.0  # share of a ray's solid angle covered by its sky texels, which interpolation widens to the whole
+TOLD = 1e-13  # Σ k of a pixel below which only records within closed meshes contribute
+BRIGHT = 32.0  # times the luminance floor: errors at greater luminances count less than in proportion
+FALSE_COLOURS = 64  # entries of the viewer's scale of light
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,

@@ -1,4 +1,4 @@
-"""What a caller of `load` decides about a file: which axis is up, which edges stay sharp, its time, and what sky it has."""
+"""The options of `load`: up axis, smoothing, time and sky."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ CREASE_ANGLE = 40.0
 
 @dataclass(frozen=True)
 class LoadOptions:
-    """How files are read.
+    """The options of reading a file.
 
-    up_axis: which axis of the world points up; "auto": as the format or the file's exporter has it. crease_angle: degrees, 0 to
-    180; where a file has no normals, edges between triangles that meet at less are smooth. time: seconds into the file's
-    animation, 0 or more, at which it is posed; None: the stored pose. sky: what lights it from all around in place of its own sky
-    or of what stands in, in the words that follow `sky` in a `.scene`; None: what the file has. allow: folders from which the
-    scene may read files, beside its own.
+    up_axis: world axis that points up; "auto": by format or exporter. crease_angle: degrees, 0 to 180; without normals in the
+    file, edges between triangles that meet at a smaller angle are smooth. time: seconds into the file's animation, 0 or more, for
+    the pose; None: the stored pose. sky: replaces the sky of the file or its substitute, in the words after `sky` in a `.scene`;
+    None: the file's. allow: folders from which the scene may read files, in addition to its own.
     """
 
     up_axis: UpAxis = "auto"
@@ -48,5 +47,5 @@ class LoadOptions:
 
 
 def _within(value: object, most: float) -> bool:
-    """Whether it is a finite number from 0 to `most`."""
+    """True for a finite number from 0 to `most`."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and 0.0 <= value <= most

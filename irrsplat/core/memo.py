@@ -1,4 +1,4 @@
-"""A memo of stages: results that hold until what they were made of is something else."""
+"""A memo of stages: results that hold while their inputs are equal."""
 
 from __future__ import annotations
 
@@ -11,21 +11,20 @@ T = TypeVar("T")
 
 
 class Memo:
-    """Results of stages by name, each kept until its inputs are others: the one place that knows what is current.
+    """Results of stages by name, each valid until its inputs change.
 
-    Inputs are compared by ==, so that they are values, or things that are equal to nothing but themselves (bundles of GPU
-    handles, meshes).
+    Inputs are compared by ==: values, or objects equal only to themselves (bundles of GPU handles, meshes).
     """
 
     def __init__(self) -> None:
         self._made: dict[str, tuple[object, object]] = {}
 
     def get(self, stage: str, inputs: object, make: Callable[[], T]) -> T:
-        """The stage's result for these inputs, made by `make` where the present one was made of others.
+        """Return the stage's result for these inputs, made by `make` if the inputs have changed.
 
-        The old result is forgotten before `make` begins, since it may draw over it, and the new one counts as current only once
-        `make` has returned: whoever interrupts it leaves nothing that counts as current and is not. Raises InputWaits after
-        `make` where input waits: the result is kept for the next call.
+        The old result is dropped before `make` begins, which may overwrite it. The new one counts as current only after `make`
+        has returned, so an interruption leaves no invalid result. Raises InputWaits after `make` if input waits: the result is
+        kept for the next call.
         """
         found = self._made.get(stage)
         if found is not None and found[0] == inputs:
@@ -37,14 +36,14 @@ class Memo:
         return made
 
     def current(self, stage: str, kind: type[T]) -> T | None:
-        """The stage's present result, of this type; None where there is none."""
+        """Return the stage's present result of this type, or None."""
         _, found = self._made.get(stage, (None, None))
         return found if isinstance(found, kind) else None
 
     def holds(self, stage: str, inputs: object) -> bool:
-        """Whether the stage has a result, made of these inputs."""
+        """True if the stage has a result for these inputs."""
         return stage in self._made and self._made[stage][0] == inputs
 
     def forget(self, *, but: tuple[str, ...] = ()) -> None:
-        """Make everything anew when it is wanted next, `but` for these stages."""
+        """Drop all results `but` those of these stages."""
         self._made = {stage: made for stage, made in self._made.items() if stage in but}

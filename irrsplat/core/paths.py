@@ -1,4 +1,4 @@
-"""Where files are, which of them a scene may read, and how large they may be: every file of a scene is read by `read_bytes`."""
+"""Paths, permissions and size limits of files: every file of a scene is read by `read_bytes`."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from irrsplat.core.words import spelled
 
 _PACKAGE = Path(__file__).resolve().parent.parent  # irrsplat/
 
-# The greatest sizes of files, in bytes; docs/scene-format.md states them.
+# Size limits of files, in bytes; docs/scene-format.md states them.
 MOST_TEXT = 8 << 20  # scenes, lights, materials, photometry, paths
-MOST_IMAGE = 1 << 30  # images and maps of skies, as they lie on the disk
+MOST_IMAGE = 1 << 30  # images and sky maps, compressed
 MOST_GEOMETRY = 4 << 30  # OBJ, PLY, STL, glTF and its buffers; record caches
 
-# Of all images of a scene together: so many pixels in any case, and so many more for each byte of their files.
+# Limit for all images of a scene together: pixels, and further pixels per byte of their files.
 FREE_PIXELS = 1 << 26
 PIXELS_PER_BYTE = 256
 
-MOST_COPIES = 1 << 24  # vertices of meshes that a scene shows again, together: a line of text makes millions
+MOST_COPIES = 1 << 24  # vertices of all copies of meshes together: a line of text makes millions
 
 
 @cache
 def folder(name: str) -> Path:
-    """The folder of bundled data called `name` ("shaders" or "scenes")."""
+    """Return the folder of bundled data called `name` ("shaders" or "scenes")."""
     for candidate in (_PACKAGE / name, _PACKAGE.parent / name):
         if candidate.is_dir():
             return candidate
@@ -38,7 +38,7 @@ def folder(name: str) -> Path:
 
 
 def cache_folder() -> Path | None:
-    """The folder that IRRSPLAT_CACHE names, else the user's cache folder; None for a user without a home."""
+    """Return the folder IRRSPLAT_CACHE, else the user's cache folder; None for a user without a home."""
     if named := os.environ.get("IRRSPLAT_CACHE"):
         return Path(named)
     import platformdirs
@@ -52,8 +52,8 @@ def cache_folder() -> Path | None:
 
 @dataclass
 class _Bounds:
-    """The bounds of the scene that is read at present: its own file and these folders, links resolved, so many more pixels of
-    images, and so many more vertices of copies of meshes."""
+    """The permissions of the scene being read: its file and these folders, links resolved, and remaining pixels of images and
+    vertices of copies."""
 
     file: Path
     folders: tuple[Path, ...]
@@ -66,7 +66,7 @@ _bounds: ContextVar[_Bounds | None] = ContextVar("bounds", default=None)
 
 @contextmanager
 def within(file: Path, others: Sequence[str | os.PathLike[str]] = ()) -> Iterator[None]:
-    """A `with` block that reads the scene in `file`, and nothing outside of its folder and the `others`."""
+    """Read the scene in `file` within the block; forbid files outside of its folder and the `others`."""
     folders = (file.absolute().parent, *map(Path, others))
     token = _bounds.set(_Bounds(_resolved(file), tuple(map(_resolved, folders))))
     try:
@@ -77,7 +77,7 @@ def within(file: Path, others: Sequence[str | os.PathLike[str]] = ()) -> Iterato
 
 @contextmanager
 def anywhere() -> Iterator[None]:
-    """A `with` block for files that the user has named, not the scene: they may lie anywhere."""
+    """Allow all paths within the block, for files that the user has named rather than the scene."""
     token = _bounds.set(None)
     try:
         yield
@@ -86,7 +86,7 @@ def anywhere() -> Iterator[None]:
 
 
 def may_read(path: Path) -> bool:
-    """Whether the scene that is read at present may read this file, be it there or not; not where no file can be called so."""
+    """True if the scene being read may read this file, whether it exists or not; False for invalid names."""
     bounds = _bounds.get()
     try:
         place = _resolved(path)
@@ -96,7 +96,7 @@ def may_read(path: Path) -> bool:
 
 
 def refusal(path: Path) -> str:
-    """Why `may_read` forbids `path`, and what to do."""
+    """Return why `may_read` forbids `path`, and the remedy."""
     try:
         place = _resolved(path).parent
     except (OSError, ValueError):
@@ -105,14 +105,14 @@ def refusal(path: Path) -> str:
 
 
 def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
-    """The bytes of a regular file that the scene may read; raises InputError for a missing, unreadable, empty or other one, and
-    for one of more than `most` bytes."""
+    """Return the bytes of a regular file that the scene may read; raises InputError for a missing, unreadable, empty or other
+    one, and for more than `most` bytes."""
     check_readable(path, most)
     try:
         with open(path, "rb", opener=_without_waiting) as file:
             size = os.fstat(file.fileno()).st_size
             data = file.read(size + 1)
-            while size < len(data) <= most and (more := file.read(len(data))):  # it grows, or tells no size, as those in /proc
+            while size < len(data) <= most and (more := file.read(len(data))):  # a growing file, or one without a size (/proc)
                 data += more
     except (OSError, ValueError, MemoryError) as error:
         raise InputError(f"cannot read this file: {_reason(error)}", path) from None
@@ -124,7 +124,7 @@ def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
 
 
 def check_readable(path: Path, most: int = MOST_TEXT) -> None:
-    """Raises InputError, as `read_bytes`, for a file that is to be read otherwise."""
+    """Raise InputError like `read_bytes`, for a file that is read in another way."""
     if not may_read(path):
         raise InputError(refusal(path), path)
     try:
@@ -142,7 +142,7 @@ def check_readable(path: Path, most: int = MOST_TEXT) -> None:
 
 
 def take_pixels(pixels: int, size: int) -> bool:
-    """Whether the scene that is read at present may have an image of so many pixels, from `size` bytes, beside its others."""
+    """True if the scene being read may have an image of `pixels`, from `size` bytes, in addition to its others."""
     bounds = _bounds.get()
     if bounds is None:
         return pixels <= FREE_PIXELS + PIXELS_PER_BYTE * size
@@ -153,7 +153,7 @@ def take_pixels(pixels: int, size: int) -> bool:
 
 
 def take_copies(vertices: int) -> bool:
-    """True if the scene that is read at present may show a mesh of so many vertices once more."""
+    """True if the scene being read may have another copy of a mesh with `vertices`."""
     bounds = _bounds.get()
     if bounds is None:
         return vertices <= MOST_COPIES
@@ -165,7 +165,7 @@ TOO_MANY_COPIES = f"meshes that are shown again have more than {MOST_COPIES} ver
 
 
 def name_of(text: str) -> str:
-    """Return the file name that `text` is in UTF-8, as the locale has it: one without UTF-8 takes its bytes."""
+    """Return the file name of the UTF-8 `text` in the locale's encoding; a locale without UTF-8 takes its bytes."""
     try:
         os.fsencode(text)
     except UnicodeEncodeError:
@@ -174,7 +174,7 @@ def name_of(text: str) -> str:
 
 
 def named(path: object) -> str:
-    """A path that a caller gave, as text; raises InputError for what is none."""
+    """Return a caller's path as text; raises InputError if it is not a path."""
     if not isinstance(path, (str, os.PathLike)) or not isinstance(text := os.fspath(path), str):
         raise InputError(f"a path is a text or a pathlib.Path, not {type(path).__name__}")
     try:
@@ -187,7 +187,7 @@ def named(path: object) -> str:
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that has taken the file's place
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that has replaced the file
 
 
 def _too_large(most: int) -> str:

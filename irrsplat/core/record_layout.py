@@ -1,7 +1,7 @@
-"""The layout of a record: one table of its columns, and where the textures of the cache hold each of them.
+"""The layout of a record: the table of its columns, and their places in the cache's textures.
 
-From `COLUMNS` are made: the cache's textures, the GLSL that reads them (generated/record_columns.glsl) and that a gather writes
-them with (generated/record_outputs.glsl), and the arrays that numpy code works with.
+`COLUMNS` defines the cache's textures, the GLSL that reads them (generated/record_columns.glsl), the GLSL with which a gather
+writes them (generated/record_outputs.glsl), and the numpy arrays.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _CHANNELS = "xyzw"
 class Column:
     """One value of every record.
 
-    kind: its GLSL type. places: "texture.channels", of a mat3 one for each of its columns, of a vector either one or one for each
-    component. source: what writes it: the site that the record was made at, its gather, or the adaptation of radii.
+    kind: GLSL type. places: "texture.channels", one per column of a mat3, one in all or one per component of a vector. source:
+    its writer: the record's site, its gather, or the adaptation of radii.
     """
 
     name: str
@@ -33,12 +33,12 @@ class Column:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of a record's value in numpy: (), (2,), (3,), (4,); a mat3 is (3, 3), its GLSL columns first."""
+        """Shape of a record's value in numpy: (), (2,), (3,), (4,); a mat3 is (3, 3), its GLSL columns first."""
         return {"float": (), "vec2": (2,), "vec3": (3,), "vec4": (4,), "mat3": (3, 3)}[self.kind]
 
     @property
     def slots(self) -> list[tuple[str, list[int]]]:
-        """Its places as (texture, numbers of the channels)."""
+        """Places as (texture, channel numbers)."""
         split = (place.split(".") for place in self.places)
         return [(texture, [_CHANNELS.index(c) for c in channels]) for texture, channels in split]
 
@@ -97,7 +97,7 @@ COLUMNS: dict[str, Column] = {
 
 
 def _textures(sources: Iterable[str]) -> dict[str, int]:
-    """The textures of the columns from these sources, in the order in which they are first named, and the channels of each."""
+    """Return the textures of the columns from these sources, in order of first use, and their numbers of channels."""
     channels: dict[str, int] = {}
     for column in COLUMNS.values():
         if column.source in sources:
@@ -107,11 +107,11 @@ def _textures(sources: Iterable[str]) -> dict[str, int]:
 
 
 TEXTURES = _textures(("site", "gather", "adaptation"))  # name: number of channels, 4 or 1
-GATHERED = tuple(_textures(("gather",)))  # those that a gather writes; in files too they lie in this order
+GATHERED = tuple(_textures(("gather",)))  # written by a gather; the same order in files
 
 
 def unpack(texels: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """(N, …) the column `name` of the textures' texels (N, channels), of which only those are read that hold it."""
+    """Return (N, …) values of the column `name` from texels (N, channels) of its textures."""
     column = COLUMNS[name]
     parts = [texels[texture][:, channels] for texture, channels in column.slots]
     return (np.stack(parts, axis=1) if column.kind == "mat3" else np.concatenate(parts, axis=1)).reshape(-1, *column.shape)
@@ -131,7 +131,7 @@ def pack(texels: Mapping[str, np.ndarray], name: str, values: np.ndarray) -> Non
 
 
 def glsl_columns() -> str:
-    """Samplers `records_TEXTURE`, and for each column a function `record_COLUMN(texel)` that reads it."""
+    """Return samplers `records_TEXTURE`, and for each column a function `record_COLUMN(texel)` that reads it."""
     lines = ["// The columns of a record, made from irrsplat/core/record_layout.py."]
     lines += ['#include "lib/texel.glsl"', *(f"uniform sampler2D records_{texture};" for texture in TEXTURES)]
     for column in COLUMNS.values():
@@ -143,7 +143,7 @@ def glsl_columns() -> str:
 
 
 def glsl_outputs() -> str:
-    """An output for each texture that a gather writes, and a function `write_record` that packs the columns into them."""
+    """Return an output for each texture that a gather writes, and a function `write_record` that packs the columns into them."""
     gathered = [column for column in COLUMNS.values() if column.source == "gather"]
     lines = ["// What a gather writes of a record, made from irrsplat/core/record_layout.py."]
     lines += [f"layout(location = {i}) out vec4 out_{texture};" for i, texture in enumerate(GATHERED)]
@@ -160,7 +160,7 @@ def glsl_outputs() -> str:
 
 
 def _component(column: Column, number: int) -> str:
-    """What picks the part of a column that its place of this number holds."""
+    """Return the GLSL suffix for the part of a column at place `number`."""
     if len(column.places) == 1:
         return ""
     return f"[{number}]" if column.kind == "mat3" else f".{_CHANNELS[number]}"

@@ -1,6 +1,5 @@
-"""Rows of vectors: reproducible products with a matrix, unit length without overflow, cross products; areas of triangles;
-octahedral coordinates of directions, as the g-buffer keeps them (Cigolle et al. 2014); an origin near what lies far away;
-directions all around."""
+"""Vector arithmetic: reproducible products, normalisation without overflow, triangle normals and areas, octahedral coordinates
+(Cigolle et al. 2014), origins near distant geometry, and even directions."""
 
 from __future__ import annotations
 
@@ -10,14 +9,14 @@ import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
 
-_FAR = 4.0  # diagonals from 0 0 0 from which float32 loses too much: shadow rays start 2⁻²⁰ of the diagonal above their surface
+_FAR = 4.0  # diagonals from 0 0 0 beyond which float32 is too coarse: shadow rays start 2⁻²⁰ of the diagonal above their surface
 
 
 def near_origin(low: np.ndarray, high: np.ndarray) -> tuple[float, float, float]:
-    """A place near the middle of the box from `low` to `high`, (3,) each, where that lies many diagonals from 0 0 0; else 0 0 0.
+    """Return a point near the middle of the box `low` to `high`, (3,) each, if it is many diagonals from 0 0 0; else 0 0 0.
 
-    It is a multiple of a power of two that is greater than the box, so that the same numbers are left of a scene wherever it was
-    moved by multiples of that, and the differences of float32 numbers from it are exact.
+    The point is a multiple of a power of two greater than the box. Scenes moved by multiples of it keep the same relative
+    numbers, and differences of float32 numbers from it are exact.
     """
     middle, diagonal = 0.5 * (np.asarray(low, float) + high), float(np.linalg.norm(np.subtract(high, low)))
     if not np.isfinite(middle).all() or np.abs(middle).max() <= _FAR * diagonal:
@@ -28,7 +27,8 @@ def near_origin(low: np.ndarray, high: np.ndarray) -> tuple[float, float, float]
 
 
 def as_float32(positions: np.ndarray) -> np.ndarray:
-    """Positions (N, 3) in float32, relative to a place near by where they lie far away: which of them are at one place shows."""
+    """Return positions (N, 3) in float32, relative to a near point if they are far from 0 0 0, so that equal positions stay
+    equal."""
     if not len(positions):
         return positions.astype(np.float32)
     origin = near_origin(positions.min(0), positions.max(0))
@@ -36,7 +36,7 @@ def as_float32(positions: np.ndarray) -> np.ndarray:
 
 
 def check_finite(what: str, values: np.ndarray, place: Callable[[tuple[int, ...]], str]) -> None:
-    """Raise IrrsplatError where a value of `values` is not finite; `place` is the words for the place of an index."""
+    """Raise IrrsplatError if a value of `values` is not finite; `place` returns the words for an index."""
     if not np.isfinite(values).all():
         bad = np.argwhere(~np.isfinite(values))
         where = place(tuple(bad[0].tolist()))
@@ -44,24 +44,24 @@ def check_finite(what: str, values: np.ndarray, place: Callable[[tuple[int, ...]
 
 
 def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return (N, 3): each row of vectors (N, 3) times the transpose of matrix (3, 3), or of its own one (N, 3, 3).
+    """Return (N, 3): each row of vectors (N, 3) times the transpose of matrix (3, 3), or of the row's own matrix in (N, 3, 3).
 
-    A row's result does not depend, to the last bit, on which rows stand around it; `@` (BLAS) does not promise that.
+    Each row's result is independent of the other rows to the last bit, which `@` (BLAS) does not guarantee.
     """
     turned: np.ndarray = vectors[:, :1] * matrix[..., 0] + vectors[:, 1:2] * matrix[..., 1] + vectors[:, 2:] * matrix[..., 2]
     return turned
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Each row scaled to length 1; rows of zeros stay zeros."""
+    """Return each row scaled to length 1; rows of zeros stay zeros."""
     largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
-    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # so that squares of tiny components do not underflow
+    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # prevents underflow of tiny squares
     length = np.linalg.norm(scaled, axis=1, keepdims=True)
     return scaled / np.where(length > 0.0, length, 1.0)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, 3): the cross products of the rows of a and b (N, 3), as `np.cross` has them, with less ado for few rows."""
+    """Return (N, 3) cross products of the rows of a and b (N, 3), like `np.cross` with less overhead for few rows."""
     product = np.empty(a.shape, np.result_type(a, b))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         product[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
@@ -69,9 +69,10 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def triangle_normals(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3, F) float64 normals of triangles (F, 3, 3) by their winding, unit or 0, and (F,) their areas.
+    """Return (3, F) float64 normals of triangles (F, 3, 3) by their winding, unit or 0, and (F,) their areas.
 
-    By columns, since numpy takes long over axes as short as 3."""
+    By columns, since numpy is slow along axes of length 3.
+    """
     a, b, c = (corners[:, k].T.astype(float) for k in range(3))
     b -= a
     c -= a
@@ -82,12 +83,12 @@ def triangle_normals(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_areas(corners: np.ndarray) -> np.ndarray:
-    """(F,) the areas of triangles with these corners (F, 3, 3)."""
+    """Return (F,) areas of triangles with corners (F, 3, 3)."""
     return triangle_normals(corners)[1]
 
 
 def octahedral_encode(directions: np.ndarray) -> np.ndarray:
-    """(2, N) the coordinates of unit vectors (N, 3) as shaders/lib/octahedral.glsl has them."""
+    """Return (2, N) octahedral coordinates of unit vectors (N, 3), as in shaders/lib/octahedral.glsl."""
     x, y, z = directions.T / np.abs(directions).sum(1)
     folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
     found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
@@ -95,7 +96,7 @@ def octahedral_encode(directions: np.ndarray) -> np.ndarray:
 
 
 def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The unit vectors (..., 3) that shaders/lib/octahedral.glsl encoded as x and y."""
+    """Return the unit vectors (..., 3) of octahedral coordinates x and y, as in shaders/lib/octahedral.glsl."""
     z = 1.0 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0.0)
     v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
@@ -104,7 +105,7 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def sphere(count: int) -> np.ndarray:
-    """(count, 3) unit vectors spread evenly over the sphere: a Fibonacci lattice."""
+    """Return (count, 3) unit vectors evenly spread over the sphere: a Fibonacci lattice."""
     i = np.arange(count)
     height, angle = 1.0 - (2.0 * i + 1.0) / count, i * np.pi * (3.0 - np.sqrt(5.0))
     level = np.sqrt(1.0 - height * height)
@@ -112,8 +113,8 @@ def sphere(count: int) -> np.ndarray:
 
 
 def morton_codes(coordinates: np.ndarray) -> np.ndarray:
-    """(N,) int64: the bits of coordinates (3, N) in 0 … 1023, without their fractions, in turn. Points that are close to one
-    another mostly have close codes."""
+    """Return (N,) int64 Morton codes: interleaved bits of coordinates (3, N) in 0 … 1023, truncated. Near points mostly have near
+    codes."""
     code = np.zeros(coordinates.shape[1], np.int64)
     for axis, number in enumerate(coordinates.astype(np.int64)):
         for shift, mask in ((16, 0xFF0000FF), (8, 0x0F00F00F), (4, 0xC30C30C3), (2, 0x49249249)):
@@ -123,7 +124,7 @@ def morton_codes(coordinates: np.ndarray) -> np.ndarray:
 
 
 def along_a_way(points: np.ndarray) -> np.ndarray:
-    """(N,) int64: where points (N, 3) come along a way through all of them that mostly goes from close to close."""
+    """Return (N,) int64 positions of points (N, 3) along a Morton curve through their bounding box."""
     low = points.min(0, initial=np.inf)
     extent = max(float((points.max(0, initial=-np.inf) - low).max()), 1e-30)
     return morton_codes(((points - low) * (1023.0 / extent)).T)

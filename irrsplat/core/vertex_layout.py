@@ -1,8 +1,7 @@
-"""The layout of a vertex: one table of its columns.
+"""The layout of a vertex: the table of its columns.
 
-From `COLUMNS` are made: the rows that scene.flatten writes, the attributes of the vertex buffer, the table in which shaders look
-vertices up by number, and the GLSL that reads these (the includes in `INCLUDES`). What a vertex has of its mesh's material stands
-here; the rest is in the table of materials (core/material_layout.py).
+`COLUMNS` defines the rows of scene.flatten, the attributes of the vertex buffer, the vertex table for lookup by number, and their
+GLSL (`INCLUDES`). A vertex has the material values of its mesh that vary; core/material_layout.py has the others.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ _CHANNELS = "xyzw"
 
 @dataclass(frozen=True)
 class VertexColumn:
-    """One value of every vertex, interpolated over triangles; flat: the same at all three corners."""
+    """One value of every vertex, interpolated over triangles; flat: equal at all three corners."""
 
     name: str
     components: int
@@ -28,7 +27,7 @@ class VertexColumn:
 
     @property
     def kind(self) -> str:
-        """Its GLSL type."""
+        """GLSL type."""
         return _KINDS[self.components]
 
 
@@ -48,12 +47,12 @@ PARTS = {c.name: slice(_FIRST[c.name], _FIRST[c.name] + c.components) for c in C
 
 
 def vertex_column(rows: np.ndarray, name: str) -> np.ndarray:
-    """(V, components) the column of this name in the vertices' rows (V, WIDTH): a view of them."""
+    """Return a view of the column `name`, (V, components), of the vertices' rows (V, WIDTH)."""
     return rows[:, PARTS[name]]
 
 
 def vertex_texels(rows: np.ndarray) -> np.ndarray:
-    """(V, TEXELS, 4) the vertices' rows (V, WIDTH), padded with zeros, as the texels that generated/vertex_table.glsl reads."""
+    """Return the vertices' rows (V, WIDTH) as texels (V, TEXELS, 4), padded with zeros, for generated/vertex_table.glsl."""
     return np.pad(rows, ((0, 0), (0, 4 * TEXELS - WIDTH))).reshape(-1, TEXELS, 4)
 
 
@@ -66,16 +65,16 @@ ATTRIBUTES = tuple(f"in_{column.name}" for column in COLUMNS)
 # ---- GLSL ----------------------------------------------------------------------------------------------------------------
 
 _MADE = "made from irrsplat/core/vertex_layout.py."
-_PASSED = tuple(column for column in COLUMNS if column.name != "position")  # what each shader does with the position is its own
+_PASSED = tuple(column for column in COLUMNS if column.name != "position")  # each shader handles the position itself
 
 
 def glsl_vertex() -> str:
-    """`struct Vertex`: a field for each column."""
+    """Return `struct Vertex`: a field for each column."""
     return _text(f"// A vertex, or a point of a triangle, {_MADE}", "struct Vertex", "{", *map(_field, COLUMNS), "};")
 
 
 def glsl_attributes() -> str:
-    """For vertex shaders: the attributes but the position, and `pass_attributes()`, which hands them to the fragment shader."""
+    """Return GLSL for vertex shaders: the attributes except the position, and `pass_attributes()` for the fragment shader."""
     return _text(
         f"// The attributes of a vertex that are interpolated, {_MADE}",
         *(f"in {c.kind} in_{c.name};" for c in _PASSED),
@@ -89,7 +88,7 @@ def glsl_attributes() -> str:
 
 
 def glsl_interpolated() -> str:
-    """For fragment shaders: what `pass_attributes()` handed on, and `interpolated_vertex(position)` made of it."""
+    """Return GLSL for fragment shaders: the outputs of `pass_attributes()`, and `interpolated_vertex(position)`."""
     values = ("position" if c.name == "position" else f"v_{c.name}" for c in COLUMNS)
     return _text(
         f"// The interpolated attributes of a vertex, {_MADE}",
@@ -101,7 +100,7 @@ def glsl_interpolated() -> str:
 
 
 def glsl_vertex_table() -> str:
-    """The lookup of a vertex by number `vertex_at(i)`, and `interpolate(share, a, b, c)` over a triangle."""
+    """Return GLSL for vertex lookup `vertex_at(i)`, and `interpolate(share, a, b, c)` over a triangle."""
     blended = (
         f"a.{c.name}" if c.flat else f"\n        share.x * a.{c.name} + share.y * b.{c.name} + share.z * c.{c.name}"
         for c in COLUMNS
@@ -129,12 +128,12 @@ def _flat(column: VertexColumn) -> str:
 
 
 def _field(column: VertexColumn) -> str:
-    """The column as the field of a struct."""
+    """Return the column as the field of a struct."""
     return f"    {column.kind} {column.name};  // {column.meaning} [{column.unit}]"
 
 
 def _in_texels(column: VertexColumn) -> str:
-    """A GLSL expression that reads the column from the texels t0, t1, … of a vertex."""
+    """Return a GLSL expression that reads the column from a vertex's texels t0, t1, …."""
     numbers = range(PARTS[column.name].start, PARTS[column.name].stop)
     parts = [f"t{t}." + "".join(_CHANNELS[i % 4] for i in run) for t, run in groupby(numbers, lambda i: i // 4)]
     return parts[0] if len(parts) == 1 else f"{column.kind}({', '.join(parts)})"

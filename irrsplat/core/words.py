@@ -1,24 +1,24 @@
-"""Words of a text: which are numbers, and how they are quoted in messages."""
+"""Words of a text: number parsing and quoting in messages."""
 
 from __future__ import annotations
 
 import math
 
-GREATEST = 1e15  # its square, and light summed up from it, is still a float32
+GREATEST = 1e15  # its square, and sums of light from it, are still float32
 
 
 def spelled(text: str) -> str:
-    """Return `text` with everything that a terminal would act upon spelled out, such as escape sequences; ends of lines stay."""
+    """Return `text` with escape sequences and other control characters escaped; line ends stay."""
     return text if text.isprintable() else "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
 
 
 def quote(text: str) -> str:
-    """`text` in quotes, at most 40 characters of it, fit to stand in a one-line message."""
+    """Return `text` in quotes, at most 40 characters, for a one-line message."""
     return ascii(text if len(text) <= 40 else text[:39] + "…") if not text.isprintable() else f"'{text[:40]}'"
 
 
 def number(word: str) -> float:
-    """The finite number that `word` spells; raises ValueError with the reason where it is none."""
+    """Return the finite number spelled by `word`; raises ValueError with the reason for other words."""
     try:
         value = float(word)
     except ValueError:
@@ -33,7 +33,7 @@ def number(word: str) -> float:
 
 
 def is_number(word: str) -> bool:
-    """Whether `number` takes `word`."""
+    """True if `number` accepts `word`."""
     try:
         number(word)
     except ValueError:

@@ -134,7 +134,7 @@ class LightSamplePass(Owner):
                 columns=atlas.columns,
                 samples=samples.count,
                 span=(first, min(first + step, samples.count)),
-                **program.known(samples.uniforms),
+                **program.declared(samples.uniforms),
                 **known,
             )
 
@@ -150,7 +150,7 @@ class LightSamplePass(Owner):
         size = 1 << across.bit_length(), atlas.frames.width
         ends = self._targets.get(f"ends of {size}", (), lambda: Target(self.ctx, size, (4,)))
         program = self._ends[_virtual(samples)]
-        program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **program.known(samples.uniforms))
+        program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **program.declared(samples.uniforms))
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
         seen = self._targets.get(f"seen of {size}", (), lambda: float_texture(self.ctx, size, 1))
         bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)

@@ -75,7 +75,7 @@ class SkyShares(Owner):
             }
             given |= {"columns": self.columns, "most": _OPEN, **self.world.ray_uniforms}
             for area in areas:
-                self._program(self._target, scissor=area, **self._program.known(given))
+                self._program(self._target, scissor=area, **self._program.declared(given))
         return self._target.textures[0]
 
     def _write(self, texture: moderngl.Texture, shares: np.ndarray) -> None:

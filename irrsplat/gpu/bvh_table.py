@@ -1,4 +1,4 @@
-"""The triangles that light sees, and the bounding volume hierarchy that rays go through, as tables that shaders read."""
+"""Triangles and their bounding volume hierarchy as tables that shaders read."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from irrsplat.scene.seen_by_light import FaceCounts
 
 
 class TriangleTable(Owner):
-    """The triangles that light sees, by their numbers in the scene (shaders/lib/rays/triangles.glsl), with their vertices.
+    """The triangles that light meets, by their numbers in the scene, with their vertices (shaders/lib/rays/triangles.glsl).
 
-    vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces: (F, 3) int, as scene.flatten gives them.
-    counts: of which sort the faces are (default: all open). Raises InputError for more than the GPU's textures hold.
+    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int, from scene.flatten. counts: number of faces
+    of each sort (default: all open). Raises InputError for more than the GPU's textures hold.
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
@@ -32,41 +32,41 @@ class TriangleTable(Owner):
         self.vertices = table_texture(ctx, table_rows(vertex_texels(vertices)))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.corners, self.vertices)
 
     def _corner_rows(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """The rows of the table of corners."""
+        """Return the rows of the corner table."""
         points = np.empty((len(vertices), 4), "f4")
         points[:, :3], points[:, 3] = vertex_column(vertices, "position"), np.arange(len(vertices))
         corners = chosen_rows(points, faces[: self.counts.lit])
         marks = corners.reshape(-1, 3, 4)[self.counts.solid : self.counts.lit, 0]
-        marks[:, 3] = -1.0 - marks[:, 3]  # of those that are cut out
+        marks[:, 3] = -1.0 - marks[:, 3]  # marks cut-out triangles
         return corners
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """The same triangles elsewhere; whoever holds this table sees them there."""
+        """Move the triangles in place, so that every user of this table gets the new positions."""
         corners = self._corner_rows(vertices, faces)
         self.repaint(vertices)
         self.corners.write(corners)
 
     def repaint(self, vertices: np.ndarray) -> None:
-        """The same triangles with other materials."""
+        """Replace the vertices' materials."""
         self.vertices.write(table_rows(vertex_texels(vertices)).astype("f4").tobytes())
 
     @property
     def corner_uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lib/rays/triangles.glsl."""
+        """Uniforms of shaders/lib/rays/triangles.glsl."""
         return {"triangle_corners": self.corners}
 
     @property
     def uniforms(self) -> Uniforms:
-        """The same, and the table of the vertices (generated/vertex_table.glsl)."""
+        """Corner uniforms and the vertex table (generated/vertex_table.glsl)."""
         return self.corner_uniforms | {"vertex_table": self.vertices}
 
 
 class BvhTable(Owner):
-    """A tree of triangles on the GPU, as shaders/lib/rays/bvh.glsl sends rays through it.
+    """A bounding volume hierarchy on the GPU, traversed by shaders/lib/rays/bvh.glsl.
 
     Raises InputError for more nodes than the GPU's textures hold.
     """
@@ -89,15 +89,15 @@ class BvhTable(Owner):
         }
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.nodes, self.leaves)
 
 
 def _largest_table(ctx: moderngl.Context) -> int:
-    """How many items of a texel a table may have."""
+    """Return the largest number of one-texel items in a table."""
     return TABLE_COLUMNS * int(ctx.info["GL_MAX_TEXTURE_SIZE"])
 
 
 def _too_many(triangles: int) -> InputError:
-    """What is wrong where a GPU's tables cannot hold so many."""
+    """Return the error for tables that exceed the GPU's limits."""
     return InputError(f"{triangles} triangles are too many for rays in shaders here: use --gather embree")

@@ -1,4 +1,4 @@
-"""An OpenGL context without a window, and what to do where there is none."""
+"""OpenGL contexts without a window, and advice where none can be made."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ import moderngl
 
 from irrsplat.core.errors import GLError
 
-REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
-_made_in: set[int] = set()  # the processes that made contexts, of which a forked one finds its parent's
-_left: list[tuple[moderngl.Context, Callable[[], object]]] = []  # what could not be freed at once, and how it is freed
-_DEVICES = 8  # EGL devices that are tried before giving up
+REQUIRED = 330  # OpenGL 3.3 core, which includes macOS (4.1) and old laptops
+_made_in: set[int] = set()  # process numbers; a forked process inherits its parent's
+_deferred: list[tuple[moderngl.Context, Callable[[], object]]] = []  # frees that wait for their context
+_DEVICES = 8  # EGL devices to try
 
 # Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
 _APT = "sudo apt-get install -y"
@@ -38,10 +38,10 @@ _ADVICE = (
 
 
 def create(require: int = REQUIRED) -> moderngl.Context:
-    """A new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
+    """Return a new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
 
-    It works in the thread and the process that made it, and nowhere else. Raises GLError, one line with the command that helps,
-    where there is none, and in a process that was forked from one with a context.
+    The context works only in the thread and process that made it. Raises GLError, one line with the remedy, if no context can be
+    made, or if the process was forked from one with a context.
     """
     if _made_in and _made_in != {os.getpid()}:
         raise GLError(
@@ -49,10 +49,10 @@ def create(require: int = REQUIRED) -> moderngl.Context:
             "multiprocessing.get_context('spawn')"
         )
     prepare()
-    free_left()
+    free_deferred()
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
-        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
+        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # hide Mesa's warnings: an error is one line, ours
         chosen = "GLCONTEXT_DEVICE_INDEX" in os.environ  # the user's choice, which glcontext reads
         options = [
             {"backend": "egl"} | ({} if chosen or i == 0 else {"device_index": i}) for i in range(1 if chosen else _DEVICES)
@@ -61,155 +61,155 @@ def create(require: int = REQUIRED) -> moderngl.Context:
     for option in options:
         try:
             ctx = moderngl.create_context(standalone=True, require=require, **option)
-        except Exception as error:  # a bare Exception is all that moderngl raises
+        except Exception as error:  # moderngl raises bare Exceptions
             message = " ".join(str(error).split())
             first = first or message
             if "not loaded" in message or ("requested device index" in message and "but found" in message):
                 break
         else:
             _made_in.add(os.getpid())
-            ctx.extra = _here()
+            ctx.extra = _process_and_thread()
             return ctx
     raise GLError(advice(first)) from None
 
 
-def _here() -> tuple[int, int]:
-    """The process and the thread."""
+def _process_and_thread() -> tuple[int, int]:
+    """Return the numbers of the current process and thread."""
     return os.getpid(), threading.get_ident()
 
 
 def prepare() -> None:
-    """Set what Mesa reads when OpenGL starts, where the user's environment leaves it open.
+    """Set Mesa's environment variables where the user has not set them.
 
-    Mesa's llvmpipe keeps compiled shaders on disk, and finds them again whatever LP_NATIVE_VECTOR_WIDTH they were compiled for.
-    Those of 256 bits write beyond the buffers of a process with 128, and end it ("free(): invalid next size"): a process to
-    which a width is given keeps none.
+    Mesa's llvmpipe keeps compiled shaders on disk, and finds them for any LP_NATIVE_VECTOR_WIDTH. Shaders compiled for 256 bits
+    write beyond the buffers of a process with 128 bits and end it ("free(): invalid next size"). A process with a set width has
+    no disk cache.
     """
     if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
         os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
 
 
 def is_gone(ctx: moderngl.Context) -> bool:
-    """Whether its owner has released `ctx`, and all that was made in it."""
+    """True if the owner of `ctx` has released it and everything made in it."""
     return isinstance(ctx.mglo, moderngl.InvalidObject)
 
 
 def link(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None) -> moderngl.Program:
-    """A program of these shaders' texts; raises moderngl.Error where they do not compile or link.
+    """Return a program of these shader texts; raises moderngl.Error if one does not compile or link.
 
-    moderngl's C code calls Python for each of a program's members, and ends the process where that raises: what raises there is
-    a signal's handler, as Ctrl-C's. So signals wait until the program is there.
+    moderngl's C code calls Python for each member of a program, and ends the process if that call raises. Signal handlers such as
+    Ctrl-C's raise there, so signals wait until the program exists.
     """
-    with _signals_held():
+    with _signals_delayed():
         return ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
 
 
 @contextmanager
-def _signals_held() -> Iterator[None]:
-    """While this lasts, signals to which Python code answers wait; afterwards it does. In other threads than the main one, to
-    which Python gives them, nothing happens."""
+def _signals_delayed() -> Iterator[None]:
+    """Delay Python's signal handlers until the block ends. No effect outside the main thread, which alone receives signals."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    answers: dict[int, Any] = {}
-    came: list[int] = []
-    holding = True
+    handlers: dict[int, Any] = {}
+    delayed: list[int] = []
+    delaying = True
 
-    def answer(number: int, frame: FrameType | None) -> None:
-        if holding:
-            came.append(number)
-        else:  # between the end and the return of its own handler
-            answers[number](number, frame)
+    def handle_or_delay(number: int, frame: FrameType | None) -> None:
+        if delaying:
+            delayed.append(number)
+        else:  # a signal between the end of the block and the return of this handler
+            handlers[number](number, frame)
 
     try:
         for one in signal.valid_signals():
             if callable(handler := signal.getsignal(one)):
-                answers[one] = handler
-                signal.signal(one, answer)
+                handlers[one] = handler
+                signal.signal(one, handle_or_delay)
         yield
     finally:
-        holding = False
-        for number, handler in answers.items():
+        delaying = False
+        for number, handler in handlers.items():
             signal.signal(number, handler)
-        for number in came:
-            answers[number](number, None)
+        for number in delayed:
+            handlers[number](number, None)
 
 
-def leave(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], object]) -> None:
-    """Free what somebody who has gone had in `ctx`: by `free`. handles: what `current` gave.
+def free_or_defer(ctx: moderngl.Context, handles: tuple[int, ...], free: Callable[[], object]) -> None:
+    """Call `free` for the resources of a deleted owner in `ctx`. handles: from `current`, when the owner was made.
 
-    Python may call this at any time and in any thread. Where `ctx` is not the current context, or is a host's, `free` is called
-    when it is next made or found current.
+    Python may call this at any time and in any thread. If `ctx` is not current, or belongs to a host, `free` waits until `ctx` is
+    next made current or found current.
     """
     if is_gone(ctx):
         return
-    if ctx.extra == _here() and any(handles) and current() == handles:
+    if ctx.extra == _process_and_thread() and any(handles) and current() == handles:
         free()
     else:
-        _left.append((ctx, free))
+        _deferred.append((ctx, free))
 
 
-def free_left(found: moderngl.Context | None = None) -> None:
-    """Free what `leave` could not in contexts that `create` made in this thread, or in the one that was found current."""
-    for left in list(_left):
-        ctx, free = left
+def free_deferred(found: moderngl.Context | None = None) -> None:
+    """Call the pending `free` functions of contexts that `create` made in this thread, or of the context `found` current."""
+    for entry in list(_deferred):
+        ctx, free = entry
         if is_gone(ctx):
-            _left.remove(left)
-        elif ctx is found or (found is None and ctx.extra == _here()):
-            _left.remove(left)
+            _deferred.remove(entry)
+        elif ctx is found or (found is None and ctx.extra == _process_and_thread()):
+            _deferred.remove(entry)
             if found is None:
                 ctx.__enter__()  # type: ignore[no-untyped-call]
             free()
 
 
 def check_alive(ctx: moderngl.Context) -> None:
-    """Raises GLError where `ctx` has been released."""
+    """Raise GLError if `ctx` has been released."""
     if is_gone(ctx):
         raise GLError("the OpenGL context has been released; what was made with it can do no more: make it anew")
 
 
 def make_current(ctx: moderngl.Context) -> None:
-    """Make `ctx`, which `create` made, the context of all further OpenGL calls of this thread; raises GLError where that is
-    not the thread, or not the process, that made it."""
-    if ctx.extra != _here():
+    """Make `ctx`, made by `create`, the current context of this thread; raises GLError in another thread or process than its
+    own."""
+    if ctx.extra != _process_and_thread():
         if ctx.extra[0] != os.getpid():
             raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
         raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
-    free_left()
+    free_deferred()
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 
-_NATIVE = {  # the libraries that make contexts current, and what tells which one is
+_NATIVE = {  # libraries that make contexts current, and their query functions
     "linux": (("libEGL.so.1", "eglGetCurrentContext"), ("libGLX.so.0", "glXGetCurrentContext")),
     "win32": (("opengl32.dll", "wglGetCurrentContext"),),
     "darwin": (("/System/Library/Frameworks/OpenGL.framework/OpenGL", "CGLGetCurrentContext"),),
 }
-_asked: dict[str, Callable[[], int | None]] = {}
+_native_functions: dict[str, Callable[[], int | None]] = {}
 
 
 def current() -> tuple[int, ...]:
-    """The system's handles of the OpenGL contexts that are current in this thread, one for each library that makes them; 0 for
-    none. Empty where that cannot be known."""
-    return tuple(_ask(library, name) for library, name in _NATIVE.get(sys.platform, ()))
+    """Return the system's handles of the contexts current in this thread, one per library; 0 for none, empty if unknown."""
+    return tuple(_native_handle(library, name) for library, name in _NATIVE.get(sys.platform, ()))
 
 
-def _ask(library: str, name: str) -> int:
-    """What the function `name` of a library returns; 0 where that is not loaded, so that none of its contexts is current."""
-    if library not in _asked:
+def _native_handle(library: str, name: str) -> int:
+    """Return the result of the library's function `name`; 0 if the library is not loaded, so that no context of it is current."""
+    if library not in _native_functions:
         try:
-            # Windows has it loaded, and no flag that asks for that
+            # Windows always has it loaded, and offers no RTLD_NOLOAD
             loaded = ctypes.CDLL(library) if sys.platform == "win32" else ctypes.CDLL(library, os.RTLD_NOLOAD | os.RTLD_LAZY)
             function = getattr(loaded, name)
         except (OSError, AttributeError):
             return 0
         function.argtypes, function.restype = (), ctypes.c_void_p
-        _asked[library] = function
-    return _asked[library]() or 0
+        _native_functions[library] = function
+    return _native_functions[library]() or 0
 
 
 def check_current(expected: tuple[int, ...]) -> None:
-    """Raises GLError where other contexts are current than those `expected`, which `current` gave: OpenGL would draw into things
-    of the same numbers there, or crash. Says nothing where that cannot be known."""
+    """Raise GLError if other contexts are current than `expected` (from `current`); no check if the system reports no handles.
+
+    Otherwise OpenGL would draw into objects of the same numbers in another context, or crash.
+    """
     if any(expected) and (now := current()) != expected:
         which = "another OpenGL context is" if any(now) else "no OpenGL context is"
         raise GLError(
@@ -219,7 +219,7 @@ def check_current(expected: tuple[int, ...]) -> None:
 
 
 def check_errors(ctx: moderngl.Context) -> None:
-    """Raises GLError where OpenGL has noted an error since it was last asked: what was drawn is not to be trusted."""
+    """Raise GLError if OpenGL has recorded an error since the last check, so that the result is unreliable."""
     error = ctx.error
     if error == "GL_OUT_OF_MEMORY":
         raise GLError("OpenGL is out of memory; take a smaller size, or less --texture-memory")
@@ -228,7 +228,7 @@ def check_errors(ctx: moderngl.Context) -> None:
 
 
 def advice(message: str) -> str:
-    """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what helps."""
+    """Return one line for a user in place of moderngl's `message`: the fault of the OpenGL installation, and its remedy."""
     for part, text in _ADVICE:
         if part in message:
             return f"no OpenGL 3.3: {text}"
@@ -236,7 +236,7 @@ def advice(message: str) -> str:
 
 
 class Description(TypedDict):
-    """What an OpenGL context is; `software`: it runs on the CPU."""
+    """Properties of an OpenGL context; `software`: it runs on the CPU."""
 
     renderer: str
     vendor: str
@@ -247,7 +247,7 @@ class Description(TypedDict):
 
 
 def describe(ctx: moderngl.Context) -> Description:
-    """What `ctx` is."""
+    """Return the properties of `ctx`."""
     info = ctx.info
     renderer = str(info["GL_RENDERER"])
     return {
@@ -261,7 +261,7 @@ def describe(ctx: moderngl.Context) -> Description:
 
 
 def machine(about: Mapping[str, object]) -> str:
-    """What results hold for that are kept between runs: the OpenGL that `about` describes, and this version of irrsplat."""
+    """Return a key for results kept between runs: the OpenGL described by `about`, and the version of irrsplat."""
     try:
         version = metadata.version("irrsplat")
     except metadata.PackageNotFoundError:
@@ -271,5 +271,5 @@ def machine(about: Mapping[str, object]) -> str:
 
 @cache
 def shared() -> moderngl.Context:
-    """The context that tests and short scripts share; it lives until the process ends."""
+    """Return the context that tests and short scripts share until the process ends."""
     return create()

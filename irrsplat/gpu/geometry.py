@@ -1,4 +1,4 @@
-"""Triangles on the GPU: one vertex buffer and one index buffer for a whole scene, made from plain arrays."""
+"""Triangles on the GPU: one vertex buffer and one index buffer for a whole scene."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from irrsplat.scene.seen_by_light import FaceCounts
 class Geometry(Owner):
     """An indexed triangle list.
 
-    vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them. faces: (F, 3) int32.
-    counts: of which sort the faces are (default: all open). `parts` names the ranges "all", "closed", "open", "cut_out" and "lit"
-    (all but what light passes) as (first index, number of indices). planes: RGBA32F table, a texel a face: its unit normal n and
-    n·p. corners: (F, 3, 3) float32 of the faces, kept on the CPU.
+    vertices: (V, WIDTH) float32, columns of core/vertex_layout.py. faces: (F, 3) int32. counts: number of faces of each sort
+    (default: all open). `parts` maps "all", "closed", "open", "cut_out" and "lit" (all but faces that light passes) to (first
+    index, number of indices). planes: RGBA32F table with one texel per face, its unit normal n and n·p. corners: (F, 3, 3)
+    float32, kept on the CPU.
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
-        # OpenGL has no empty buffers: an empty scene has one vertex and one triangle that no draw reaches
+        # OpenGL has no empty buffers: an empty scene gets one vertex and one triangle that no draw uses
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, WIDTH)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
         self.ctx = ctx
@@ -41,7 +41,7 @@ class Geometry(Owner):
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
+        """Uniforms of shaders/lib/surface.glsl, for the triangles' normals."""
         return {"face_planes": self.planes}
 
     @property
@@ -50,7 +50,7 @@ class Geometry(Owner):
         return self.parts["all"][1] // 3
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Move the triangles: as many vertices and faces as before, in the same order."""
+        """Move the triangles; the numbers of vertices and faces, and their order, stay."""
         if not len(faces):
             return
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
@@ -59,18 +59,18 @@ class Geometry(Owner):
         self.planes.write(_planes(self.corners).tobytes())
 
     def repaint(self, vertices: np.ndarray) -> None:
-        """Give the vertices other materials: as many as before, at the same places."""
+        """Replace the vertices' materials; their number and positions stay."""
         if not len(vertices):
             return
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.vertices, self.indices, self.planes)
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:
-    """(R, C, 4) a table of the planes of triangles (F, 3, 3): unit normal by their winding, distance from the origin."""
+    """Return a table (R, C, 4) of the planes of triangles (F, 3, 3): unit normal by winding, and distance from the origin."""
     normals, _ = triangle_normals(corners)
     rows = np.empty((len(corners), 1, 4), np.float32)
     rows[:, 0, :3] = normals.T

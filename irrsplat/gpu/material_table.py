@@ -1,4 +1,4 @@
-"""The materials of a scene on the GPU, as shaders look them up by number."""
+"""The materials of a scene on the GPU, by number."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ from irrsplat.gpu.texture_layers import LayerKey, LayerPlan, TextureLayers, dith
 from irrsplat.scene.model import Scene, Texture
 from irrsplat.scene.seen_by_light import face_counts
 
-_MOST_LAYER_BYTES = 64 << 20  # of all layers, about
+_MOST_LAYER_BYTES = 64 << 20  # of all layers, approximately
 _LAYER_SHARE = 1 / 16  # of the memory for images, at most
 
 
 class MaterialTable(Owner):
-    """The table that shaders/lib/material_table.glsl reads: a column for each of the scene's materials, by their numbers.
+    """The table of shaders/lib/material_table.glsl: one column per material, by its number.
 
-    It owns the layers of their textures, too, which are made when they are first wanted. texture_memory: MiB for images, of which
-    the layers take a share.
+    It also owns the layers of the materials' textures, made at first use. texture_memory: MiB for images, including the layers.
     """
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
@@ -36,7 +35,7 @@ class MaterialTable(Owner):
         self.texture = table_texture(ctx, self._rows(scene))
 
     def _rows(self, scene: Scene) -> np.ndarray:
-        """The texels of the table. Raises InputError where a material wears a texture that the scene has not been loaded with."""
+        """Return the texels of the table. Raises InputError for a texture that the scene was not loaded with."""
         lines = -(-max(len(scene.materials), 1) // TABLE_COLUMNS)
         rows = np.zeros((lines, TABLE_COLUMNS, MATERIAL_ROWS, 4), "f4")
         for material, i in scene.materials.items():
@@ -51,8 +50,8 @@ class MaterialTable(Owner):
         return texels
 
     def update(self, scene: Scene) -> None:
-        """Hold the materials of the same scene, repainted, which wear the same textures; raises InputError, and stays as it is,
-        where they do not."""
+        """Store the repainted materials of the same scene, with the same textures; raises InputError, unchanged, for other
+        textures."""
         rows = self._rows(scene)
         if self.texture.height == len(rows):
             self.texture.write(rows.astype("f4").tobytes())
@@ -62,13 +61,12 @@ class MaterialTable(Owner):
 
     @property
     def defines(self) -> dict[str, int]:
-        """What shaders/lib/material_table.glsl is compiled for, where light meets the surfaces: whether there are textures, and
-        whether some are cut out. What a scene does not have costs nothing."""
+        """Defines of shaders/lib/material_table.glsl in light passes: textures, and cut-outs. Absent features cost nothing."""
         return {"TEXTURES": int(bool(self.plan.layers)), "CUT_OUTS": int(self._cut_out)}
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """One-line remarks for a user."""
+        """One-line notices for a user."""
         lost, kept = len(self.plan.means), len(self.plan.layers)
         return (
             (f"images that are a mere mean colour to light: {lost}; beside {kept} others this OpenGL takes no more",)
@@ -78,12 +76,12 @@ class MaterialTable(Owner):
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lib/material_table.glsl without textures."""
+        """Uniforms of shaders/lib/material_table.glsl without textures."""
         return {"material_table": self.texture}
 
     @property
     def light_uniforms(self) -> Uniforms:
-        """Its uniforms as it is compiled with `defines`."""
+        """Uniforms of shaders/lib/material_table.glsl compiled with `defines`."""
         return self.uniforms | ({"texture_layers": self._layers.texture} if self.plan.layers else {})
 
     @cached_property
@@ -91,12 +89,12 @@ class MaterialTable(Owner):
         return TextureLayers(self.ctx, self.plan)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.texture, self.__dict__.get("_layers"))
 
 
 def _by_area(scene: Scene) -> list[LayerKey]:
-    """The layers of all materials, those first that cover most of the scene."""
+    """Return the layers of all materials, sorted by covered area, largest first."""
     covered: dict[LayerKey, float] = {}
     for mesh in scene.meshes:
         keys = [key for key in layer_keys(mesh.material) if key is not None]
@@ -107,7 +105,7 @@ def _by_area(scene: Scene) -> list[LayerKey]:
 
 
 def _texture_rows(texture: Texture | None, key: LayerKey | None, plan: LayerPlan) -> np.ndarray:
-    """(3, 4) the rows of a texture, see MaterialRow.ALBEDO_TEXTURE."""
+    """Return the (3, 4) rows of a texture, see MaterialRow.ALBEDO_TEXTURE."""
     if texture is None or key is None:
         return np.array([[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
     u, v = (WRAPS.index(wrap) for wrap in texture.wrap)

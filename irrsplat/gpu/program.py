@@ -1,4 +1,4 @@
-"""A GPU program that is called like a function: its uniform declarations are the names of its arguments."""
+"""A GPU program called like a function: its uniform declarations are the names of its arguments."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ CLIP_DISTANCE0 = 0x3000
 
 @dataclass(frozen=True)
 class DrawState:
-    """All the fixed-function state of one draw; the default is a draw without depth test, blending or culling.
+    """The complete fixed-function state of one draw; default: no depth test, blending or culling.
 
     depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
-    None. cull: "front", "back" or None. depth_clamp: geometry before the near plane is drawn, not clipped. clip_planes: how many
-    gl_ClipDistance are used. wireframe: only the edges of triangles.
+    None. cull: "front", "back" or None. depth_clamp: draw geometry before the near plane instead of clipping it. clip_planes:
+    number of gl_ClipDistance in use. wireframe: draw the edges of triangles only.
     """
 
     depth: Literal["<", "1"] | None = None
@@ -48,7 +48,7 @@ _BLENDS = {
 
 @dataclass(frozen=True)
 class SampledTexture:
-    """A texture with filters and wrapping that are not its own, for the sampler of a shader."""
+    """A texture with filters and wrapping other than its own."""
 
     texture: moderngl.Texture
     sampler: moderngl.Sampler
@@ -56,7 +56,7 @@ class SampledTexture:
 
 @dataclass(frozen=True)
 class Draw:
-    """One of several draws of a geometry: `count` indices from number `first` on, and uniforms of its own."""
+    """One of several draws of a geometry: `count` indices from `first` on, with its own uniforms."""
 
     first: int
     count: int
@@ -66,8 +66,8 @@ class Draw:
 class Program:
     """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, compiled and linked at its first draw.
 
-    Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
-    An error of the compiler is a ShaderError at that first draw, not in the constructor.
+    Each call must give every declared uniform by name (samplers take textures), and no other; else TypeError. A compiler error is
+    a ShaderError at the first draw, not in the constructor.
     """
 
     def __init__(
@@ -79,13 +79,13 @@ class Program:
         self._defines = dict(defines or {})
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
         self._gl: moderngl.Program | None = None
-        self._read(self._sources())
+        self._set_sources(self._sources())
 
     def _sources(self) -> list[shader_source.Source]:
-        """The vertex and the fragment shader from the files as they stand."""
+        """Return the vertex and the fragment shader, read from their files."""
         return [shader_source.load(file, self._defines) for file in self._files]
 
-    def _read(self, sources: list[shader_source.Source]) -> None:
+    def _set_sources(self, sources: list[shader_source.Source]) -> None:
         self._source = sources
         self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
         samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
@@ -99,26 +99,26 @@ class Program:
             return context.link(self.ctx, vertex, fragment, geometry)
         except moderngl.Error as error:
             log = str(error)
-            guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
-            raise shader_source.ShaderError(shader_source.explain(log, guilty)) from error
+            faulty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
+            raise shader_source.ShaderError(shader_source.explain(log, faulty)) from error
 
-    def _take(self, program: moderngl.Program) -> None:
+    def _install(self, program: moderngl.Program) -> None:
         self.active = set(program)
         for name in self.units.keys() & self.active:
             program[name].value = self.units[name]  # type: ignore[union-attr]
-        self._kept: list[Any] = []  # what the arrays were made of: kept alive, so that no id is used twice
-        self._gl = program  # last: it counts as linked once all of it is set
+        self._array_inputs: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
+        self._gl = program  # last: marks the program as linked
 
     @property
     def gl(self) -> moderngl.Program:
-        """The program itself; raises ShaderError where it does not compile."""
+        """The linked program; raises ShaderError if it does not compile."""
         if self._gl is None:
-            self._take(self._linked(self._source))
+            self._install(self._linked(self._source))
         assert self._gl is not None
         return self._gl
 
-    def known(self, uniforms: Uniforms) -> dict[str, Any]:
-        """Those that the shaders declare."""
+    def declared(self, uniforms: Uniforms) -> dict[str, Any]:
+        """Return the uniforms that the shaders declare."""
         return {name: value for name, value in uniforms.items() if name in self.uniforms}
 
     def __call__(
@@ -137,19 +137,19 @@ class Program:
         scissor: tuple[int, int, int, int] | None = None,
         **uniforms: Any,
     ) -> None:
-        """Draw `geometry` (its `part`, or `draws` of it) into `target`; without one, so many `vertices` without attributes, which
-        the vertex shader tells by gl_VertexID (default: a triangle that covers the target).
+        """Draw `geometry` (its `part`, or `draws` of it) into `target`.
 
-        mode: the primitive that such vertices make, e.g. moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: int32, one for each
-        instance, its attribute in_number. viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
-        uniforms: textures, numbers, tuples and arrays; a matrix (rows, columns) as numpy has it.
+        Without geometry, draw `vertices` without attributes, which the vertex shader places by gl_VertexID (default: a triangle
+        that covers the target). mode: their primitive, e.g. moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: int32 attribute
+        in_number, one per instance. viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
+        uniforms: textures, numbers, tuples and arrays; a matrix is (rows, columns), as in numpy.
         """
         names = uniforms.keys() | {name for draw in draws or () for name in draw.uniforms}
         if names != self.uniforms.keys():
             missing, unknown = self.uniforms.keys() - names, names - self.uniforms.keys()
             raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
         given: dict[str, Any] = {}
-        self._give(uniforms, given)
+        self._set_uniforms(uniforms, given)
         target.use(viewport, scissor, depth_write=state.depth_write)
         self._apply(state)
         array = self._array(geometry, numbers)
@@ -157,7 +157,7 @@ class Program:
             array.render(mode, vertices=vertices, instances=instances)
         elif draws is not None:
             for draw in draws:
-                self._give(draw.uniforms, given)
+                self._set_uniforms(draw.uniforms, given)
                 array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first)
         else:
             first, count = geometry.parts[part]
@@ -171,8 +171,8 @@ class Program:
             if isinstance(given[name], SampledTexture):
                 given[name].sampler.clear(self.units[name])
 
-    def _give(self, uniforms: Mapping[str, Any], given: dict[str, Any]) -> None:
-        """Set these uniforms, apart from those that already have the same value, as far as `given` knows."""
+    def _set_uniforms(self, uniforms: Mapping[str, Any], given: dict[str, Any]) -> None:
+        """Set these uniforms, except those whose value in `given` is unchanged."""
         program = self.gl
         for name in uniforms.keys() & self.active:
             value = uniforms[name]
@@ -187,7 +187,7 @@ class Program:
                     value.use(self.units[name])
             elif isinstance(value, np.ndarray) and value.ndim == 2:
                 uniform = program[name]
-                # OpenGL's matrices are column-major; a compiler may cut an array off behind the last element that is used
+                # OpenGL's matrices are column-major; a compiler may truncate an array after the last used element
                 rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
                 uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
             else:
@@ -203,7 +203,7 @@ class Program:
             ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
             ctx.blend_func = _BLENDS[state.blend]
         ctx.wireframe = state.wireframe
-        ctx.front_face = "ccw"  # decides gl_FrontFacing
+        ctx.front_face = "ccw"  # determines gl_FrontFacing
         if state.cull:
             ctx.cull_face = state.cull
         if state.depth_clamp:
@@ -221,12 +221,12 @@ class Program:
                 content.append((numbers, "1i/i", "in_number"))
             index = None if geometry is None else geometry.indices
             array = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
-            self._kept += [geometry, numbers]
+            self._array_inputs += [geometry, numbers]
             self._arrays[key] = array
         return self._arrays[key]
 
     def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:
-        """moderngl's (buffer, format, names…); attributes that the compiler removed are padding."""
+        """Return moderngl's (buffer, format, names…); attributes that the compiler removed are padding."""
         used = [name in self.active for name in ATTRIBUTES]
         padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(FORMAT.split(), used, strict=True)]
         return (buffer, " ".join(padded), *(n for n, u in zip(ATTRIBUTES, used, strict=True) if u))
@@ -241,13 +241,15 @@ class Program:
 
 
 def programs_of(*owners: Owner) -> Iterator[Program]:
-    """Every program that these owners own, directly or through others."""
+    """Yield every program that these owners own, directly or through others."""
     return (thing for owner in owners for thing in owner.resources() if isinstance(thing, Program))
 
 
 def reload(programs: Iterable[Program]) -> None:
-    """Compile all of them again from their files, or none: where one does not compile, or its uniforms are no longer those that
-    its caller gives, all stay as they were, and this raises ShaderError."""
+    """Compile all programs again from their files; all or none.
+
+    Raises ShaderError, and keeps all programs, if one does not compile or declares other uniforms than its caller gives.
+    """
     made: list[tuple[Program, list[shader_source.Source], moderngl.Program]] = []
     try:
         for program in programs:
@@ -265,5 +267,5 @@ def reload(programs: Iterable[Program]) -> None:
         raise
     for program, sources, gl in made:
         program.release()
-        program._read(sources)
-        program._take(gl)
+        program._set_sources(sources)
+        program._install(gl)

@@ -1,4 +1,4 @@
-"""What this OpenGL can do, tried on a few pixels: a driver may draw nothing where a feature is missing, and report no error."""
+"""A self-test of OpenGL on a few pixels: a driver without a feature may draw nothing and report no error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FILE, _VERSION, _MOST = "self-test.json", 2, 50  # entries
 _DEPTH_CLAMP, _CLIP_DISTANCE0 = 0x864F, 0x3000
 _SIZE = (4, 4)
 
-# A triangle that covers the target, and the half of it below its diagonal: as instance 0, 1, 2 …
+# A triangle that covers the target, and the half below its diagonal, as instances 0, 1, 2 …
 _COVERS = """#version 330 core
 flat out int v_instance;
 void main()
@@ -37,58 +37,58 @@ void main()
 
 @dataclass(frozen=True)
 class Abilities:
-    """What an OpenGL can do. missing: names of features that irrsplat cannot do without. numbers_triangles: fragment shaders have
-    gl_PrimitiveID; else they have it only behind a geometry shader."""
+    """The abilities of an OpenGL. missing: names of required features. numbers_triangles: True if fragment shaders have
+    gl_PrimitiveID without a geometry shader."""
 
     missing: tuple[str, ...]
     numbers_triangles: bool
 
 
 T = TypeVar("T", bound=Resource)
-_known: dict[str, Abilities] = {}  # by driver
+_abilities: dict[str, Abilities] = {}  # by driver
 
 
 def check(ctx: moderngl.Context) -> None:
-    """Raises GLError, naming the features, where `ctx` lacks some that irrsplat needs."""
+    """Raise GLError, naming the features, if `ctx` lacks required ones."""
     require(context.describe(ctx), abilities(ctx))
 
 
 def require(about: context.Description, found: Abilities) -> None:
-    """Raises GLError, naming the features, where they are missing in what was `found` of the OpenGL that `about` describes."""
+    """Raise GLError, naming the features, if the abilities `found` of the OpenGL described by `about` lack required ones."""
     if found.missing:
         other = "" if about["software"] else ", or draw on the CPU: set LIBGL_ALWAYS_SOFTWARE=1"
         raise GLError(f"the driver '{about['renderer']}' fails the self-test of {', '.join(found.missing)}; update it{other}")
 
 
 def abilities(ctx: moderngl.Context) -> Abilities:
-    """What `ctx` can do: tried once for each driver and version of irrsplat. That nothing is missing is kept in a file for later
+    """Return the abilities of `ctx`, tested once per driver and version of irrsplat. A file keeps passed tests for later
     processes."""
     extensions = hashlib.sha256(" ".join(sorted(ctx.extensions)).encode()).hexdigest()[:12]
     name = f"{context.machine(context.describe(ctx))}; extensions {extensions}"
-    if name not in _known:
-        _known[name] = _kept(name) or _tried(ctx, name)
-    return _known[name]
+    if name not in _abilities:
+        _abilities[name] = _stored(name) or _test_and_store(ctx, name)
+    return _abilities[name]
 
 
 def tried(ctx: moderngl.Context) -> Abilities:
-    """What `ctx` can do, tried now; the framebuffer that was bound is bound again."""
+    """Return the abilities of `ctx`, tested now; the bound framebuffer is bound again."""
     bound = ctx.fbo or ctx.detect_framebuffer(0)
     try:
-        missing = tuple(name for name, holds in FEATURES if not _holds(ctx, holds))
-        plain = _holds(ctx, _numbered_triangles)
-        if not plain and not _holds(ctx, _numbered_by_geometry_shader):
+        missing = tuple(name for name, holds in FEATURES if not _passes(ctx, holds))
+        plain = _passes(ctx, _numbered_triangles)
+        if not plain and not _passes(ctx, _numbered_by_geometry_shader):
             missing = (*missing, "gl_PrimitiveID")
     finally:
         bound.use()
     return Abilities(missing, plain)
 
 
-def _holds(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -> bool:
-    """Whether a feature gives what it must, and no OpenGL error."""
+def _passes(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -> bool:
+    """True if a feature gives the correct result and no OpenGL error."""
     ctx.clear_errors()
     try:
         right = feature(ctx)
-    except Exception:  # whatever moderngl says of a driver that refuses a shader or a texture
+    except Exception:  # any exception of moderngl on a driver that refuses a shader or a texture
         right = False
     finally:
         ctx.enable_only(moderngl.NOTHING)
@@ -102,7 +102,8 @@ def _holds(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -
 def _drawing(
     ctx: moderngl.Context, fragment: str, *formats: tuple[int, str], vertex: str = _COVERS, geometry: str | None = None
 ) -> Iterator[tuple[moderngl.Framebuffer, moderngl.VertexArray]]:
-    """A cleared framebuffer with textures of such (components, dtype) and depth, and a program for it; all are freed."""
+    """Yield a cleared framebuffer with textures of `formats` (components, dtype) and depth, and a program for it; all are
+    freed."""
     with ExitStack() as stack:
 
         def kept(thing: T) -> T:
@@ -118,12 +119,12 @@ def _drawing(
         target.clear()
         ctx.enable_only(moderngl.NOTHING)
         array = kept(ctx.vertex_array(program, []))
-        stack.callback(lambda: ctx.detect_framebuffer(0).use())  # moderngl would go on to bind a framebuffer that is gone
+        stack.callback(lambda: ctx.detect_framebuffer(0).use())  # moderngl would bind the released framebuffer again
         yield target, array
 
 
 def _read(target: moderngl.Framebuffer, attachment: int = 0, dtype: str = "f4") -> np.ndarray:
-    """(height, width, components), bottom row first."""
+    """Return (height, width, components), bottom row first."""
     texture = target.color_attachments[attachment]
     assert isinstance(texture, moderngl.Texture)
     return np.frombuffer(texture.read(), dtype).reshape(*_SIZE[::-1], texture.components)
@@ -145,7 +146,7 @@ def _float_blending(ctx: moderngl.Context) -> bool:
 
 
 def _clip_distances(ctx: moderngl.Context) -> bool:
-    """The fifth plane cuts the left half off."""
+    """Cut off the left half by the fifth plane."""
     vertex = """#version 330 core
     out float gl_ClipDistance[5];
     void main()
@@ -164,7 +165,7 @@ def _clip_distances(ctx: moderngl.Context) -> bool:
 
 
 def _depth_clamp(ctx: moderngl.Context) -> bool:
-    """What lies before the near plane is drawn."""
+    """Draw geometry before the near plane."""
     vertex = _COVERS.replace("0.0, 1.0);", "-3.0, 1.0);")
     with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array):
         ctx.enable(moderngl.DEPTH_TEST)
@@ -199,8 +200,8 @@ void main() { a = float(gl_PrimitiveID + 1); b = vec4(v_corner, v_flat); c = v_c
 
 
 def _numbered_triangles(ctx: moderngl.Context, behind_geometry_shader: bool = False) -> bool:
-    """Of two triangles, either side of the diagonal, each knows its number and what its corners pass on; Mesa 26.0's llvmpipe
-    gives the number, and finds all that corners pass on in wrong places."""
+    """Test the numbers and the interpolated outputs of two triangles on either side of the diagonal. Mesa 26.0's llvmpipe gives
+    the right number and wrong interpolated outputs."""
     geometry, fragment = None, _NUMBER
     if behind_geometry_shader:
         geometry, fragment = numbering_triangles(_TWO_TRIANGLES, _NUMBER, {})
@@ -229,8 +230,8 @@ FEATURES: tuple[tuple[str, Callable[[moderngl.Context], bool]], ...] = (
 # ---- the file ----------------------------------------------------------------------------------------------------------
 
 
-def _tried(ctx: moderngl.Context, name: str) -> Abilities:
-    """The same as `tried`; where nothing is missing, that is kept under this name, if it can be."""
+def _test_and_store(ctx: moderngl.Context, name: str) -> Abilities:
+    """Return `tried`, and store the result in the file under this name if nothing is missing and the file can be written."""
     found = tried(ctx)
     path = _path()
     if path is not None and not found.missing:
@@ -241,8 +242,8 @@ def _tried(ctx: moderngl.Context, name: str) -> Abilities:
     return found
 
 
-def _kept(name: str) -> Abilities | None:
-    """What an earlier process found under this name: nothing missing."""
+def _stored(name: str) -> Abilities | None:
+    """Return the abilities that an earlier process stored under this name; it stores only complete ones."""
     path = _path()
     numbers_triangles = None if path is None else _entries(path).get(name)
     return None if numbers_triangles is None else Abilities((), numbers_triangles)
@@ -254,7 +255,7 @@ def _path() -> Path | None:
 
 
 def _entries(path: Path) -> dict[str, bool]:
-    """What the file holds; nothing where it is none of ours."""
+    """Return the file's entries; empty for a file of another format."""
     with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
         data = json.loads(path.read_bytes())
         if data["version"] == _VERSION:

@@ -1,4 +1,4 @@
-"""Shader text: reads GLSL files, expands each include once, and turns a compiler's message into file and line."""
+"""Shader text: read GLSL files, expand each include once, and translate compiler messages into file and line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ShaderError(IrrsplatError):
 
 @dataclass(frozen=True)
 class Source:
-    """Expanded GLSL: `text` for the compiler, the place (file, line) of each of its lines, `uniforms` name → GLSL type."""
+    """Expanded GLSL: `text` for the compiler, `places` (file, line) of its lines, `uniforms` name → GLSL type."""
 
     name: str
     text: str
@@ -35,28 +35,27 @@ class Source:
 
 
 _MOST_LOADED = 500  # some 15 MB
-_loaded: dict[tuple[object, ...], tuple[Source, _Stamps]] = {}  # what `load` gave, and of which states of which files
+_loaded: dict[tuple[object, ...], tuple[Source, _Stamps]] = {}  # results of `load`, and the states of their files
 
 
 def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
-    """The shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` in place.
+    """Return the shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` expanded.
 
-    `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards; what "generated/x.glsl" is
-    replaced by is made from Python (core/glsl.py). An include in a block that the compiler skips is left out. Where each line
-    came from is kept here, not in #line directives: Mesa forgets their file numbers. Files that have not changed since they were
-    last expanded so are not read again. Raises ShaderError for a missing file.
+    `#include "lib/x.glsl"` is replaced by the file's text once, and by nothing afterwards; "generated/x.glsl" is written in
+    Python (core/glsl.py). Includes in blocks that the compiler skips are left out. Places of lines are kept here, not in #line
+    directives, because Mesa drops their file numbers. Unchanged files are not read again. Raises ShaderError for a missing file.
     """
     root, defines = root or folder("shaders"), defines or {}
-    asked = name, root, tuple((key, str(value)) for key, value in defines.items())
-    if asked not in _loaded or _stamps(_loaded[asked][1]) != _loaded[asked][1]:
+    key = name, root, tuple((key, str(value)) for key, value in defines.items())
+    if key not in _loaded or _stamps(_loaded[key][1]) != _loaded[key][1]:
         if len(_loaded) >= _MOST_LOADED:
             _loaded.clear()
-        _loaded[asked] = _expanded(name, defines, root)
-    return _loaded[asked][0]
+        _loaded[key] = _expanded(name, defines, root)
+    return _loaded[key][0]
 
 
 def _stamps(files: Iterable[Path]) -> _Stamps:
-    """When each file was last written, in ns, and its size; None where there is none."""
+    """Return each file's time of modification in ns and its size; None for a missing file."""
     found: _Stamps = {}
     for file in files:
         try:
@@ -68,7 +67,7 @@ def _stamps(files: Iterable[Path]) -> _Stamps:
 
 
 def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Source, _Stamps]:
-    """The shader file `name` with all its includes, and which files that took."""
+    """Return the shader file `name` with all includes, and the files it consists of."""
     stamps: _Stamps = {}
     seen: set[str] = set()
     text = ["#version 330 core", *(f"#define {key} {value}" for key, value in defines.items())]
@@ -81,14 +80,14 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
         seen.add(name)
         try:
             if name not in glsl.INCLUDES:
-                stamps.update(_stamps([root / name]))  # before it is read: a change in between shows next time
+                stamps.update(_stamps([root / name]))  # before the file is read, so that a change in between is noticed next time
             content = glsl.INCLUDES[name] if name in glsl.INCLUDES else (root / name).read_text(encoding="utf-8")
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
         for number, line in enumerate(content.splitlines(), start=1):
             include = _INCLUDE.match(line) if "#" in line else None
-            looked_at = conditions.follow(line)
-            if include and looked_at:
+            compiled = conditions.is_compiled(line)
+            if include and compiled:
                 expand(include[1], f"{name}:{number}: ")
             elif not include:
                 text.append(line)
@@ -100,33 +99,33 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
 
 
 class _Conditions:
-    """Which lines of a shader a compiler with these `defines` looks at: all those of whose conditions that is not certain."""
+    """The lines of a shader that a compiler with these `defines` reads, including lines with undecidable conditions."""
 
     def __init__(self, defines: Mapping[str, object]) -> None:
         self._defines = defines
-        self._blocks: list[bool | None] = []  # whether each block that is open is looked at; None: not known
-        self._looked_at = True
+        self._blocks: list[bool | None] = []  # True if an open block is compiled; None: unknown
+        self._compiled = True
 
-    def follow(self, line: str) -> bool:
-        """Take the next line; whether it is looked at."""
-        if "#" in line:  # few have one, and every Renderer reads thousands of lines
-            self._take(line)
-        return self._looked_at
+    def is_compiled(self, line: str) -> bool:
+        """Advance to the next line; True if it is compiled."""
+        if "#" in line:  # most lines have none, and each Renderer reads thousands of lines
+            self._read_directive(line)
+        return self._compiled
 
-    def _take(self, line: str) -> None:
+    def _read_directive(self, line: str) -> None:
         word, _, condition = line.partition("//")[0].strip().partition(" ")
         if word.startswith("#if"):
-            self._blocks.append(self._holds(condition) if word == "#if" else None)
+            self._blocks.append(self._value_of(condition) if word == "#if" else None)
         elif word == "#elif":
             self._blocks[-1] = None if self._blocks[-1] is None or not self._blocks[-1] else False
         elif word == "#else" and self._blocks[-1] is not None:
             self._blocks[-1] = not self._blocks[-1]
         elif word == "#endif":
             self._blocks.pop()
-        self._looked_at = False not in self._blocks
+        self._compiled = False not in self._blocks
 
-    def _holds(self, condition: str) -> bool | None:
-        """Whether names, each with ! or not, joined by && and ||, are defined as other than 0; None for other conditions."""
+    def _value_of(self, condition: str) -> bool | None:
+        """True if the names, each with ! or not, joined by && and ||, are defined as non-zero; None for other conditions."""
         terms = [[name.strip() for name in both.split("&&")] for both in condition.split("||")]
         if not all(name.removeprefix("!").isidentifier() for both in terms for name in both):
             return None
@@ -134,18 +133,20 @@ class _Conditions:
 
 
 def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
-    """The uniforms that `text` declares, name → type, in what a compiler looks at."""
+    """Return the uniforms that `text` declares in compiled lines, name → type."""
     bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
     conditions = _Conditions(defines)
-    kept = [line for line in bare.splitlines() if conditions.follow(line)]
+    kept = [line for line in bare.splitlines() if conditions.is_compiled(line)]
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 
 def numbering_triangles(vertex: str, fragment: str, defines: Mapping[str, object]) -> tuple[str, str]:
-    """A geometry shader that passes on triangles as they are, with their gl_PrimitiveID, and the `fragment` shader for behind it:
-    for drivers that give fragment shaders no gl_PrimitiveID otherwise. defines: those that both were loaded with."""
+    """Return a geometry shader that passes triangles on with their gl_PrimitiveID, and `fragment` adapted to it.
+
+    For drivers whose fragment shaders have no gl_PrimitiveID otherwise. defines: those that both shaders were loaded with.
+    """
     conditions, text, body = _Conditions(defines), fragment, ""
-    outputs = _OUTPUT.findall("\n".join(line for line in vertex.splitlines() if conditions.follow(line)))
+    outputs = _OUTPUT.findall("\n".join(line for line in vertex.splitlines() if conditions.is_compiled(line)))
     declared = "#version 330 core\nlayout(triangles) in;\nlayout(triangle_strip, max_vertices = 3) out;\n"
     for flat, kind, name, length in outputs:
         if name == "gl_ClipDistance":
@@ -159,7 +160,7 @@ def numbering_triangles(vertex: str, fragment: str, defines: Mapping[str, object
 
 
 def explain(log: str, source: Source) -> str:
-    """The compiler's `log` on one line, its first place turned into ``file:line``."""
+    """Return the compiler's `log` on one line, with its first place as ``file:line``."""
     lines = [line.strip() for line in log.splitlines() if line.strip(" =-\t")]
     complaint = next((line for line in lines if _PLACE.search(line)), lines[-1] if lines else "unknown error")
     place = _PLACE.search(complaint)

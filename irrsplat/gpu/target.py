@@ -1,4 +1,4 @@
-"""Textures, and framebuffers to draw into: float attachments, and a depth buffer if asked for."""
+"""Textures, and framebuffers with float attachments and an optional depth buffer."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from irrsplat.gpu.resource import Owner, Resource
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
 
-_BAND = 200_000  # pixels: some 15 ms of a software renderer for the slower passes
+_BAND = 200_000  # pixels: about 15 ms of a software renderer in the slower passes
 
 
 def bands(size: tuple[int, int]) -> Iterator[Region]:
-    """Yield parts of at most _BAND pixels that cover a picture of `size` (width, height), so that work can end between two."""
+    """Yield regions of at most _BAND pixels that cover a picture of `size` (width, height), so that work can stop between two."""
     rows = max(_BAND // size[0], 1)
     return ((0, y, size[0], min(rows, size[1] - y)) for y in range(0, size[1], rows))
 
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:
-    """A float32 texture of `size` (width, height), read by texelFetch: no filter, no repeat."""
+    """Return a float32 texture of `size` (width, height) for texelFetch: no filter, no repeat."""
     texture = ctx.texture(size, components, dtype="f4")
     texture.filter = moderngl.NEAREST, moderngl.NEAREST
     texture.repeat_x = texture.repeat_y = False
@@ -31,14 +31,14 @@ def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int 
 
 
 def integer_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """A texture of one int32 component, of `size` (width, height), read by texelFetch."""
+    """Return a texture of one int32 component, of `size` (width, height), for texelFetch."""
     texture = ctx.texture(size, 1, dtype="i4")
     texture.filter = moderngl.NEAREST, moderngl.NEAREST
     return texture
 
 
 def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
-    """An RGBA32F texture that holds `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
+    """Return an RGBA32F texture of `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
     rows = np.ascontiguousarray(rows, "f4")
     texture = float_texture(ctx, (rows.shape[1], rows.shape[0]))
     texture.write(rows)
@@ -46,7 +46,7 @@ def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
 
 
 def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """A depth texture of `size` whose values shaders read by texelFetch (no comparison)."""
+    """Return a depth texture of `size` for texelFetch (no comparison)."""
     texture = ctx.depth_texture(size)
     texture.compare_func = ""
     texture.filter = moderngl.NEAREST, moderngl.NEAREST
@@ -55,9 +55,9 @@ def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Text
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too.
+    """Return a float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too.
 
-    Raises GLError where its context has been released.
+    Raises GLError if its context has been released.
     """
     context.check_alive(texture.ctx)
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
@@ -82,7 +82,7 @@ class Target(Owner):
         self.depth = depth_attachment or (depth_texture(ctx, size) if depth else None)
         try:
             self.gl = ctx.framebuffer(self.textures, self.depth)
-        except moderngl.Error as error:  # what drivers say where textures were not made for want of memory
+        except moderngl.Error as error:  # drivers report this when textures could not be allocated
             for texture in (*self.textures, self.depth) if self._owned else ():
                 if texture is not None:
                     texture.release()
@@ -95,7 +95,7 @@ class Target(Owner):
         scissor: tuple[int, int, int, int] | None = None,
         depth_write: bool = True,
     ) -> None:
-        """Bind for drawing, with the whole area as viewport unless another is given, scissored where asked for."""
+        """Bind for drawing, with the whole area as viewport by default, and an optional scissor."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4 if len(self.textures) == 1 else ((True,) * 4,) * len(self.textures)  # type: ignore[assignment]
@@ -108,22 +108,22 @@ class Target(Owner):
         self.gl.clear(value, value, value, value, depth=depth)
 
     def read(self, attachment: int = 0) -> np.ndarray:
-        """The attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
+        """Return the attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
         return pixels(self.textures[attachment])
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees: the textures that it made, and the framebuffer."""
+        """Return the framebuffer, and the textures if it made them."""
         return (self.gl, *self.textures, self.depth) if self._owned else (self.gl,)
 
     def release(self) -> None:
         """Free the framebuffer and the textures that it made."""
         if self.ctx.fbo is self.gl:
-            self.ctx.detect_framebuffer(0).use()  # moderngl would go on to bind a framebuffer that is gone
+            self.ctx.detect_framebuffer(0).use()  # moderngl would bind the released framebuffer again
         super().release()
 
 
 class Screen(Target):
-    """A framebuffer that is borrowed, such as a window's, as a target to draw into; size (width, height) in pixels."""
+    """A framebuffer of another owner, such as a window's, as a target; size (width, height) in pixels."""
 
     def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
         self.ctx = framebuffer.ctx
@@ -132,7 +132,7 @@ class Screen(Target):
         self.gl = framebuffer
 
     def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
-        """Bind for drawing, as Target.use."""
+        """Bind for drawing, like Target.use."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4
@@ -140,4 +140,4 @@ class Screen(Target):
         self.gl.use()
 
     def release(self) -> None:
-        """Nothing: its owner frees it."""
+        """Do nothing: the owner frees the framebuffer."""

@@ -1,4 +1,4 @@
-"""Tables in textures: items by number, row after row. Laid out as an array, or written, read and copied in part on the GPU."""
+"""Tables in textures: items by number, row after row, laid out as arrays, or written, read and copied in part on the GPU."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from irrsplat.gpu.target import Target
 
 
 def row_count(items: int) -> int:
-    """The rows of a table of so many items, at least one."""
+    """Return the number of rows of a table of `items`, at least one."""
     return max(-(-items // TABLE_COLUMNS), 1)
 
 
 def table_rows(items: np.ndarray) -> np.ndarray:
-    """Items (N, T, 4) of T texels each laid out as a table, at least one row: (R, TABLE_COLUMNS·T, 4), zeros at the end."""
+    """Return items (N, T, 4) of T texels each as a table (R, TABLE_COLUMNS·T, 4), at least one row, padded with zeros."""
     count, texels = items.shape[:2]
     rows = row_count(count)
     table = np.zeros((rows * TABLE_COLUMNS, texels, 4), items.dtype)
@@ -26,7 +26,7 @@ def table_rows(items: np.ndarray) -> np.ndarray:
 
 
 def chosen_rows(texels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """The table of N items, each of the `texels` (M, 4) of its T `numbers` (N, T), as `table_rows` lays it out."""
+    """Return the table, in the layout of `table_rows`, of N items that consist of the `texels` (M, 4) of `numbers` (N, T)."""
     count, each = numbers.shape
     rows = row_count(count)
     table = np.zeros((rows * TABLE_COLUMNS * each, 4), texels.dtype)
@@ -38,14 +38,14 @@ def chosen_rows(texels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
 
 
 def write(texture: moderngl.Texture, first: int, values: np.ndarray) -> None:
-    """Put `values` (N, C) into the texture's texels from number `first` on."""
+    """Write `values` (N, C) into the texture's texels from number `first` on."""
     values = np.ascontiguousarray(values, texture.dtype)
     for start, box in _boxes(first, len(values), texture.width):
         texture.write(values[start : start + box[2] * box[3]], viewport=box)
 
 
 def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int) -> np.ndarray:
-    """The texels of a float texture from number `first` to before `last`, (last - first, C) float32; only their rows are read."""
+    """Return the texels `first` to `last` - 1 of a float texture, (last - first, C) float32; reads only their rows."""
     width, components = texture.width, texture.components
     if first == last:
         return np.zeros((0, components), "f4")
@@ -57,16 +57,16 @@ def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int
 
 
 def copy(ctx: moderngl.Context, source: moderngl.Texture, target: moderngl.Texture) -> None:
-    """Copy one texture into the first rows of another that is as wide and at least as high, on the GPU."""
+    """Copy a texture on the GPU into the first rows of another of equal width and at least equal height."""
     into, of = (Target(ctx, texture.size, textures=[texture]) for texture in (target, source))
-    into.use()  # else a scissor of the last draw cuts off what is copied
+    into.use()  # resets the scissor of the last draw, which would crop the copy
     ctx.copy_framebuffer(into.gl, of.gl)
     for window in (into, of):
         window.release()
 
 
 def _boxes(first: int, count: int, width: int) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-    """The rectangles that `count` texels from `first` on make up: the rest of a row, whole rows, the start of a row.
+    """Yield the rectangles of `count` texels from `first` on: the rest of a row, whole rows, the start of a row.
 
     Each as (number of texels before it, (x, y, width, height)).
     """

@@ -1,6 +1,6 @@
-"""The textures that light looks at: all images of a scene, each scaled to a layer of one array of limited size.
+"""The textures that light meets: all images of a scene, each scaled to a layer of one array of limited size.
 
-The picture has the images as they are; what records, rays and shadow maps see of a texture is never that fine.
+The picture uses the images at full resolution; records, rays and shadow maps need less.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from irrsplat.scene.model import Image, Material, Texture
 
 MOST_TEXELS = 1024  # along a side of a layer
 _LEAST_TEXELS = 16
-_BYTES = 8 * 4 / 3  # of a texel of four half floats, and its share of the coarser levels
+_BYTES = 8 * 4 / 3  # per texel of four half floats, with its share of the mip-maps
 
 
 @dataclass(frozen=True)
 class LayerKey:
-    """What a layer is made of: an image, and the alpha from which on light sees it (0: its alpha is not looked at)."""
+    """The source of a layer: an image, and the least alpha that light hits (0: alpha is ignored)."""
 
     image: Image
     cutoff: float
 
 
 def layer_keys(material: Material) -> tuple[LayerKey | None, LayerKey | None]:
-    """The layers of a material's albedo and emission; None where it has no such texture."""
+    """Return the layers of a material's albedo and emission; None for a missing texture."""
 
     def key(texture: Texture | None, cutoff: float) -> LayerKey | None:
         return None if texture is None else LayerKey(texture.image, cutoff if texture.image.alpha_range[0] < 1.0 else 0.0)
@@ -44,8 +44,10 @@ def layer_keys(material: Material) -> tuple[LayerKey | None, LayerKey | None]:
 
 @dataclass(frozen=True)
 class LayerPlan:
-    """Which images get a layer: the layer's number by its key, and the side of all layers in texels, a power of two; images
-    without a layer are in `means` with their mean colours (4,), times alpha, and alpha."""
+    """The images that get a layer: layer numbers by key, and the side of all layers in texels, a power of two.
+
+    means: mean colours (4,) times alpha, and alpha, of images without a layer.
+    """
 
     layers: Mapping[LayerKey, int]
     side: int
@@ -58,8 +60,10 @@ class LayerPlan:
 
 
 def plan(keys: Iterable[LayerKey], most_bytes: float, most_layers: int) -> LayerPlan:
-    """The plan for these layers, in the order of their importance: where there are more than `most_layers` or than fit into
-    `most_bytes`, the last ones get their mean colours. All are as large as fits, and as is of use."""
+    """Return the plan for these layers, sorted by importance, with the largest useful side that fits.
+
+    Layers beyond `most_layers` or `most_bytes` are replaced by their mean colours.
+    """
     every = list(dict.fromkeys(keys))
     kept = every[: max(min(most_layers, int(most_bytes / (_BYTES * _LEAST_TEXELS**2))), 1)]
     largest = max((max(key.image.pixels.shape[:2]) for key in kept), default=1)
@@ -71,8 +75,10 @@ def plan(keys: Iterable[LayerKey], most_bytes: float, most_layers: int) -> Layer
 
 
 def layer_texels(key: LayerKey, side: int) -> np.ndarray:
-    """(side, side, 4) float32: the image's mean colours, linear and times alpha, and alpha; that is 1 where it is not looked at,
-    and of a dithered layer the share of the texel where light sees the image's."""
+    """Return (side, side, 4) float32: the image's mean colours, linear and times alpha, and alpha.
+
+    Ignored alpha is 1; the alpha of a dithered layer is the share of the texel where light hits the image.
+    """
     if key.cutoff == 0.0:
         opaque = area_means(key.image.pixels, side, weighted=False)
         opaque[..., 3] = 1.0
@@ -85,13 +91,16 @@ def layer_texels(key: LayerKey, side: int) -> np.ndarray:
 
 
 def dithered(key: LayerKey, side: int) -> bool:
-    """Whether the holes of an image may be finer than the texels of a layer: then its alpha is the share that is there, and which
-    part of a texel that is, is decided by noise (after Wyman and McGuire 2017, "Hashed Alpha Testing")."""
+    """True if the holes of an image may be finer than the texels of a layer.
+
+    The layer's alpha is then the opaque share, and noise decides which part is hit (after Wyman and McGuire 2017, "Hashed Alpha
+    Testing").
+    """
     return key.cutoff > 0.0 and max(key.image.pixels.shape[:2]) > side
 
 
 class TextureLayers(Owner):
-    """The layers of a plan as a texture array of half floats, with coarser levels; it repeats in both directions."""
+    """The layers of a plan as a mip-mapped texture array of half floats, repeating in both directions."""
 
     def __init__(self, ctx: moderngl.Context, plan: LayerPlan) -> None:
         side = plan.side
@@ -105,5 +114,5 @@ class TextureLayers(Owner):
         self.texture.repeat_x = self.texture.repeat_y = True
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.texture,)

@@ -1,4 +1,4 @@
-"""The time of one tick of the viewer: how much of it is left, and how much GPU work fits into it."""
+"""Frame budgets: the time left in a frame, and the size of GPU batches that fit into it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from irrsplat.core.timing.input_waits import input_waits, interruptible
 
 Result = TypeVar("Result")
 
-_GATHER_SHARE = 0.2  # of a tick: gathering may take that much in any case, so that the picture refines however slow the rest is
-_FIRST_STEP = 64  # items: the largest first batch of a tick; each further one may be this plus four times the one before
-_LONGEST = 0.03  # seconds of a batch that input may have to wait for
+_GATHER_SHARE = 0.2  # of a frame: the least share of gathering, so that a view refines even if other stages are slow
+_FIRST_STEP = 64  # items: largest first batch of a frame; each further batch is at most this plus four times the batch before
+_LONGEST = 0.03  # seconds: longest batch while input may arrive
 _DECAY = 0.7  # weight of a measured batch relative to the one after it
 _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
-_LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more item in the same batch is taken to cost
-_COLD = 4.0  # times what the second batch takes: a first one that took more compiled programs and made tables, and tells nothing
-_EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have the same size
+_LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: least assumed cost of one more item in a batch
+_COLD = 4.0  # times the second batch: a slower first batch included compilation and is discarded
+_EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have equal size
 
 
 class Budget:
-    """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does. tick: seconds of the whole tick, of
-    which this is a part (default: this is all of it). Raises InputError for what is no number of seconds."""
+    """The time of one frame: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does.
+
+    tick: seconds of the whole frame, if this budget is a part of it. Raises InputError if `seconds` is not a number.
+    """
 
     def __init__(self, seconds: float | None, tick: float | None = None) -> None:
         if seconds is not None and not (isinstance(seconds, (int, float, np.number)) and seconds == seconds):
@@ -37,23 +39,23 @@ class Budget:
 
     @property
     def limited(self) -> bool:
-        """Whether there is an end at all."""
+        """True if the budget ends."""
         return self.seconds is not None
 
     @property
     def left(self) -> float:
-        """Seconds to the end; negative after it, and -inf while input waits for the end of a limited one."""
+        """Seconds to the end, negative after it; -inf for a limited budget while input waits."""
         return float("-inf") if self.limited and input_waits() else self.end - now()
 
     def part(self, share: float, reserve: float, least: float = 0.0) -> Budget:
-        """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of it all; or at least the
-        share `least` of the whole tick, whatever has been spent."""
+        """Return a budget of `share` of the time left after `reserve` seconds, at least 20 % of this budget and `least` of the
+        whole frame."""
         if self.seconds is None or self.tick is None:
             return self
         return Budget(max(share * (self.end - now() - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
 
-    def go_on(self, work: Generator[object, None, Result]) -> Result | None:
-        """Go on with `work`, by one step at least, as far as this goes; what it returns, None where this ends before."""
+    def advance(self, work: Generator[object, None, Result]) -> Result | None:
+        """Advance `work` by at least one step until the budget ends; return its result, or None if it is unfinished."""
         try:
             while True:
                 next(work)
@@ -65,24 +67,23 @@ class Budget:
 
 
 class Pace:
-    """Cuts GPU work of one kind into batches that fit into budgets.
+    """Splits GPU work of one kind into batches that fit into budgets.
 
-    A batch of n items is taken to cost overhead + n·(marginal cost): a line fitted through the measured batches, older ones with
-    exponentially less weight. Where a budget does not even hold the overhead, a batch is as large as makes both terms equal: half
-    of its time is then of use. Batches of one size alone do not tell the terms apart: the overhead is then taken to be greater
-    after each of them, so that a larger batch is tried before long. A first batch that took far longer than the second is
-    forgotten.
+    The model is cost = overhead + n·(marginal cost) for n items: a line fitted to the measured batches with exponentially
+    decaying weights. If a budget is smaller than the overhead, the batch is large enough that both terms are equal: half of its
+    time is useful. Batches of one size do not separate the terms, so the overhead estimate grows after each until a larger batch
+    is tried. A first batch that took much longer than the second is discarded.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self._sums = np.zeros(5)  # weighted, of 1, n, n², t and n·t over the batches of n items in t seconds
-        self._cold: float | None = None  # seconds of the first batch, until there is a second one
-        self._overhead = 0.0  # of a batch, as the number of items that cost as much
+        self._sums = np.zeros(5)  # weighted sums of 1, n, n², t and n·t over the batches of n items in t seconds
+        self._cold: float | None = None  # seconds of the first batch, until the second is measured
+        self._overhead = 0.0  # of a batch, in items of equal cost
 
     def _affordable(self, seconds: float) -> float:
-        """The estimated size of a batch that takes so many seconds: 1 before anything was measured, infinite for work that takes
-        the clock no time."""
+        """Return the estimated batch size for these seconds: 1 before the first measurement, infinite if the clock measures no
+        time."""
         batches, n, _, t, _ = self._sums
         if not batches:
             return 1.0
@@ -90,12 +91,12 @@ class Pace:
 
     @property
     def _efficient(self) -> float:
-        """The size from which a batch spends at least half of its time on items; at most twice the recent mean size."""
+        """Smallest batch size that spends half of its time on items; at most twice the recent mean size."""
         batches, n, *_ = self._sums
         return max(min(self._overhead, 2.0 * n / batches), 1.0) if batches else 1.0
 
-    def _learn(self, count: int, seconds: float, stuck: bool) -> None:
-        """Refit the line with a batch of `count` items in `seconds`; stuck: it was as large as time allowed, not as wanted."""
+    def _fit(self, count: int, seconds: float, stuck: bool) -> None:
+        """Refit the line with a batch of `count` items in `seconds`; stuck: time, not demand, limited its size."""
         if not self._sums[0]:
             self._cold = seconds
         elif self._cold is not None:
@@ -113,11 +114,11 @@ class Pace:
             self._overhead += _EXPLORE * (1.0 + self._overhead)
 
     def batches(self, wanted: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
-        """Sizes of batches, each at most `capacity`, until all items are done or the budget ends; at least one item, but none
-        while input waits.
+        """Yield batch sizes of at most `capacity` until all items are done or the budget ends; at least one item, but none while
+        input waits.
 
-        The caller does each batch before it takes the next size: the time in between is what a batch costs.
-        rays: of an item, for a clock that counts rays.
+        The caller processes each batch before it takes the next size; the time in between is the batch's cost. rays: per item,
+        for a clock that counts rays.
         """
         done, last = 0, 0
         while done < wanted:
@@ -127,14 +128,14 @@ class Pace:
             if budget.limited:
                 affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + _FIRST_STEP)
                 if done and affordable < min(efficient, count):
-                    return  # the next tick does more in that time
+                    return  # the next frame uses that time better
                 longest = self._affordable(_LONGEST) if interruptible() else affordable
                 count = int(min(most, max(min(affordable, longest), efficient)))
-                self.ctx.finish()  # so that earlier draws are not measured as part of this batch
+                self.ctx.finish()  # exclude earlier draws from the measurement
             start = now()
             yield count
             traced(count * rays)
             if budget.limited:
                 self.ctx.finish()
-                self._learn(count, now() - start, affordable < 2.0 * efficient < most)
+                self._fit(count, now() - start, affordable < 2.0 * efficient < most)
             done, last = done + count, count

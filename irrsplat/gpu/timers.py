@@ -1,4 +1,4 @@
-"""How long each stage takes: by GPU timers on hardware, by wall time between glFinish on a software renderer."""
+"""Times of stages: by GPU timers on hardware, by wall time between glFinish on a software renderer."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import moderngl
 
 
 class Timers:
-    """Milliseconds per stage name, summed until `clear`. Unless `enabled`, nothing is measured and nothing waits for the GPU."""
+    """Milliseconds per stage name, summed until `clear`. Measures nothing, and never waits for the GPU, unless `enabled`."""
 
     def __init__(self, ctx: moderngl.Context, software: bool, enabled: bool = False) -> None:
         self.ctx = ctx
         self.clock = "wall" if software else "gpu"
         self.enabled = enabled
         self._ms: dict[str, float] = {}
-        self._stage: str | None = None  # that time counts for now
+        self._stage: str | None = None  # the stage being timed
         self._since = 0.0  # seconds
-        self._running = ExitStack()  # of the query that runs, if any
+        self._running = ExitStack()  # of the running query, if any
         self._pending: list[tuple[str, moderngl.Query]] = []
         self._spare: list[moderngl.Query] = []
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Time what is drawn inside the `with` block under the name `stage`. A block within it counts for its own stage alone."""
+        """Time the draws inside the `with` block as `stage`. A nested block counts for its own stage only."""
         if not self.enabled:
             yield
             return
@@ -38,7 +38,7 @@ class Timers:
             self._count_for(outer)
 
     def _count_for(self, stage: str | None) -> None:
-        """What is drawn from now on belongs to `stage`. (OpenGL runs one timer at a time.)"""
+        """Count further draws for `stage`. (OpenGL runs one timer at a time.)"""
         if self.clock == "wall":
             self.ctx.finish()
             now = time.perf_counter()
@@ -49,7 +49,7 @@ class Timers:
             self._running.close()
             if stage is not None:
                 query = self._spare.pop() if self._spare else self.ctx.query(time=True)
-                self._running.callback(self._pending.append, (stage, query))  # once it has ended
+                self._running.callback(self._pending.append, (stage, query))  # when it has ended
                 self._running.enter_context(cast(AbstractContextManager[object], query))
         self._stage = stage
 
@@ -57,7 +57,7 @@ class Timers:
         self._ms[stage] = self._ms.get(stage, 0.0) + ms
 
     def milliseconds(self) -> dict[str, float]:
-        """Milliseconds by stage so far, in the order of first use."""
+        """Return milliseconds by stage, in the order of first use."""
         for stage, query in self._pending:
             self._add(stage, query.elapsed * 1e-6)  # nanoseconds
             self._spare.append(query)
@@ -65,6 +65,6 @@ class Timers:
         return dict(self._ms)
 
     def clear(self) -> None:
-        """Forget all sums."""
+        """Reset all sums."""
         self.milliseconds()
         self._ms.clear()

@@ -1,4 +1,4 @@
-"""Antialiasing: while a view stays the same, its picture becomes the mean of several samples a pixel. The cache is only read."""
+"""Antialiasing: the picture of a still view becomes the mean of several samples per pixel. The cache is only read."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
-_DRAWN = object()  # stands for the end of a sample
-OnProgress = Callable[[float], None]  # called with the share of the samples that are done, 0..1
+_DRAWN = object()  # marks the end of a sample
+OnProgress = Callable[[float], None]  # called with the share of finished samples, 0..1
 
 
 @dataclass(frozen=True)
 class FramePasses:
-    """The passes of a frame that every further sample is drawn with."""
+    """The frame's passes, used again for every further sample."""
 
     gbuffer: GBufferPass
     splat: SplatPass
@@ -43,7 +43,7 @@ class FramePasses:
 
 @dataclass(frozen=True)
 class FrameInputs:
-    """The inputs of a frame but its camera. casting: the world of the shadow rays; None: there are none."""
+    """The inputs of a frame except its camera. casting: the world of shadow rays; None: no shadow rays."""
 
     world: World
     shadows: ShadowMaps
@@ -54,17 +54,17 @@ class FrameInputs:
 
 
 class Antialiaser(Owner):
-    """Adds samples to one view after the other. Its buffers have the view's size, and are made when first needed."""
+    """Adds samples to one view after another. Its buffers have the view's size and are made at first use."""
 
     def __init__(self, ctx: moderngl.Context, timers: Timers) -> None:
         self.ctx, self.timers = ctx, timers
         self._buffers: SampleBuffers | None = None
-        self._source: View | None = None  # the view that is being sampled, as the frame gave it
-        self._sampled: View | None = None  # the same with its samples
-        self._sample: Iterator[None] | None = None  # a sample that a budget has interrupted
+        self._source: View | None = None  # the view being sampled, before antialiasing
+        self._sampled: View | None = None  # the sampled view
+        self._sample: Iterator[None] | None = None  # a sample interrupted by the budget
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._buffers,)
 
     def __call__(
@@ -76,12 +76,11 @@ class Antialiaser(Owner):
         inputs: FrameInputs,
         on_progress: OnProgress | None = None,
     ) -> View:
-        """Return `view` with `samples` a pixel, or with as many more than last time as the budget has time for.
+        """Return `view` with `samples` per pixel, or with as many additional samples as the budget allows.
 
         A limited budget is checked after each stage of a sample. At least one stage is drawn, unless input waits, and the next
-        call continues there.
-        A view other than the last one starts anew; where it is refined, what was returned before stays as it is meanwhile.
-        Ctrl-C, where there is no budget, ends it early. on_progress: called after each sample.
+        call continues there. A new view starts again; while a view is refined, the previous result keeps its textures. Ctrl-C
+        ends an unlimited call early. on_progress: called after each sample.
         """
         if samples <= 1:
             return view
@@ -117,7 +116,7 @@ class Antialiaser(Owner):
                     raise
         if done == self._sampled.samples:
             return self._sampled
-        self._sampled = replace(self._sampled, samples=done)  # a new object, since its textures have new contents
+        self._sampled = replace(self._sampled, samples=done)  # a new object, since the textures have new contents
         return self._sampled
 
     def _buffers_for(self, size: tuple[int, int]) -> SampleBuffers:
@@ -129,23 +128,23 @@ class Antialiaser(Owner):
 
 
 class SampleBuffers(Owner):
-    """What one sample of a view of `size` (width, height) is drawn into, and the means of all."""
+    """Buffers of one sample of a view of `size` (width, height), and the means."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.mean = MeanPass(ctx, size)
-        self.other: MeanPass | None = None  # of the view before
+        self.other: MeanPass | None = None  # means of the previous view
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = splat_target(ctx, size)
         self.direct = Target(ctx, size, (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.mean, self.other, self.gbuffer, self.splat, self.direct)
 
 
 def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> Iterator[None]:
-    """Draw the sample of this number as a frame is drawn, and blend it into the means; yield between the stages."""
+    """Draw sample `number` through the frame's stages, and blend it into the means; yield between the stages."""
     x, y, rotation = sample_offset(number)
     camera, settings = jittered(view.camera, (x, y), buffers.size), inputs.settings
     gbuffer = passes.gbuffer(inputs.world, camera, buffers.gbuffer)
@@ -168,7 +167,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
 
 
 class MeanPass(Owner):
-    """Keeps the means of image, direct, indirect, emission and alpha over the samples of a view of `size` (width, height)."""
+    """The means of image, direct, indirect, emission and alpha over the samples of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.programs = [Program(ctx, "image/accumulate", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
@@ -176,7 +175,7 @@ class MeanPass(Owner):
         self.target = Target(ctx, size, (4, 4, 4, 4, 1))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self.programs, self.target, self.no_filters)
 
     def __call__(
@@ -190,11 +189,11 @@ class MeanPass(Owner):
         mix: tuple[float, float],
         band: Region | None = None,
     ) -> list[moderngl.Texture]:
-        """The means with the `number`-th sample in them (1: the first, which begins anew), RGBA32F textures of this pass's own.
+        """Return the means including sample `number` (1 starts new means), RGBA32F textures of this pass.
 
-        sums: (Σ k·E, Σ k) of the sample; centre: the same at the pixels' centres, used where those of the sample are empty.
-        behind: the uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and of indirect
-        light in the image. band: the part (x, y, width, height) that is drawn; None: all of it.
+        sums: (Σ k·E, Σ k) of the sample; centre: the sums at the pixels' centres, used where the sample's are empty. behind:
+        uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and indirect light in the image. band: the
+        region (x, y, width, height) to draw; None: everything.
         """
         self.programs[sky_defines(behind)["SKY_MAP"]](
             self.target,

@@ -1,4 +1,4 @@
-"""What stands behind everything in a picture: the sky that lights the scene, or a backdrop that is no light."""
+"""The backdrop of a picture: the sky that lights the scene, or a background that emits no light."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from irrsplat.settings import Settings
 
 BackdropKind = Literal["sky", "grey", "black", "white", "clear"]
 _BLACK, _WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
-# display values at the picture's lower and upper edge: between what is dark and what is bright in a well exposed picture
+# display values at the picture's lower and upper edge: medium tones of a well exposed picture
 GREY = (0.22, 0.22, 0.22), (0.36, 0.36, 0.36)
 _ENDS = {"grey": GREY, "black": (_BLACK, _BLACK), "white": (_WHITE, _WHITE), "clear": GREY}
 
 
 @dataclass(frozen=True)
 class Backdrop:
-    """What a camera sees where there is no surface. kind: what it is; scene: whose sky there is, seen or not; maps: of that sky.
+    """The background of a view. kind: sky or display colours; scene: the owner of the sky; maps: its sky maps.
 
-    Only a sky is light: of all others the buffers hold nothing, and the display puts them behind the picture by its coverage.
+    Only a sky is light. Other backdrops are in no buffer; the display composites them behind the picture by its coverage.
     """
 
     kind: BackdropKind = "sky"
@@ -37,7 +37,7 @@ class Backdrop:
         return sky_uniforms(self.scene, self.maps)
 
     def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
-        """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
+        """Return the uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
         seen: Uniforms = {} if self.maps is None else {"sky_seen": self.maps.seen}
         where: Uniforms = {
             "sky_is_seen": int(self.kind == "sky"),
@@ -48,7 +48,7 @@ class Backdrop:
 
     @property
     def sky_terms(self) -> int:
-        """0: no radiance comes from it; 1: the same from everywhere; 2: more from above; 3: a map has it."""
+        """Complexity of the radiance: 0 none, 1 constant, 2 gradient by elevation, 3 map."""
         if self.kind != "sky":
             return 0
         if self.maps is not None:
@@ -56,24 +56,24 @@ class Backdrop:
         return 2 if any(self.scene.sky_gradient) else int(any(self.scene.sky))
 
     def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-        """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""
+        """Return (H, W, 3) float32 sky radiance at every pixel's centre, top row first; 0 for other backdrops."""
         if self.kind != "sky":
             return np.zeros((size[1], size[0], 3), np.float32)
         left, bottom = camera.corner()
         x, y = np.meshgrid(np.arange(size[0]) + left + 0.5, np.arange(size[1])[::-1] + bottom + 0.5)
         ways = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(camera, size).T
         away = np.linalg.norm(ways, axis=-1)
-        solid = camera.pixel(size) ** 2 / away**3  # of a pixel; its rays have length 1 along the view axis
+        solid = camera.pixel(size) ** 2 / away**3  # sr of a pixel; its rays have length 1 along the view axis
         return self.scene.sky_radiance(ways / away[..., None], solid).astype(np.float32)
 
     @property
     def ends(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """The display colours of the lower and of the upper edge, 0..1; of a sky, which has none, black."""
+        """Display colours of the lower and upper edge, 0..1; black for a sky."""
         return _ENDS.get(self.kind, (_BLACK, _BLACK))
 
 
 def backdrop_of(scene: Scene, settings: Settings, maps: SkyMaps | None = None) -> Backdrop:
-    """What the setting `backdrop` asks for; "auto" is the sky where the scene's file has one of its own, else grey."""
+    """Return the backdrop of the setting `backdrop`; "auto" is the sky of a scene whose file has one, else grey."""
     kind = settings.backdrop
     if kind == "auto":
         kind = "sky" if scene.own_sky else "grey"
@@ -81,11 +81,14 @@ def backdrop_of(scene: Scene, settings: Settings, maps: SkyMaps | None = None) -
 
 
 def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(3, 3): times (x, y, 1), pixels from the lower left corner of the whole picture, the direction of a ray in world space, of
-    any length. size: of what is drawn."""
+    """Return the (3, 3) matrix from (x, y, 1), pixels from the whole picture's lower left corner, to ray directions in world
+    space.
+
+    The directions are not normalised. size: (width, height) drawn.
+    """
     right, up, backward = camera.axes
     step, whole = camera.pixel(size), camera.whole(size)
-    shift = np.asarray(camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)) * whole  # pixels, of the picture
+    shift = np.asarray(camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)) * whole  # pixels of the picture
     corner = -backward - step * ((0.5 * whole[0] + shift[0]) * right + (0.5 * whole[1] + shift[1]) * up)
     return np.stack([step * right, step * up, corner], axis=1)
 
@@ -93,11 +96,10 @@ def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
 def display_picture(
     radiance: np.ndarray, exposure: float, alpha: np.ndarray, kind: BackdropKind, rows: tuple[int, int] | None = None
 ) -> np.ndarray:
-    """(H, W, 3) sRGB-encoded 0..1 of (H, W, 3) radiance that covers `alpha` (H, W) of each pixel, with the backdrop behind it;
-    (H, W, 4) where that is clear: alpha is straight, not multiplied in.
+    """Return (H, W, 3) sRGB-encoded 0..1 of (H, W, 3) radiance with coverage `alpha` (H, W) over the backdrop.
 
-    exposure: stops. Radiance where a pixel is covered in part is a mean that has 0 for the rest of it. rows: where these are but
-    some rows of a picture, the first of them and the picture's height.
+    A clear backdrop gives (H, W, 4) with straight alpha. exposure: stops. Radiance of partly covered pixels is premultiplied.
+    rows: first row and height of the whole picture, if only some of its rows are given.
     """
     if kind == "sky":
         return tonemap(radiance, exposure)

@@ -22,28 +22,28 @@ _METER = 64  # blocks along each side of the image
 
 
 class NoFilters(Owner):
-    """Stands in for Filters where there are none: a texel that leaves all light, and one that adds none."""
+    """Neutral textures in place of Filters: one texel that transmits all light, and one that adds none."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.tint, self.glow = (table_texture(ctx, np.full((1, 1, 4), value)) for value in (1.0, 0.0))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.tint, self.glow)
 
     def uniforms(self, gbuffer: GBuffer) -> Uniforms:
-        """The uniforms of shaders/image/filtered.glsl, for what stands before this g-buffer's surfaces."""
+        """Return the uniforms of shaders/image/filtered.glsl for this g-buffer."""
         filters = gbuffer.filters
         return {"tint": filters.tint if filters else self.tint, "glow": (filters and filters.glow) or self.glow}
 
 
 class CompositePass(Owner):
-    """Makes irradiance, image and display picture of a view of `size` (width, height)."""
+    """Composes the image and display picture of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.fills = [Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
-        self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters 2 or 3
+        self.blends = {  # by presence of filters, presence of emission, and Backdrop.sky_terms; 2 or 3 with filters
             (filters, emissive, sky): Program(
                 ctx,
                 "image/composite",
@@ -64,7 +64,7 @@ class CompositePass(Owner):
         self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         programs = *self.fills, *self.blends.values(), self.meter, self.display
         targets = self.target, self.fill_target, self.meter_target
         return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
@@ -80,8 +80,7 @@ class CompositePass(Owner):
     ) -> tuple[moderngl.Texture, moderngl.Texture]:
         """Return the image before exposure, and its alpha.
 
-        Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
-        filters before.
+        Direct and indirect light are weighted by Settings.mix; emission and sky are not weighted. Filters tint all of them.
         """
         filtered = gbuffer.filters is not None
         sky = (2 if backdrop.maps is None else 3) if filtered else backdrop.sky_terms
@@ -95,12 +94,14 @@ class CompositePass(Owner):
         return image, alpha
 
     def filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
-        """The sums (Σ k·E, Σ k), in a texture of this pass's own, where pixels that have none take the light of those around, at
-        first a guess. Raises InputWaits between two parts of it."""
+        """Return the sums (Σ k·E, Σ k) in a texture of this pass, with empty pixels filled from their surroundings.
+
+        Raises InputWaits between two bands.
+        """
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
         for texture in (sums, direct):
             texture.build_mipmaps()
-            texture.filter = moderngl.NEAREST, moderngl.NEAREST  # for all others who read it
+            texture.filter = moderngl.NEAREST, moderngl.NEAREST  # the filters of other readers
         levels = max(self.size).bit_length()
         light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
         seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
@@ -112,20 +113,20 @@ class CompositePass(Owner):
         return self.fill_target.textures[0]
 
     def exposure(self, image: moderngl.Texture, gbuffer: GBuffer) -> float:
-        """Return the stops of image.tonemap.exposure_of for the image of what this g-buffer holds."""
+        """Return the stops of image.tonemap.exposure_of for the image."""
         self.measure(image, gbuffer)
         return self.metered()
 
     def measure(self, image: moderngl.Texture, gbuffer: GBuffer) -> None:
-        """Begin to find the image's `exposure`; `metered` a frame later has it without waiting for the GPU."""
+        """Start the exposure metering; `metered` one frame later reads it without waiting for the GPU."""
         self.meter(self.meter_target, image=image, position=gbuffer.position, block=self.meter_block, **gbuffer.material_uniforms)
         self.meter_target.textures[0].read_into(self.reading)
 
     def metered(self) -> float:
-        """The exposure of the image that was measured last."""
+        """Return the exposure of the last measured image."""
         total, lit, _, _ = np.frombuffer(self.reading.read(), "f4").reshape(-1, 4).sum(0, dtype=float).tolist()
         return automatic_exposure(total, lit)
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
-        """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""
+        """Draw the image into `target` (of equal size) as display values: exposed by `exposure` stops, filmic, sRGB."""
         self.display(target, image=image, exposure=exposure)

@@ -1,4 +1,4 @@
-"""The finished frame as numpy arrays, and the files it can become: PNG, EXR, NPZ, or a folder of pictures."""
+"""A finished frame as numpy arrays, and its files: PNG, EXR, NPZ, or a folder of pictures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import re
 import string
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,65 +27,43 @@ from irrsplat.core.files import (
     write_picture,
 )
 from irrsplat.core.paths import named
-from irrsplat.image.backdrop import BackdropKind, display_picture
+from irrsplat.image.backdrop import display_picture
+from irrsplat.image.frame_buffers import FrameBuffers
+from irrsplat.image.output.contact_sheet import contact_sheet as draw_contact_sheet
 from irrsplat.image.output.exr import EXR_NAMES, ExrNames, write_exr
-from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
-from irrsplat.scene.model import Camera
 
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
 BUFFERS = (*CHANNELS, *RECORDS)
-_ROWS = 256  # of a picture, that are tone mapped at once
-_NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
+_ROWS = 256  # rows of a picture that are tone-mapped at once
+_NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # spelling of {frame} that gives every frame its own name
 
 
 @dataclass(frozen=True, repr=False)
-class Frame:
+class Frame(FrameBuffers):
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
-    image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are of its centre.
-    records_*: the cache, N rows. stats: how the frame was made. figures: further (H, W, 3) pictures by name, for the figures of
-    the paper: radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
-    backdrop: what pictures show where there is no surface; only a sky is in the image, all others are put behind it. camera: from
-    where it is seen, world space; None where that is not known. A notebook shows the picture.
+    image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are sampled at its centre. records_*:
+    the cache, N rows. stats: statistics of the render. figures: further (H, W, 3) pictures by name, for the figures of the paper:
+    radiance "first_samples" and "splat_buffer", and "quad" in display values 0..1. backdrop: background of pictures; only a sky
+    is in the image, other backdrops are composited behind it. camera: in world space; None if unknown. A notebook shows the
+    picture.
     """
 
-    image: np.ndarray
-    direct: np.ndarray
-    indirect: np.ndarray
-    irradiance: np.ndarray
-    emission: np.ndarray
-    weight: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
-    smooth_normal: np.ndarray
-    albedo: np.ndarray
-    opacity: np.ndarray
-    depth: np.ndarray
-    alpha: np.ndarray
-    records_position: np.ndarray
-    records_normal: np.ndarray
-    records_irradiance: np.ndarray
-    records_radius: np.ndarray
-    stats: Statistics = field(default_factory=Statistics)
-    figures: dict[str, np.ndarray] = field(default_factory=dict)
-    backdrop: BackdropKind = "sky"
-    camera: Camera | None = None
-
     def __repr__(self) -> str:
-        """The frame in a line: its size, and what is known of how it was made."""
+        """Return the frame in a line: its size, and its known numbers of records and rounds."""
         height, width = self.image.shape[:2]
         known = [f"{self.stats[name]} {name}" for name in ("records", "rounds") if name in self.stats]
         return f"<Frame {', '.join([f'{width}x{height}', *known])}>"
 
     def _repr_png_(self) -> bytes | None:
-        """The picture as a PNG, by which notebooks show a frame; None for a frame without one."""
+        """Return the picture as a PNG, for notebooks; None for a frame without one."""
         return as_png(self.picture) if self.image.size and self.alpha.size else None
 
     def placed(self, origin: tuple[float, float, float]) -> Frame:
-        """The frame with the positions of pixels and records in world space, which were relative to `origin`, as far as float32
-        can tell them apart there."""
+        """Return the frame with pixels and records in world space instead of relative to `origin`, as exactly as float32
+        allows."""
         if not any(origin):
             return self
         position = self.position
@@ -96,31 +74,13 @@ class Frame:
         camera = None if self.camera is None else self.camera.shifted(origin)
         return replace(self, position=position, records_position=records, camera=camera)
 
-    @property
-    def exposure(self) -> float:
-        """The picture's exposure in stops (stats["exposure"]; 0 where that is missing)."""
-        return float(self.stats.get("exposure", 0.0))
-
-    @property
-    def aspect(self) -> float:
-        """Its width by its height."""
-        height, width = self.image.shape[:2] if self.image.size else self.depth.shape
-        return float(width / height)
-
-    @property
-    def picture(self) -> np.ndarray:
-        """The image as a screen shows it, (H, W, 3) sRGB-encoded 0..1, before its backdrop; (H, W, 4) where that is clear."""
-        return display_picture(self.image, self.exposure, self.alpha, self.backdrop)
-
     def contact_sheet(self, buffers: Sequence[str] | None = None) -> np.ndarray:
-        """(H, W, 3) display values 0..1: all buffers side by side, or those named, each with its name, unit and colours.
+        """Return (H, W, 3) display values 0..1: all or the named buffers side by side, each with its name, unit and colours.
 
-        Raises InputError for an unknown name, and where none of them is in the frame.
+        Raises InputError for an unknown name, and if the frame holds none of them.
         """
-        from irrsplat.image.output.contact_sheet import contact_sheet
-
         check_names(buffers)
-        return contact_sheet(self, tuple(CHANNELS) if buffers is None else buffers)
+        return draw_contact_sheet(self, tuple(CHANNELS) if buffers is None else buffers)
 
     def save(
         self,
@@ -131,15 +91,15 @@ class Frame:
         exr_names: ExrNames = "irrsplat",
         contact_sheet: bool = False,
     ) -> None:
-        """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
+        """Write this frame in the format of `path`'s ending; an existing file is replaced whole, or not at all.
 
-        .png: the picture, exposed, tone-mapped, sRGB, before its backdrop; with alpha where that is clear. .exr: a float32
-        layer per buffer, camera, settings and the stats without times; image has A where the backdrop is clear, multiplied in.
-        .npz: every buffer, the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an
-        existing folder: a PNG per buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ, folder or
-        contact sheet (default: all). png_bits: 8 or 16 a channel. exr_names: of layers, those of the buffers, or "blender" for
-        ViewLayer.Combined.R and so on. contact_sheet: a .png shows all buffers, not the picture.
-        Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
+        .png: the picture, exposed, tone-mapped, sRGB, over its backdrop; with alpha for a clear backdrop. .exr: a float32 layer
+        per buffer, camera, settings and the stats without times; with a clear backdrop, image has a premultiplied A. .npz: every
+        buffer, the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing
+        folder: a PNG per buffer, and the paper's figures. buffers: names of the buffers in EXR, NPZ, folder or contact sheet
+        (default: all). png_bits: 8 or 16 per channel. exr_names: layers by the buffers' names, or "blender" for
+        ViewLayer.Combined.R and so on. contact_sheet: a .png shows all buffers, not the picture. Raises InputError for an invalid
+        path or name, IrrsplatError if writing fails.
         """
         if png_bits not in (8, 16):
             raise InputError(f"png_bits is 8 or 16, not {png_bits!r:.60}")
@@ -168,18 +128,18 @@ class Frame:
         Image.fromarray(np.concatenate(some)).save(part, "PNG")
 
     def _displayed(self, first: int) -> np.ndarray:
-        """Some rows of the picture from `first` on: tone mapping takes ten times the memory of what is written of it."""
+        """Return some rows of the picture from `first` on, since tone mapping takes ten times the memory of its result."""
         rows = slice(first, first + _ROWS)
         whole = first, len(self.image)
         return display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole)
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any
-        with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
+        with open(part, "wb") as file:  # by handle: numpy would append .npz to a name
             np.savez(file, stats=np.array(json_text(self.stats)), **arrays)
 
     def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
-        """The file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""
+        """Yield the file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""
         seen = np.isfinite(self.depth)
         for name in names:
             if name in CHANNELS:
@@ -188,7 +148,7 @@ class Frame:
             yield "figure1_quad.png", np.clip(self.figures["quad"], 0.0, 1.0)
         yield "figure2_direct.png", tonemap(self.direct, self.exposure)
         sums = [name for name in ("splat_buffer", "first_samples") if name in self.figures]
-        # sums are not radiance, so they have an exposure of their own; one for both, so that figures 3 and 4 compare
+        # sums are not radiance, so they have their own exposure; one for both makes figures 3 and 4 comparable
         stops = exposure_of(self.figures[sums[0]]) if sums else 0.0
         for name, file in (("first_samples", "figure3_first_samples.png"), ("splat_buffer", "figure4_splat_buffer.png")):
             if name in sums:
@@ -198,7 +158,7 @@ class Frame:
 
 
 def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str] | None:
-    """The names of the buffers that a frame must hold to be saved to these paths; None: all of them."""
+    """Return the names of the buffers required to save a frame to these paths; None: all of them."""
     endings = {os.path.splitext(os.fspath(path))[1].lower() for path in paths}
     if endings <= {".png"}:
         return {"image", "alpha"}
@@ -206,17 +166,17 @@ def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str]
 
 
 def check_names(buffers: Iterable[str] | None) -> None:
-    """Raises InputError where one of the names is no buffer's."""
+    """Raise InputError if one of the names is not a buffer's."""
     unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
     if unknown:
         raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
 
 
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None, others: Sequence[str] = ()) -> str:
-    """The ending of an output, one of ENDINGS, or "" for a folder, once it is certain that it can be written: a long rendering
-    must not be lost at its end. others: endings that the caller can write as well, to be named where this one is unknown.
+    """Return an output's ending, one of ENDINGS, or "" for a folder, after checking that it can be written.
 
-    Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
+    The check before a long render prevents its loss. others: endings that the caller can write as well, for the error message.
+    Raises InputError for an unknown ending or buffer, or if nothing can be written there. Leaves no file behind.
     """
     check_names(buffers)
     text = named(path)
@@ -236,9 +196,10 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None, others:
 
 
 def numbered(pattern: str, frame: int) -> str:
-    """The output's name for one frame of a path: its number in place of each {frame}, {frame:4d}, {frame:04d}, {frame:x} ….
+    """Return the output's name for one frame of a path: its number in place of each {frame}, {frame:4d}, {frame:04d}, {frame:x}
+    ….
 
-    Raises InputError for any other field and for a brace that is not closed; {{ and }} are plain braces.
+    Raises InputError for any other field and for an unclosed brace; {{ and }} are plain braces.
     """
     try:
         for _, name, spec, conversion in string.Formatter().parse(pattern):

@@ -1,4 +1,4 @@
-"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2), and the filters before it."""
+"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2), and the filters in front."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from irrsplat.image.visible_parts import SceneParts
 from irrsplat.scene.looks import Look, Run
 from irrsplat.scene.model import Camera, Mesh, Part, Scene, part_drawn, part_of
 
-_NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
-_EDGE_ON = 5e-7  # of the eye's coordinates: an eye that is so near to a triangle's plane lies in it
+_NEAR = 1e-6  # of the far distance: used by the matrix only, since nothing is clipped there
+_EDGE_ON = 5e-7  # of the eye's coordinates: closer to a triangle's plane, the eye lies in the plane
 _SURFACES = DrawState(depth="<", depth_clamp=True)
-_BEHIND = 0.9998  # in clip space: behind all surfaces, whose depths are below 0.992, and before the empty depth buffer's 1
+_BEHIND = 0.9998  # in clip space: behind all surfaces (depth < 0.992), in front of the empty depth buffer (1)
 _NOTHING = DrawState(depth="<", depth_write=False)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 _GLOWS = replace(_TINTS, blend="add")
-# What is interpolated across a triangle is rounded otherwise where the rasteriser counts pixels from elsewhere. So that a part of
-# a picture is to the bit what is there in the whole, both are drawn by the same cells.
-CELL_PIXELS = 1 << 22  # pixels at most of a picture that is a single cell,
-_CELL_SIDE = 8192  # and pixels along its longer side
-CELL = 1024  # pixels along a side of the cells of larger ones
+# Interpolation rounds differently where the rasteriser counts pixels from another origin. Common cells make a part of a picture
+# bit for bit equal to the whole.
+CELL_PIXELS = 1 << 22  # pixels of the largest picture drawn as one cell
+_CELL_SIDE = 8192  # pixels along its longer side
+CELL = 1024  # pixels along a side of the cells of larger pictures
 
 
 class GBufferTarget(Target):
-    """What a g-buffer is drawn into: the textures of buffers.GBuffer, and depth. What only some scenes need is made on demand."""
+    """Render target of the g-buffer: the textures of buffers.GBuffer, and depth. Optional textures are made on demand."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         super().__init__(ctx, size, (4,) * 4, depth=True)
@@ -46,11 +46,11 @@ class GBufferTarget(Target):
         self._parts = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._parts, self.place, self.depths, self.surfaces, *super().owned())
 
     def also(self, name: str, components: int, together: bool = False) -> Target:
-        """A further texture, with the same depth; `together`: behind the other textures of this target."""
+        """Return a target for a further texture with the same depth; `together`: appended to this target's textures."""
         texture = self._parts.get(name, (), lambda: float_texture(self.ctx, self.size, components))
         textures = [*self.textures, texture] if together else [texture]
         make = partial(Target, self.ctx, self.size, textures=textures, depth_attachment=self.depth)
@@ -59,9 +59,9 @@ class GBufferTarget(Target):
 
 @dataclass(frozen=True)
 class _Batch:
-    """Runs whose looks differ in no more than uniforms: draws by the program of these `defines`; a side is culled or not.
+    """Runs that differ in uniforms only: draws by the program of these `defines`, with or without back-face culling.
 
-    surfaces: those that may be in the g-buffer. filters: those that may tint what is behind them. glows: those of them that emit.
+    surfaces: candidates for the g-buffer. filters: draws that may tint surfaces behind. glows: filters that emit.
     """
 
     defines: Mapping[str, int]
@@ -72,7 +72,7 @@ class _Batch:
 
 
 class GBufferPass(Owner):
-    """Draws the world's scene from the eye into float textures of `size` (width, height). maps: what surfaces wear."""
+    """Draws the world's scene from the eye into float textures of `size` (width, height). maps: textures of surfaces."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], maps: TextureMaps | None = None) -> None:
         self.ctx = ctx
@@ -81,13 +81,13 @@ class GBufferPass(Owner):
         self.target = GBufferTarget(ctx, size)
         self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": _BEHIND})
         self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
-        self._cell = Workshop()  # what a cell is drawn into, where it is not the whole picture
+        self._cell = Workshop()  # target of a cell, if it is not the whole picture
         self._programs: dict[tuple[object, ...], Program] = {}
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (
             self.nothing,
             *self.places.values(),
@@ -105,8 +105,8 @@ class GBufferPass(Owner):
         return self._programs[key]
 
     def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:
-        """All runs, made ready for drawing; the same as before for the same runs."""
-        self.maps.follow(runs)
+        """Return all runs as batches; the same object for the same runs."""
+        self.maps.prepare(runs)
         if self._batched[0] is not runs:
             kinds: dict[tuple[object, ...], list[Run]] = {}
             for run in runs:
@@ -115,7 +115,7 @@ class GBufferPass(Owner):
         return self._batched[1]
 
     def _scene_parts(self, scene: Scene) -> SceneParts:
-        """The parts of the scene; the same as before while no mesh has moved."""
+        """Return the scene's parts; the same object until a mesh moves."""
         if self._parts is None or self._parts[0] is not scene.meshes:
             self._parts = scene.meshes, SceneParts.of(scene)
         return self._parts[1]
@@ -134,7 +134,7 @@ class GBufferPass(Owner):
         return _Batch(_defines(look), "back" if look.single_sided else None, tuple(surfaces), tuple(filters), tuple(glows))
 
     def _map_uniforms(self, look: Look) -> Uniforms:
-        """The uniforms of shaders/image/texture_map.glsl."""
+        """Return the uniforms of shaders/image/texture_map.glsl."""
         uniforms: Uniforms = {}
         for name, texture in (("albedo", look.albedo), ("emission", look.emission), ("normal", look.normal)):
             if texture is not None:
@@ -144,7 +144,7 @@ class GBufferPass(Owner):
         return uniforms | ({"normal_scale": look.normal_scale} if look.normal is not None else {})
 
     def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
-        """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
+        """Return the g-buffer of `camera` in textures of `target` (default: this pass's), valid until its next use."""
         target = target or self.target
         part = part_drawn(camera, target.size)
         small = part.whole[0] * part.whole[1] <= CELL_PIXELS and max(part.whole) <= _CELL_SIDE
@@ -160,7 +160,7 @@ class GBufferPass(Owner):
         return found
 
     def _draw_cell(self, world: World, camera: Camera, part: Part, cell: Part, target: GBufferTarget) -> GBuffer:
-        """Draw what of `part` lies in a cell, and bring it to the target; what the whole target holds."""
+        """Draw the part within a cell and copy it to the target; return the whole target's g-buffer."""
         into = self._cell.get("cell", cell.size, lambda: GBufferTarget(self.ctx, cell.size))
         start = (cell.corner[0] - part.corner[0], cell.corner[1] - part.corner[1])
         low = [max(0, -a) for a in start]
@@ -185,7 +185,7 @@ class GBufferPass(Owner):
         return GBuffer(position, normal, albedo, emission, mapped, filters, drawn.emissive, part.corner)
 
     def _draw(self, world: World, camera: Camera, target: GBufferTarget, scissor: Region | None = None) -> GBuffer:
-        """What `camera` sees, in the target's textures; scissor: the pixels that are wanted."""
+        """Return the g-buffer of `camera` in the target's textures; scissor: the required pixels."""
         scene, geometry = world.scene, world.geometry
         width, height = target.size
         eye = np.asarray(camera.eye, float)
@@ -200,7 +200,7 @@ class GBufferPass(Owner):
             "forward": -camera.axes[2],
             "far": far,
         }
-        # depth 0 says that a pixel sees nothing: the other textures are not looked at there
+        # depth 0 marks an empty pixel, whose other textures are not read
         target.depths.clear()
         parts = self._scene_parts(scene)
         sides = parts.sides(placed["clip_from_world"], eye, far)
@@ -216,7 +216,7 @@ class GBufferPass(Owner):
                     **placed,
                     **world.raster_uniforms,
                 )
-        self.nothing(target.place, scissor=scissor, state=_NOTHING)  # a clear before would write to all pixels
+        self.nothing(target.place, scissor=scissor, state=_NOTHING)  # a clear at the start would write to all pixels
         filters = self._filters(batches, world, target, placed, scissor)
         position, normal, albedo, emission = target.textures
         return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters, emissive)
@@ -224,7 +224,7 @@ class GBufferPass(Owner):
     def _filters(
         self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms, scissor: Region | None
     ) -> Filters | None:
-        """What filters leave of the light, what they add, and the opacity of the nearest; the target's depth becomes its own."""
+        """Return the filters' transmittance and emission, and the nearest one's opacity; overwrites the target's depth."""
         if not any(batch.filters for batch in batches):
             return None
 
@@ -254,7 +254,7 @@ class GBufferPass(Owner):
 
 
 def _defines(look: Look) -> dict[str, int]:
-    """What the shaders' text depends on."""
+    """Return the shader defines of a look."""
     return {
         "ALBEDO_MAP": int(look.albedo is not None),
         "EMISSION_MAP": int(look.emission is not None),

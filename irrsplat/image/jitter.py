@@ -1,4 +1,4 @@
-"""Where the samples of a pixel lie, and the camera that sees each of them: what antialiasing averages over."""
+"""Sample positions within a pixel, and the camera of each sample, for antialiasing."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _BASES = 2, 3, 5  # of the Halton sequence: x, y and the rotation
 
 
 def sample_offset(number: int) -> tuple[float, float, float]:
-    """Where sample `number` (0: the first) lies in its pixel: x to the right and y up from the centre, in pixels (-½..½), and the
-    rotation of its shadow samples in radians. The first is the centre itself, unrotated, as every frame has it.
+    """Return the offset of sample `number` (from 0) in its pixel, x right and y up, in pixels (-½..½), and its shadow rotation in
+    radians.
 
-    However many samples there are, they fill the pixel evenly (Halton 1960, shifted by half a pixel).
+    Sample 0 is the centre, unrotated. Any number of samples fills the pixel evenly (Halton 1960, shifted by half a pixel).
     """
     x, y, rotation = (_radical_inverse(number, base) for base in _BASES)
-    # the four shadow samples of a pixel form a square, so a quarter turn changes nothing
+    # a pixel's four shadow samples form a square, so a quarter turn changes nothing
     return (x + 0.5) % 1.0 - 0.5, (y + 0.5) % 1.0 - 0.5, 0.5 * math.pi * rotation
 
 
 def _radical_inverse(number: int, base: int) -> float:
-    """The digits of `number` in `base`, mirrored at the point: 0..1."""
+    """Return the radical inverse of `number` in `base`, 0..1."""
     value, place = 0.0, 1.0 / base
     while number:
         number, digit = divmod(number, base)
@@ -30,8 +30,7 @@ def _radical_inverse(number: int, base: int) -> float:
 
 
 def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> PictureCamera:
-    """`camera`, seeing at every pixel's centre what it saw at `offset` from there, in pixels to the right and up. size: of what
-    is drawn, (width, height)."""
+    """Return `camera` shifted so that pixel centres sample `offset`, in pixels right and up. size: (width, height) drawn."""
     whole = camera.whole(size)
     shift = -offset[0] / whole[0], -offset[1] / whole[1]
     part = camera.part if isinstance(camera, PictureCamera) else None

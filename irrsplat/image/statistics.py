@@ -1,4 +1,4 @@
-"""The statistics of a frame: how it was made, from what, and how long that took; `Frame.stats`, and the JSON made of them."""
+"""The statistics of a frame, `Frame.stats`, and their JSON: progress, circumstances and times."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ _TIMES = ("seconds", "stages_ms", "clock")
 
 
 class Statistics(TypedDict, total=False):
-    """What is known of a frame; a frame that did not come from a render may lack any of these."""
+    """The statistics of a frame; frames that were not rendered may lack some."""
 
-    # the rounds
+    # progress
     rounds: int
     converged: bool  # nothing was left to gather
     full: bool  # the view needs more records than `max_records`
     interrupted: bool  # by Ctrl-C
-    coverage: float  # share of the seen pixels that have their records, 0..1
-    uncovered: int  # pixels that see a surface and that no record reaches; only where nothing was gathered
+    coverage: float  # share of the visible pixels covered by records, 0..1
+    uncovered: int  # visible pixels that no record reaches; only in renders without gathering
     records: int  # in the cache
     seconds: float  # wall time to full coverage, before direct light and composite
-    samples: int  # a pixel
+    samples: int  # per pixel
     error: float | None  # estimated relative RMSE of the indirect irradiance; None: not estimated
-    # the light
+    # light
     gathered_by: str
     bounces: int
-    bounces_converged: bool | None  # whether further bounces would add hardly anything; None: not all of them are wanted
-    # the time
+    bounces_converged: bool | None  # True if further bounces would add little; None if bounces are limited
+    # time
     stages_ms: dict[str, float]
-    clock: str  # what measured stages_ms: "gpu" or "wall"
-    # the circumstances
+    clock: str  # the clock of stages_ms: "gpu" or "wall"
+    # circumstances
     renderer: str  # OpenGL's
     version: str  # OpenGL's
     preset: str
@@ -42,13 +42,13 @@ class Statistics(TypedDict, total=False):
     size: list[int]  # width, height
     triangles: int
     scene: str
-    frame: int  # its number, of a path's frames
+    frame: int  # number within a path's frames
 
 
 def describe(
     about: Mapping[str, object], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
 ) -> Statistics:
-    """The circumstances: OpenGL (`about`, as gpu.context.describe has it), scene and settings; exposure in stops."""
+    """Return the circumstances: OpenGL (`about`, from gpu.context.describe), scene and settings; exposure in stops."""
     return {
         "renderer": str(about["renderer"]),
         "version": str(about["version"]),
@@ -69,5 +69,5 @@ def bounces_notice(stats: Mapping[str, object]) -> str | None:
 
 
 def repeatable(stats: Statistics) -> Mapping[str, object]:
-    """Statistics without how long anything took: equal runs have equal ones."""
+    """Return the statistics without times, equal for equal runs."""
     return {name: value for name, value in stats.items() if name not in _TIMES}

@@ -1,4 +1,4 @@
-"""A scene's images on the GPU at full resolution, for what the camera sees: each once, with mip-maps, in bounded memory."""
+"""A scene's images on the GPU at full resolution, for the camera: each uploaded once, with mip-maps, in limited memory."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _SRGB8_ALPHA8 = 0x8C43
 _TEXEL = 4 * 4 / 3  # bytes, with its share of the mip-maps
 _MIB = 2**20
 _ANISOTROPY = 8  # samples along the longer axis of a pixel's footprint, at most
-_TAPS = 4  # the same where shaders take them
+_TAPS = 4  # samples along a footprint where shaders filter anisotropically
 
 
 @dataclass(frozen=True)
 class _Use:
-    """An image as textures hold it. srgb: its colours are to be decoded. cutoff: the least alpha at which a surface is there."""
+    """An image in one encoding. srgb: colours are sRGB-encoded. cutoff: the alpha test's threshold."""
 
     image: Image
     srgb: bool
@@ -34,7 +34,7 @@ class _Use:
 
 
 def _uses(runs: Sequence[Run]) -> tuple[_Use, ...]:
-    """The images that these are drawn with, each once in every encoding in which it is wanted."""
+    """Return the images of these runs, once per encoding."""
     looks = dict.fromkeys(run.look for run in runs)
     colours = (_Use(look.albedo.image, True, look.alpha_cutoff) for look in looks if look.albedo is not None)
     shining = (_Use(look.emission.image, True) for look in looks if look.emission is not None)
@@ -43,8 +43,10 @@ def _uses(runs: Sequence[Run]) -> tuple[_Use, ...]:
 
 
 def halvings(sizes: Iterable[tuple[int, int]], memory: float, side: int) -> list[int]:
-    """How often images of these sizes (width, height) are halved, so that no side is longer than `side` and all of them with
-    their mip-maps fit into `memory` bytes; the largest come first."""
+    """Return the number of times to halve each image (width, height), the largest first.
+
+    Afterwards no side is longer than `side`, and all images with mip-maps fit into `memory` bytes.
+    """
     counts, heap, total = [], [], 0.0
     for i, (width, height) in enumerate(sizes):
         counts.append(max(0, math.ceil(math.log2(max(width, height) / side))))
@@ -68,26 +70,25 @@ def _halved(width: int, height: int, times: int) -> tuple[int, int]:
 
 
 class TextureMaps(Owner):
-    """The textures that a scene's materials wear, uploaded when they are first asked for. memory: MiB that they may take; images
-    that are larger are halved until all fit, the largest first."""
+    """The textures of a scene's materials, uploaded at first use. memory: MiB; larger images are halved until all fit."""
 
     def __init__(self, ctx: moderngl.Context, memory: int = 1024) -> None:
         self.ctx, self.memory = ctx, memory
-        # Mesa's software renderer has an anisotropic filter that blurs what it need not
+        # Mesa's software renderer has an anisotropic filter that blurs too much
         driver = self.ctx.max_anisotropy >= _ANISOTROPY and not describe(ctx)["software"]
         self.taps = 1 if driver else _TAPS  # samples that shaders take along a footprint
         self._runs: Sequence[Run] = ()
-        self._counts: Mapping[_Use, int] = {}  # how often each image is halved
+        self._counts: Mapping[_Use, int] = {}  # halvings of each image
         self._textures: dict[_Use, moderngl.Texture] = {}
         self._samplers: dict[tuple[object, ...], moderngl.Sampler] = {}
         self._sampled: dict[tuple[object, ...], SampledTexture] = {}
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self._textures.values(), *self._samplers.values())
 
-    def follow(self, runs: Sequence[Run]) -> None:
-        """Be ready for the images that these are drawn with; others are freed."""
+    def prepare(self, runs: Sequence[Run]) -> None:
+        """Prepare the images of these runs, and free all others."""
         if runs is self._runs:
             return
         counts = self._plan(_uses(runs))
@@ -102,7 +103,7 @@ class TextureMaps(Owner):
         return dict(zip(uses, counts, strict=True))
 
     def notices(self, runs: Sequence[Run]) -> tuple[str, ...]:
-        """A line where images that these are drawn with are shown smaller than they are."""
+        """Return a notice if images of these runs are scaled down."""
         counts = self._plan(_uses(runs))
         smaller = {use.image: count for use, count in counts.items() if count}
         if not smaller:
@@ -116,8 +117,10 @@ class TextureMaps(Owner):
         )
 
     def __call__(self, texture: Texture, srgb_encoded: bool, cutoff: float = 0.0) -> SampledTexture:
-        """The image as this texture uses it; where it is mirrored, the shader mirrors, and the sampler clamps. cutoff: the least
-        alpha at which a surface is there, if there is one."""
+        """Return the texture with its sampler; mirroring is done in the shader with a clamping sampler.
+
+        cutoff: the alpha test's threshold, if any.
+        """
         key = texture, srgb_encoded, cutoff
         if key not in self._sampled:
             self._sampled[key] = SampledTexture(self._texture(_Use(texture.image, srgb_encoded, cutoff)), self._sampler(texture))
@@ -149,7 +152,7 @@ class TextureMaps(Owner):
 
 
 def _keep_coverage(texture: moderngl.Texture, alpha: np.ndarray, cutoff: float) -> None:
-    """Scale the alphas of every mip-map, so that as much of it is above the cutoff as of the image's `alpha` (H, W) uint8."""
+    """Scale the alphas of every mip-map to the image's share of opaque texels; alpha: (H, W) uint8."""
     for level in range(1, max(texture.size).bit_length()):
         width, height = (max(side >> level, 1) for side in texture.size)
         texels = np.frombuffer(texture.read(level=level), "u1").reshape(height, width, 4).copy()
@@ -158,21 +161,21 @@ def _keep_coverage(texture: moderngl.Texture, alpha: np.ndarray, cutoff: float) 
 
 
 def scaled_alpha(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndarray:
-    """(h, w) uint8: `means` (h, w) of opacities `alpha` (H, W), all uint8, times what makes as large a share reach the
-    cutoff (Castano 2010, "Computing Alpha Mipmaps")."""
+    """Return (h, w) uint8: `means` of opacities `alpha` (H, W), all uint8, scaled to the same share above the cutoff (Castano
+    2010, "Computing Alpha Mipmaps")."""
     least = np.ceil(255.0 * cutoff)
     share = float((alpha >= least).mean())
     if share in (0.0, 1.0):
         return means
     levels, counts = np.unique(means, return_counts=True)
-    passing = np.cumsum(counts[::-1])[::-1] / means.size  # the share of texels that are at least as high as each level
+    passing = np.cumsum(counts[::-1])[::-1] / means.size  # share of texels at or above each level
     level = max(float(levels[np.argmin(np.abs(passing - share))]), 1.0)
     scaled: np.ndarray = np.minimum(np.ceil(means * (least / level)), 255.0).astype("u1")
     return scaled
 
 
 def map_uniforms(name: str, texture: Texture) -> dict[str, np.ndarray | tuple[float, ...]]:
-    """How a texture lies on a surface, as shaders/image/texture_map.glsl takes it for the map of this name."""
+    """Return the uniforms of shaders/image/texture_map.glsl for the map of this name."""
     a, b, c, d, e, f = texture.transform
     from_uv = np.zeros((2, 4))
     from_uv[:, 2 * texture.uv_set : 2 * texture.uv_set + 2] = (a, b), (d, e)

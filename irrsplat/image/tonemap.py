@@ -25,7 +25,7 @@ _VIRIDIS = np.array(
 
 
 def filmic(x: np.ndarray) -> np.ndarray:
-    """Exposed radiance, any shape, through Hable's curve (buffers.FILMIC): linear display values 0..1, per channel."""
+    """Return linear display values 0..1 of exposed radiance, per channel, by Hable's curve (buffers.FILMIC)."""
     c = FILMIC
 
     def f(v: np.ndarray) -> np.ndarray:
@@ -38,34 +38,34 @@ def filmic(x: np.ndarray) -> np.ndarray:
 
 
 def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:
-    """Linear radiance, any shape, as sRGB-encoded 0..1: brighter by `exposure` stops, then the filmic curve, then sRGB."""
+    """Return sRGB-encoded values 0..1 of linear radiance, any shape: exposed by `exposure` stops, filmic, sRGB."""
     return srgb(filmic(np.asarray(radiance, np.float32) * np.float32(2.0**exposure)))
 
 
 def exposure_of(radiance: np.ndarray, reflectance: np.ndarray | float = MID_GREY) -> float:
-    """Return the exposure in stops of the setting's auto for (H, W, 3) `radiance` of surfaces of this `reflectance`, (H, W) or of
-    all; 0: all dark."""
+    """Return the automatic exposure in stops for (H, W, 3) `radiance` of surfaces with `reflectance`, (H, W) or a number; 0 if
+    all dark."""
     return automatic_exposure(*metered(radiance, reflectance))
 
 
 def metered(radiance: np.ndarray, reflectance: np.ndarray | float) -> tuple[float, float]:
-    """Return the sum of the log₂ luminances that lit pixels would have if they reflected all light, and how many these are."""
+    """Return the sum of log₂ luminances of lit pixels, divided by their reflectance, and the number of lit pixels."""
     luminance = radiance @ LUMINANCE / np.maximum(reflectance, np.float32(DARKEST))
     logs = np.log2(luminance[luminance > 0.0].astype(float))
     return float(logs.sum()), float(logs.size)
 
 
 def automatic_exposure(total: float, lit: float) -> float:
-    """Return the stops by which mid grey in the mean light of a picture looks like mid grey. 0 without a lit pixel.
+    """Return the stops that map mid grey in the picture's mean light to mid grey; 0 without a lit pixel.
 
-    total, lit: as `metered` has them. Light is metered, not reflectance: white rooms are white, dark ones dark. The mean is
-    geometric, so that a few bright pixels count little; it is rounded, so that it is the same in tiles.
+    total, lit: from `metered`. Light is metered, not reflectance: white rooms are white, dark ones dark. The mean is geometric,
+    so that a few bright pixels count little, and rounded, so that tiles agree.
     """
     return round(-total / lit, 4) if lit else 0.0
 
 
 def viridis(t: np.ndarray) -> np.ndarray:
-    """Numbers of any shape as (..., 3) display colours 0..1: dark blue at 0, yellow at 1, clipped there."""
+    """Return display colours (..., 3) 0..1 of numbers of any shape: dark blue at 0, yellow at 1, clamped."""
     t = np.clip(t, 0.0, 1.0)[..., None]
     colour = np.zeros((*t.shape[:-1], 3))
     for coefficient in _VIRIDIS[::-1]:  # Horner
@@ -75,21 +75,21 @@ def viridis(t: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class HeatScale:
-    """What the colours of `heat` mean: `low` is dark blue, `high` yellow. offset: 0 for a linear scale, else colours are even in
-    the logarithm of value + offset."""
+    """The scale of `heat`: `low` is dark blue, `high` yellow. offset: 0 for a linear scale, else logarithmic in value +
+    offset."""
 
     low: float
     high: float
     offset: float = 0.0
 
     def place(self, values: np.ndarray) -> np.ndarray:
-        """Where values of any shape lie on the scale, 0 to 1 from its lower to its upper end."""
+        """Return the positions of values on the scale, 0 at `low`, 1 at `high`."""
         low, high = self._bend(np.asarray(self.low)), self._bend(np.asarray(self.high))
         found: np.ndarray = (self._bend(values) - low) / ((high - low) or 1.0)
         return found
 
     def at(self, share: float) -> float:
-        """The value at a share 0..1 of the scale."""
+        """Return the value at position `share`, 0..1."""
         low, high = (float(self._bend(np.asarray(end))) for end in (self.low, self.high))
         bent = low + share * (high - low)
         return math.exp(bent) - self.offset if self.offset else bent
@@ -100,19 +100,21 @@ class HeatScale:
 
 
 def heat_scale(values: np.ndarray, seen: np.ndarray) -> HeatScale | None:
-    """The scale of (H, W) scalars, from the 1st to the 99th percentile of the seen pixels (H, W bool), logarithmic where a few
-    are far above the rest; None where nothing is seen."""
+    """Return the scale of (H, W) scalars, from the 1st to the 99th percentile of the visible pixels (H, W bool).
+
+    It is logarithmic for a long tail. None if no pixel is visible.
+    """
     if not seen.any():
         return None
     low, middle, high = np.percentile(values[seen], (1, 50, 99))
-    # a long tail, such as the weights': their logarithm shows more
+    # a long tail, such as the weights': a logarithm shows more
     return HeatScale(low, high, middle if low >= 0.0 and high > 10.0 * middle > 0.0 else 0.0)
 
 
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-    """(H, W) scalars as (H, W, 3) display colours by `heat_scale`.
+    """Return (H, W, 3) display colours of (H, W) scalars by `heat_scale`.
 
-    seen: (H, W) bool, the pixels that count (those of finite value in any case); all others are black.
+    seen: (H, W) bool, the pixels to colour (non-finite values never are); all others are black.
     """
     seen = np.isfinite(values) if seen is None else seen & np.isfinite(values)
     scale = heat_scale(values, seen)
@@ -123,13 +125,13 @@ def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
 
 
 def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np.ndarray:
-    """The buffer `name` of buffers.CHANNELS as an (H, W, 3) display image in 0..1.
+    """Return the buffer `name` of buffers.CHANNELS as an (H, W, 3) display image in 0..1.
 
-    values: (H, W) or (H, W, 3). exposure: the picture's, in stops. seen: (H, W) bool, where the camera sees a surface.
+    values: (H, W) or (H, W, 3). exposure: the picture's, in stops. seen: (H, W) bool, pixels with a surface.
     """
     way = CHANNELS[name].show
     if way == "radiance":
-        # irradiance is shown as a white diffuse surface would send it out, so that it compares with the picture
+        # irradiance is shown as radiance of a white diffuse surface, to compare with the picture
         return tonemap(values / np.float32(np.pi) if name == "irradiance" else values, exposure)
     if way == "heat":
         return heat(values, seen)

@@ -1,4 +1,4 @@
-"""One view of the scene while it refines: the GPU handles of its buffers, how far it has come, and its frame on the CPU."""
+"""A view during refinement: GPU handles of its buffers, its progress, and its frame on the CPU."""
 
 from __future__ import annotations
 
@@ -24,14 +24,12 @@ from irrsplat.scene.model import Camera
 
 @dataclass(frozen=True)
 class View:
-    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
+    """One round's picture as GPU handles, valid until the next round.
 
-    camera: relative to the scene's origin, as the g-buffer's positions are.
-    sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or filtered in time.
-    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
-    too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.
-    backdrop: what stands where nothing is seen. fading: whether E is not yet what the records say, but on the way there from what
-    the picture before showed.
+    camera: relative to the scene's origin, like the g-buffer's positions. sums: (Σ k·E, Σ k), with quotient E: the splat buffer's
+    own, or temporally filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including
+    the sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled
+    at pixel centres. fading: True while temporal accumulation has not reached the records' E.
     """
 
     camera: Camera
@@ -48,27 +46,25 @@ class View:
     fading: bool = False
 
     def _repr_png_(self) -> bytes:
-        """The picture as a PNG, by its own exposure: a notebook shows the view while it is valid."""
+        """Return the picture as a PNG with automatic exposure, for notebooks while the view is valid."""
         image, kind = pixels(self.image)[..., :3], self.backdrop.kind
         return as_png(display_picture(image, exposure_of(image, reflectance(self)), pixels(self.alpha)[..., 0], kind))
 
     def mean(self, name: str) -> moderngl.Texture | None:
-        """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
+        """Return the texture of `image`, `direct`, `indirect` or `emission`; None if there is none."""
         return {"image": self.image, "direct": self.direct, "indirect": self.indirect, "emission": self.emission}.get(name)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a view has come after a tick.
+    """The progress of a view after a frame of the window.
 
-    round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels,
-    0..1, that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still
-    wait, or whose light by a single lamp is still to be gathered. complete: False while the round has sites left, or the view
-    has only every other pixel splatted. surface: how much of
-    the surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's
-    samples that are taken, 0..1. error: the estimated relative RMSE of the indirect irradiance, None where it is not known.
-    refined: whether the view is refined as far as it is to be, or can be. fading: the picture is not yet what the records say,
-    see View.
+    round: complete rounds. records: in the cache; new: made in this frame. coverage: share of the visible pixels, 0..1, that were
+    covered when the round began. renewed: records recomputed in this frame; stale: records that wait for recomputation or for the
+    light of a single emitter. complete: False while the round has sites left, or the view is splatted at every other pixel.
+    surface: finished share of the surface cache, 0..1. full: the view needs more records than `max_records`. sampled: finished
+    share of a render's samples, 0..1. error: estimated relative RMSE of the indirect irradiance, or None. refined: True if no
+    further refinement is due. fading: see View.
     """
 
     round: int
@@ -87,23 +83,23 @@ class Progress:
 
     @property
     def still(self) -> bool:
-        """Whether nothing was gathered, and nothing would be in the next tick, nor would the picture be another."""
+        """True if nothing was gathered, nothing is left to gather, and the picture is final."""
         return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale or self.fading)
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to gather in this view, or nothing may be."""
+        """True if nothing is left to gather in this view, or the cache is full."""
         return self.still and (self.coverage == 1.0 or self.full)
 
 
 def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
-    """Return the number of pixels, top row first, that see a surface which no record reaches."""
+    """Return the number of visible pixels (top row first) that no record reaches."""
     untold = (pixels(view.splats.sums)[..., 3] <= TOLD) & (pixels(view.splats.weight)[..., 0] <= 0.0)
     return int(np.count_nonzero((_seen(view)[..., 0] & untold)[rows_columns]))
 
 
 def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
-    """What is counted of a view that took so many seconds by the records that there are; on_progress is told, too."""
+    """Return the statistics of a view rendered from existing records in `seconds`; also calls on_progress."""
     if on_progress is not None:
         on_progress(progress)
     stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
@@ -111,7 +107,7 @@ def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress]
 
 
 def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
-    """Calls `on_round` with the share of the samples that are taken, for a view that stands as in `stats`; None for None."""
+    """Return a callback that calls `on_round` with the share of finished samples; None for None."""
     if on_round is None:
         return None
     now = Progress(stats["rounds"], stats["records"], 0, stats["coverage"])
@@ -119,28 +115,32 @@ def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statisti
 
 
 def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: Iterable[str] | None = None) -> Frame:
-    """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`. names: of those that
-    are wanted, None for all; others are empty, (0, 0) or (0, 0, 3)."""
+    """Return the view as a Frame: copies of its buffers, zero where no surface is visible, and of the cache's `records`.
+
+    names: the required buffers, None for all; others are empty, (0, 0) or (0, 0, 3).
+    """
     wanted = CHANNELS.keys() if names is None else set(names)
     made = {name: make(view) for name, make in _BUFFERS.items() if name in wanted}
     return frame_of(made, records, stats, view)
 
 
 def values_of(view: View, name: str) -> np.ndarray:
-    """One of CHANNELS of the view, as Frame has it."""
+    """Return the buffer `name` of CHANNELS as in Frame."""
     return _BUFFERS[name](view)
 
 
 def reflectance(view: View) -> np.ndarray:
-    """Return (H, W) what an exposure meter takes each pixel to reflect: mid grey for sky and for what emits."""
+    """Return (H, W) reflectances for exposure metering: mid grey for sky and emitters."""
     reflects = _seen(view)[..., 0] & ~pixels(view.gbuffer.emission)[..., :3].any(-1)
     found: np.ndarray = np.where(reflects, pixels(view.gbuffer.albedo)[..., :3] @ LUMINANCE, np.float32(MID_GREY))
     return found
 
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
-    """A Frame of these arrays, and of the cache's `records`, seen as `view` is, or the picture that it is a part of. Buffers
-    that are not given are empty, (0, 0) or (0, 0, 3). Raises IrrsplatError for values that are not finite."""
+    """Return a Frame of these arrays and the cache's `records`, with the camera and backdrop of `view`.
+
+    Missing buffers are empty, (0, 0) or (0, 0, 3). Raises IrrsplatError for values that are not finite.
+    """
     filled: dict[str, Any] = {
         name: np.zeros((0, 0, 3)[: 3 if kind.components == 3 else 2], "f4") for name, kind in CHANNELS.items()
     }
@@ -152,7 +152,7 @@ def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray
             check_finite(f"a record's {name}", values, lambda at: f"{records['position'][at[0]].tolist()}")
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
     c = view.camera
-    camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without what moves samples within their pixels
+    camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without the sample's shift within its pixel
     return Frame(**(filled | dict(buffers)), **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
 
 
@@ -161,13 +161,13 @@ def _rgb(texture: moderngl.Texture) -> np.ndarray:
 
 
 def _seen(view: View) -> np.ndarray:
-    """(H, W, 1) whether a pixel sees a surface."""
+    """Return (H, W, 1) bool, True for pixels with a surface."""
     seen: np.ndarray = pixels(view.gbuffer.position)[..., 3:] > 0.0
     return seen
 
 
 def _where_seen(view: View, texture: moderngl.Texture, behind: np.ndarray | None = None) -> np.ndarray:
-    """(H, W, 3) of the texture, and what is `behind`, default 0, where nothing is seen."""
+    """Return (H, W, 3) of the texture, and `behind` (default 0) for pixels without a surface."""
     return np.where(_seen(view), pixels(texture)[..., :3], np.float32(0.0) if behind is None else behind)
 
 
@@ -198,7 +198,7 @@ def _opacity(view: View) -> np.ndarray:
     return np.where(filtered > 0.0, filtered, opacity)
 
 
-_BUFFERS: dict[str, Callable[[View], np.ndarray]] = {  # each made by itself, so that no more of them is in memory than wanted
+_BUFFERS: dict[str, Callable[[View], np.ndarray]] = {  # made one by one, to limit the memory in use
     "image": lambda view: _rgb(view.image),
     "direct": lambda view: _rgb(view.direct),
     "indirect": _indirect,

@@ -1,5 +1,4 @@
-"""Which triangles a camera can see: a g-buffer is drawn without what lies beside the view, and without the inner sides of closed
-meshes, which only an eye within them sees."""
+"""Frustum and back-face culling of a g-buffer's triangles, by parts of meshes."""
 
 from __future__ import annotations
 
@@ -15,19 +14,18 @@ from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, sort_of
 
-_MOST = 4096  # triangles of a part
+_MOST = 4096  # triangles per part
 _SLACK = 1e-4  # of the far distance: more than rounding
 
-Sides = Literal["back"] | None  # which ones are culled
+Sides = Literal["back"] | None  # culled sides
 
 
 @dataclass(frozen=True, eq=False)
 class SceneParts:
-    """All triangles of a scene in the order of their numbers, in N parts: each of one mesh, and of no more than _MOST triangles.
+    """All triangles of a scene in the order of their numbers, in N parts of one mesh and at most _MOST triangles each.
 
-    first: (N + 1,) the number of each one's first triangle, at the end the number of all. low, high: (N, 3) the least and the
-    greatest corner of each. inner_low, inner_high: (N, 3) the same of its whole mesh where that is closed, else of all space:
-    from outside this box none of its back faces is seen.
+    first: (N + 1,) number of each part's first triangle, and the total. low, high: (N, 3) bounding boxes of the parts. inner_low,
+    inner_high: (N, 3) bounding boxes of closed meshes, else of all space; from outside, no back face is visible.
     """
 
     first: np.ndarray
@@ -38,7 +36,7 @@ class SceneParts:
 
     @staticmethod
     def of(scene: Scene) -> SceneParts:
-        """The parts of a scene as it is."""
+        """Return the parts of a scene."""
         first, boxes = [np.zeros(1, int)], [np.zeros((0, 4, 3))]
         for mesh in in_order(scene):
             count = len(mesh.faces)
@@ -54,21 +52,23 @@ class SceneParts:
         return SceneParts(np.concatenate(first), low, high, inner_low, inner_high)
 
     def sides(self, clip_from_world: np.ndarray, eye: np.ndarray, far: float) -> np.ndarray:
-        """(N,) 0 for parts beside the view, 1 for those of which only front faces can be seen, 2 for all others.
+        """Return (N,) 0 for parts outside the view, 1 for parts with visible front faces only, 2 for all others.
 
-        clip_from_world: (4, 4). eye: (3,). far: beyond all of the scene, metres."""
+        clip_from_world: (4, 4). eye: (3,). far: beyond the whole scene, metres.
+        """
         x, y, _, w = clip_from_world
         planes = np.stack([w + x, w - x, w + y, w - y, w])
-        farthest = np.where(planes[:, None, :3] > 0.0, self.high, self.low)  # of each box, inward of each plane
+        farthest = np.where(planes[:, None, :3] > 0.0, self.high, self.low)  # corner of each box farthest inward of each plane
         seen = ((farthest * planes[:, None, :3]).sum(-1) + planes[:, 3:] >= -_SLACK * far).all(0)
         slack = _SLACK * far
         outside = ((eye < self.inner_low - slack) | (eye > self.inner_high + slack)).any(1)
         return np.where(seen, np.where(outside, 1, 2), 0)
 
     def draws(self, draws: Sequence[Draw], sides: np.ndarray, cull: Sides) -> Iterator[tuple[Sides, list[Draw]]]:
-        """These draws of whole runs of triangles without what is not seen, in the same order: what is culled, and draws with it.
+        """Yield the culled side and the draws with it, without invisible parts, in the same order.
 
-        sides: as `sides` gives it. cull: what is culled in any case."""
+        sides: from `sides`. cull: side culled in any case.
+        """
         now: Sides = None
         kept: list[Draw] = []
         for draw in draws:

@@ -75,5 +75,5 @@ class DirectPass(Owner):
         if world is not None:
             uniforms |= {**world.trace_uniforms, "lit": world.geometry.counts.lit}
         program = self._programs[int(gbuffer.mapped_normal is not None), int(world is not None)]
-        program(target, scissor=band, **program.known(uniforms))
+        program(target, scissor=band, **program.declared(uniforms))
         return target.textures[0]

@@ -46,6 +46,6 @@ class SiteLightPass(Owner):
         self.sites.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
         rays = {} if self.world is None else self.world.ray_uniforms
         given = {"sites": self.sites, "reach": reach, **shadows.uniforms, **rays}
-        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), **self.program.known(given))
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), **self.program.declared(given))
         found = np.frombuffer(self.target.textures[0].read(), "f4").reshape(-1, 4)[: len(sites)]
         return found[:, :3], found[:, 3]

@@ -203,12 +203,12 @@ class VirtualLightPasses(Owner):
         with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
             lamps = table_texture(self.ctx, rows)
             made.callback(lamps.release)
-            self._find(ends, **self._find.known({**uniforms, "lamps": lamps, "sets": sets}))
+            self._find(ends, **self._find.declared({**uniforms, "lamps": lamps, "sets": sets}))
             return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), sets, rays, 4) for i in range(3))
 
     def shine(self, target: Target, uniforms: Uniforms) -> None:
         """Let them send out what the lamps bring to them."""
-        self._shine(target, **self._shine.known(uniforms))
+        self._shine(target, **self._shine.declared(uniforms))
 
 
 def _passes(world: World) -> VirtualLightPasses:

@@ -1,6 +1,6 @@
-"""The light meter: irradiance at any points, with nothing interpolated and no camera.
+"""The light meter: irradiance at any points, without interpolation and without a camera.
 
-Each point is gathered as a record is, at that very place. Lamps are added by their shadow maps.
+Each point is gathered like a record, at its exact position. Direct light comes from the shadow maps.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from irrsplat.settings import Settings, SettingValues, preset
 if TYPE_CHECKING:
     from irrsplat.core.buffers import ShadowMaps
 
-PRESET = "reference"  # what is measured is to be right rather than fast
-_LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
+PRESET = "reference"  # accuracy before speed
+_LIGHT_SAMPLES = 1024  # per point by default: a window's light then has an error of about 0.3 %
 _AT_ONCE = 512  # points between two reports of progress
-_OWN = 4e-7  # of the greatest coordinate or diagonal: as near as float32 resolves is a surface on which a point lies
+_OWN = 4e-7  # of the greatest coordinate or diagonal: the resolution of float32, within which a point lies on a surface
 
-OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
+OnPoints = Callable[[float], None]  # called with the finished share of the points, 0..1
 
 
 @dataclass(frozen=True)
 class _Light:
-    """What all points are lit by."""
+    """The lighting of all points."""
 
     shadows: ShadowMaps
     lamps: SiteLightPass
@@ -53,11 +53,10 @@ class _Light:
 class LightMeter(Tenant):
     """Measures the light of a scene at any points.
 
-    scene: what `irrsplat.load` returns. preset: a name of settings.PRESETS, and settings of the stages `shadow` and `gather` by
-    name on top of it; no others count. ctx: a moderngl context to use, which its owner makes current (default: a new one).
-    Raises InputError for settings that cannot be and lights that are too many, GLError where there is no OpenGL 3.3.
-    As a Renderer, it works in the thread and the process that made it.
-    Use it in a `with` block, or call `release`, to free what it holds on the GPU.
+    scene: from `irrsplat.load`. preset: a name of settings.PRESETS, modified by settings of the stages `shadow` and `gather`, by
+    name; others are not accepted. ctx: a moderngl context that its owner makes current (default: a new one). Raises InputError
+    for invalid settings and too many lights, GLError without OpenGL 3.3. Like a Renderer, it works only in the thread and process
+    that made it. Use it in a `with` block, or call `release`, to free its GPU resources.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class LightMeter(Tenant):
     ) -> None:
         check_type("what a LightMeter measures", scene, Scene)
         scene = scene.recentred
-        self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
+        self._origin, self.scene = scene.origin, scene.local  # all positions are relative to it, except points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
         with self._moving_in(ctx) as made:
             self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
@@ -74,16 +73,16 @@ class LightMeter(Tenant):
         self._light: _Light | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees; the context is apart."""
+        """Return the resources that `release` frees, without the context."""
         lamps = None if self._light is None else self._light.lamps
         return (self.gatherer, lamps, self.lit)
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
-        """Return the readings of sensors at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
+        """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
 
-        The result for a point does not depend on the others but for its number, which decides where its rays go. on_progress:
-        called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite; IrrsplatError where a
-        reading would not be finite.
+        A result depends on other points only through the point's number, which selects the directions of its rays. on_progress:
+        called repeatedly. Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite
+        reading.
         """
         places, sites = _sites(points, normals, self._origin)
         self._use()
@@ -92,7 +91,7 @@ class LightMeter(Tenant):
         light = self._lit()
         greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
         offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
-        lift = np.full(count, offset)  # metres, of an eye above its point: at most half the way to the first surface
+        lift = np.full(count, offset)  # metres, of a ray origin above its point: at most half the way to the first surface
         for first in range(0, count, _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
             here = sites[some]
@@ -100,7 +99,7 @@ class LightMeter(Tenant):
             if light.lamps.world is not None:
                 lift[some] = 0.5 * free
             if self.settings.most_bounces:
-                lower = (lift[some] - offset)[:, None] * here.normal  # the gather lifts by the offset
+                lower = (lift[some] - offset)[:, None] * here.normal  # the gather adds the offset
                 indirect[some], radius[some] = self._gathered(light.shadows, replace(here, position=here.position + lower))
             if on_progress is not None:
                 on_progress(min(first + _AT_ONCE, count) / count)
@@ -114,7 +113,7 @@ class LightMeter(Tenant):
         return Readings(places, sites.normal, direct, indirect, status)
 
     def _lit(self) -> _Light:
-        """The shadow maps and the surface cache, made when first wanted."""
+        """Return the shadow maps and the surface cache, made at first use."""
         if self._light is None:
             shadows = self.lit.shadows
             if self.settings.most_bounces:
@@ -124,7 +123,7 @@ class LightMeter(Tenant):
         return self._light
 
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) W/m² of all but the lamps at the sites, and (N,) the harmonic mean distance to what they see, metres."""
+        """Return (N, 3) W/m² without direct light at the sites, and (N,) harmonic mean distances of the hits, metres."""
         try:
             self.gatherer.gather(shadows, sites, Budget(None))
             found = self.cache.read()
@@ -134,19 +133,19 @@ class LightMeter(Tenant):
 
 
 def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings:
-    """The settings that a meter uses for these; raises InputError for what does not exist."""
+    """Return the meter's settings for these; raises InputError for unknown ones."""
     settings = {"light_samples": _LIGHT_SAMPLES, **settings}
-    # gradients, and where records lie, are for places between them
+    # gradients and placement only serve interpolation
     return replace(preset(name, **settings), gradients=False, placement="tiles")
 
 
 def touching_distance(scene: Scene) -> float:
-    """Return the distance, metres, within which a surface that is as near in all directions lies on a point."""
+    """Return the distance, metres, within which a surface counts as touching a point."""
     return min(0.01, 1e-3 * scene.diagonal)
 
 
 def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, float, float]) -> tuple[np.ndarray, Sites]:
-    """The points (N, 3), and the sites there, relative to an origin; all in float32, but points far from 0 0 0."""
+    """Return the points (N, 3), and the sites there, relative to an origin; float32, except points far from 0 0 0."""
     try:
         p, n = np.asarray(points, float), np.asarray(normals, float)
         n = np.broadcast_to(n, p.shape)
@@ -166,7 +165,9 @@ def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, f
 def irradiance(
     scene: Scene, points: npt.ArrayLike, normals: npt.ArrayLike, preset: str = PRESET, **settings: Unpack[SettingValues]
 ) -> np.ndarray:
-    """(N, 3) W/m², float32: all light that falls on `points` (N, 3), metres, from the side to which `normals` (N, 3) or (3,)
-    point. Of lamps, emitters and sky, directly and by all bounces; without any camera. Arguments and errors as LightMeter's."""
+    """Return (N, 3) W/m², float32: irradiance at `points` (N, 3), metres, from the side of `normals` (N, 3) or (3,).
+
+    Includes lights, emitters and sky, directly and by all bounces, without a camera. Arguments and errors as for LightMeter.
+    """
     with LightMeter(scene, preset, **settings) as meter:
         return meter.measure(points, normals).total

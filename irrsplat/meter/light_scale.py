@@ -1,4 +1,4 @@
-"""The scale of light in false colours: its unit, ends and colours; by itself it ends at a round number above what is seen."""
+"""The scale of light in false colours: unit, ends and colours; the automatic upper end is a round number."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
 from irrsplat.core.glsl import FALSE_COLOURS
 from irrsplat.meter.readings import Unit
 
-STEPS = 10  # that the scale is divided into; a line runs between them
-PERCENTILE = 99.0  # of the pixels, which the scale by itself ends above: spots close to a lamp do not count
+STEPS = 10  # of the scale, separated by isolines
+PERCENTILE = 99.0  # of the pixels below the automatic upper end: spots near a light do not count
 _ROUND = (1.0, 2.0, 5.0, 10.0)  # times a power of ten
-# display colours from low to high, in the order of hues that Radiance's falsecolor has
+# display colours from low to high, with the hues of Radiance's falsecolor
 _ANCHORS = np.array(
     [
         *([0.24, 0.02, 0.36], [0.10, 0.12, 0.62], [0.00, 0.40, 0.78], [0.00, 0.60, 0.62], [0.08, 0.62, 0.26]),
@@ -25,8 +25,8 @@ _ANCHORS = np.array(
 
 @dataclass(frozen=True)
 class LightScale:
-    """How light is shown in false colours. highest: the upper end in `unit`, None: by itself. decades: from the lower end to the
-    upper one, where it is logarithmic; else the lower end is 0. lines: whether isolines run between its STEPS."""
+    """A scale of light in false colours. highest: upper end in `unit`, None: automatic. decades: range of a logarithmic scale; a
+    linear one begins at 0. lines: True for isolines between its STEPS."""
 
     unit: Unit = "lux"
     highest: float | None = None
@@ -36,42 +36,42 @@ class LightScale:
 
     @property
     def weights(self) -> np.ndarray:
-        """(3,) what W/m² of red, green and blue are in `unit`."""
+        """(3,) W/m² of red, green and blue in `unit`."""
         weights: np.ndarray = LUMINANCE * np.float32(LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)
         return weights
 
     @property
     def shown_unit(self) -> str:
-        """The unit as people read it."""
+        """Unit for display."""
         return "lux" if self.unit == "lux" else "W/m²"
 
     @property
     def ends(self) -> tuple[float, float]:
-        """The lower and the upper end in `unit`, where the upper one is known."""
+        """Lower and upper end in `unit`; the upper end must be set."""
         high = self.highest or 1.0
         return (high * 10.0**-self.decades if self.logarithmic else 0.0), high
 
     def up_to(self, brightest: float) -> LightScale:
-        """The same with an upper end: its own, or a round number above `brightest`, W/m² weighted as luminance is."""
+        """Return the scale with an upper end: its own, or a round number above `brightest`, W/m² weighted like luminance."""
         if self.highest is not None:
             return self
         return replace(self, highest=round_above(brightest * (LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)))
 
     def place(self, light: np.ndarray) -> np.ndarray:
-        """Where light in `unit` stands on the scale, 0..1 from its lower to its upper end; of any shape."""
+        """Return the positions of light in `unit` on the scale, 0..1, of any shape."""
         low, high = self.ends
         place = np.log(np.maximum(light, 1e-30) / low) / np.log(high / low) if self.logarithmic else light / high
         clipped: np.ndarray = np.clip(place, 0.0, 1.0)
         return clipped
 
     def at(self, place: np.ndarray) -> np.ndarray:
-        """The light in `unit` at places 0..1 of the scale, of any shape."""
+        """Return the light in `unit` at positions 0..1 of the scale, of any shape."""
         low, high = self.ends
         return low * (high / low) ** place if self.logarithmic else high * place
 
 
 def round_above(value: float) -> float:
-    """The least number, 1, 2 or 5 times a power of ten, that is not below `value`; 1 for none above 0."""
+    """Return the least 1, 2 or 5 times a power of ten that is at least `value`; 1 for values up to 0."""
     if not value > 0.0:
         return 1.0
     power = 10.0 ** math.floor(math.log10(value))
@@ -79,6 +79,6 @@ def round_above(value: float) -> float:
 
 
 def false_colours(count: int = FALSE_COLOURS) -> np.ndarray:
-    """(count, 3) display colours 0..1 from low to high."""
+    """Return (count, 3) display colours 0..1 from low to high."""
     at = np.linspace(0.0, len(_ANCHORS) - 1.0, count)
     return np.stack([np.interp(at, np.arange(len(_ANCHORS)), channel) for channel in _ANCHORS.T], axis=1).astype(np.float32)

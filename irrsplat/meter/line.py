@@ -10,12 +10,12 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.meter.plane import MOST_POINTS, usual_spacing
 
-_ROUNDING = 1e-6  # of a step: a line that is so much longer than whole steps gets no further one
+_ROUNDING = 1e-6  # of a step: a smaller excess over whole steps adds no point
 
 
 @dataclass(frozen=True)
 class Line:
-    """From `start` to `end`, (3,) metres, world space. Raises InputError where both are one point."""
+    """From `start` to `end`, (3,) metres, world space. Raises InputError for coincident ends."""
 
     start: tuple[float, float, float]
     end: tuple[float, float, float]
@@ -32,13 +32,14 @@ class Line:
         return math.dist(self.start, self.end)
 
     def usual_spacing(self) -> float:
-        """Metres between points, as EN 12464-1 has them for an area that is so long."""
+        """Return the metres between points of EN 12464-1 for an area of this length."""
         return usual_spacing(self.length)
 
     def points(self, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 3) points at equal distances of at most `spacing` metres, with both ends; and (N,) their metres from `start`.
+        """Return (N, 3) equidistant points at most `spacing` metres apart, with both ends; and (N,) their distances from `start`,
+        metres.
 
-        Raises InputError for a spacing that is not above 0, and more than MOST_POINTS points.
+        Raises InputError for a spacing not above 0, and more than MOST_POINTS points.
         """
         if not spacing > 0.0:
             raise InputError(f"the line's spacing is {spacing:g}; it takes metres above 0")

@@ -1,4 +1,4 @@
-"""What light at places without a view is gathered with."""
+"""The inputs of gathers without a view."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from irrsplat.settings import Settings
 class LitScene(Owner):
     """A scene on the GPU, its shadow maps, and a cache of records.
 
-    scene: recentred and local. about: the context, as gpu.context.describe has it. Raises InputError for lights that are too
-    many, GLError where OpenGL fails its self-test.
+    scene: recentred and local. about: the context, from gpu.context.describe. Raises InputError for too many lights, GLError if
+    OpenGL fails its self-test.
     """
 
     def __init__(self, ctx: moderngl.Context, about: Mapping[str, object], scene: Scene, settings: Settings) -> None:
@@ -39,12 +39,12 @@ class LitScene(Owner):
         self._shadows: ShadowMaps | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.cache, self.shadow_pass, self.world)
 
     @property
     def shadows(self) -> ShadowMaps:
-        """The shadow maps, drawn when they are first wanted."""
+        """Shadow maps, drawn at first use."""
         if self._shadows is None:
             self._shadows = self.shadow_pass(self.world, self._shadow_size)
         return self._shadows

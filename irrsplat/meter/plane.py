@@ -11,7 +11,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Scene
 
 MOST_POINTS = 1_000_000
-_ROUNDING = 1e-6  # of a cell: edges that are so much longer than whole cells get no further one
+_ROUNDING = 1e-6  # of a cell: a smaller excess over whole cells adds no cell
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,10 @@ class Grid:
 
 @dataclass(frozen=True)
 class Plane:
-    """A parallelogram: `corner`, and from there the edges `u` and `v`, (3,) metres, world space. Light is measured from the side
-    to which u × v points. Raises InputError where the edges span no area."""
+    """A parallelogram: `corner` and its edges `u` and `v`, (3,) metres, world space, measured from the side of u × v.
+
+    Raises InputError for edges that span no area.
+    """
 
     corner: tuple[float, float, float]
     u: tuple[float, float, float]
@@ -48,16 +50,16 @@ class Plane:
         return unit
 
     def usual_spacing(self, margin: float = 0.0) -> float:
-        """The `usual_spacing` of the longer edge, or the shorter one of a plane that is at least twice as long as wide; without
-        the margin."""
+        """Return the `usual_spacing` of the longer edge, or of the shorter edge of a plane at least twice as long as wide,
+        without the margin."""
         short, long = sorted(max(math.hypot(*edge) - 2.0 * margin, 0.0) for edge in (self.u, self.v))
         return usual_spacing(short if long >= 2.0 * short else long)
 
     def grid(self, spacing: float, margin: float = 0.0) -> Grid:
-        """The centres of cells that share the plane out evenly, with sides as close to `spacing` metres as may be, and no longer.
+        """Return the centres of equal cells with sides of at most `spacing` metres.
 
-        margin: metres along the edges that are left out. Raises InputError for a spacing that is not above 0, a margin that
-        leaves nothing, and more than MOST_POINTS points.
+        margin: metres left out along the edges. Raises InputError for a spacing not above 0, a margin that leaves nothing, and
+        more than MOST_POINTS points.
         """
         if not spacing > 0.0:
             raise InputError(f"the grid's spacing is {spacing:g}; it takes metres above 0")
@@ -80,15 +82,14 @@ class Plane:
 
 
 def usual_spacing(d: float) -> float:
-    """The spacing in metres that EN 12464-1 has for grids over an area of the dimension `d`, metres: 0.2·5^log₁₀(d), at most
-    10."""
+    """Return the spacing in metres of EN 12464-1 for an area of dimension `d`, metres: 0.2·5^log₁₀(d), at most 10."""
     return min(0.2 * 5.0 ** math.log10(d), 10.0) if d > 0.0 else 10.0
 
 
 def horizontal(scene: Scene, height: float) -> Plane:
-    """The level plane `height` metres above the lowest point of the scene, over all of its bounding box, measured from above.
+    """Return the level plane `height` metres above the scene's lowest point, over its bounding box, measured from above.
 
-    Raises InputError where the box has no extent.
+    Raises InputError for a box without extent.
     """
     up = np.asarray(scene.up, float)
     first = np.eye(3)[np.argmin(np.abs(up))]

@@ -1,4 +1,4 @@
-"""What a light meter has read: irradiance at points, its parts, and the mean, extremes and uniformity of them all."""
+"""The readings of a light meter: irradiance at points, its parts, mean, extremes and uniformity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Unit = Literal["W/m2", "lux"]
 
 
 class Status(IntEnum):
-    """Whether light can be measured at a point. INSIDE: it lies within a solid. BEHIND: a surface lies on it, or just before."""
+    """Measurability of a point. INSIDE: within a solid. BEHIND: a surface lies on it, or closely in front."""
 
     OK = 0
     INSIDE = 1
@@ -22,14 +22,14 @@ class Status(IntEnum):
 
     @property
     def word(self) -> str:
-        """As tables have it."""
+        """Name in tables."""
         return self.name.lower()
 
 
 class Summary(TypedDict):
-    """Of the points that count, in `unit`: mean, least and greatest value, and U0 = minimum/mean (EN 12665), None in the dark.
+    """Summary of the valid points, in `unit`: mean, least and greatest value, and U0 = minimum/mean (EN 12665), None in the dark.
 
-    W/m² are those of the three channels weighted as for luminance. points: those that count; inside, behind: those left out.
+    W/m² are weighted over the three channels like luminance. points: number of valid points; inside, behind: numbers left out.
     """
 
     unit: str
@@ -44,8 +44,8 @@ class Summary(TypedDict):
 
 @dataclass(frozen=True)
 class Readings:
-    """N points, facing along unit normals, both (N, 3), and W/m² there, (N, 3): `direct` of lamps, `indirect` of emitters, sky
-    and all bounces. status: (N,) numbers of Status."""
+    """N points with unit normals, both (N, 3), and W/m², (N, 3): `direct` from lights, `indirect` from emitters, sky and all
+    bounces. status: (N,) numbers of Status."""
 
     position: np.ndarray
     normal: np.ndarray
@@ -61,17 +61,17 @@ class Readings:
 
     @property
     def counts(self) -> np.ndarray:
-        """(N,) whether light can be measured there."""
+        """(N,) bool, True for measurable points."""
         found: np.ndarray = self.status == Status.OK
         return found
 
     def values(self, unit: Unit) -> dict[str, np.ndarray]:
-        """`direct`, `indirect` and `total`: (N,) lux, or (N, 3) W/m²."""
+        """Return `direct`, `indirect` and `total`: (N,) lux, or (N, 3) W/m²."""
         parts = {"direct": self.direct, "indirect": self.indirect, "total": self.total}
         return {name: photometric(E) for name, E in parts.items()} if unit == "lux" else parts
 
     def summary(self, unit: Unit) -> Summary:
-        """Mean, extremes and uniformity of the total."""
+        """Return mean, extremes and uniformity of the total."""
         light = photometric(self.total[self.counts].astype(float)) / (1.0 if unit == "lux" else LUMINOUS_EFFICACY)
         inside, behind = (int((self.status == status).sum()) for status in (Status.INSIDE, Status.BEHIND))
         found = Summary(

@@ -1,4 +1,4 @@
-"""Which points lie within solids, where nobody measures light: in closed meshes, and under those that only lack their bottom."""
+"""Points within solids, where no light is measured: in closed meshes, and in meshes that lack only their bottom."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
 
 _AT_ONCE = 1 << 20  # pairs of a point and a triangle
-_DIRECTIONS = 64  # of the whole sphere; a point tries about half of them
-_ENOUGH = 3  # of them, in a closed mesh
-_RISE = 0.1  # cosine to a point's normal that a direction has at least: any flatter one meets what is coplanar
+_DIRECTIONS = 64  # of the whole sphere; a point tests about half of them
+_ENOUGH = 3  # directions for a closed mesh
+_RISE = 0.1  # least cosine between a direction and a point's normal, since flatter rays hit coplanar surfaces
 
 
 def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(N,) whether points (N, 3), just above any surface that they lie on, with unit normals (N, 3) lie within a solid.
+    """Return (N,) True for points (N, 3) within a solid; points lie just above their surface, with unit normals (N, 3).
 
-    That is a mesh whose triangles turn their backs to the point wherever it looks. One that holds a lamp, a camera or something
-    that emits, each by the same test, is taken for a room.
+    A solid is a mesh whose triangles face away from the point in all tested directions. A mesh that contains a light, a camera or
+    an emitter by the same test counts as a room.
     """
     found = np.zeros(len(points), bool)
     lamps = [light.position for light in scene.lights if not light.directional]
@@ -36,16 +36,16 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
 
 
 def _in_box(points: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) whether points lie in the mesh's bounding box."""
+    """Return (N,) True for points in the mesh's bounding box."""
     found: np.ndarray = ((points >= mesh.positions.min(0)) & (points <= mesh.positions.max(0))).all(1)
     return found
 
 
 def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) whether each ray from points (N, 3), all over the hemispheres about their normals (N, 3), leaves the mesh once more
-    than it enters it."""
+    """Return (N,) True if every ray from points (N, 3), over the hemispheres about their normals (N, 3), leaves the mesh once
+    more than it enters it."""
     tried = np.zeros(len(points), np.intp)
-    left = np.arange(len(points))  # those that no ray has freed yet
+    left = np.arange(len(points))  # points without an escaping ray so far
     for direction in _directions():
         asked = normals[left] @ direction > _RISE
         if mesh.closed:
@@ -61,7 +61,8 @@ def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 
 def _directions() -> np.ndarray:
-    """(_DIRECTIONS, 3) unit vectors all over the sphere: a Fibonacci lattice, far from one another in turn."""
+    """Return (_DIRECTIONS, 3) unit vectors over the sphere: a Fibonacci lattice, ordered so that successive ones are far
+    apart."""
     i = np.arange(_DIRECTIONS)
     z, angle = 1.0 - (2.0 * i + 1.0) / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
     level = np.sqrt(1.0 - z * z)
@@ -71,10 +72,10 @@ def _directions() -> np.ndarray:
 
 
 def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) how many times more often a ray from points (N, 3) in a unit direction (3,) leaves the mesh than it enters it."""
+    """Return (N,) exits minus entries of rays from points (N, 3) in a unit direction (3,) through the mesh."""
     across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
     across /= np.linalg.norm(across)
-    frame = np.stack([across, np.cross(direction, across), direction])  # right-handed; rays go along the last one
+    frame = np.stack([across, np.cross(direction, across), direction])  # right-handed; rays along the last axis
     x, y, z = (points @ frame.T).T
     order = np.argsort(x)
     x, y, z = x[order], y[order], z[order]
@@ -87,7 +88,7 @@ def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
         place = np.arange(len(which)) - np.repeat(np.cumsum(count[part]) - count[part], count[part]) + first[which]
         a, b, c = (corners[which, k] - np.stack([x[place], y[place], z[place]], 1) for k in range(3))
         shares = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))])  # twice the areas
-        sign = np.where((shares > 0.0).all(0), 1.0, np.where((shares < 0.0).all(0), -1.0, 0.0))  # +1: it turns its back
+        sign = np.where((shares > 0.0).all(0), 1.0, np.where((shares < 0.0).all(0), -1.0, 0.0))  # +1: back-facing
         height = (shares * np.stack([a[:, 2], b[:, 2], c[:, 2]])).sum(0) * sign
         exits += np.bincount(place, np.where(height > 0.0, sign, 0.0), len(points))
     found = np.zeros(len(points))
@@ -96,7 +97,7 @@ def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 
 def _parts(count: np.ndarray) -> Iterator[slice]:
-    """Slices of triangles with so many (T,) points each, about _AT_ONCE pairs a slice."""
+    """Yield slices of triangles with (T,) points each, of about _AT_ONCE pairs."""
     ends, start = np.cumsum(count), 0
     while start < len(count):
         done = ends[start - 1] if start else 0

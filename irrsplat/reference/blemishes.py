@@ -1,4 +1,4 @@
-"""Measures of what the eye sees as blemishes: an RMSE counts a spot by its size and strength, not by how it stands out."""
+"""Measures of visible blemishes: an RMSE weighs a spot by size and strength, not by its visibility."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE
 
-OFF = 0.2  # of the local truth: a pixel that is off by more is a spot
-_AROUND = 9  # pixels: the side of the square whose mean is the local truth
-_FINE = 6.0  # pixels: sigma of the Gaussian below which an error is fine
+OFF = 0.2  # of the local reference: a pixel with a larger error is a spot
+_AROUND = 9  # pixels: side of the square whose mean is the local reference
+_FINE = 6.0  # pixels: sigma of the Gaussian that separates fine errors
 
 
 def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
-    """The share of the valid pixels where the luminance of E is off by more than OFF of the local truth, the mean of the truth's
-    luminance over the valid ones of the 9×9 pixels around; None where the truth is dark everywhere.
+    """Return the share of valid pixels whose luminance error exceeds OFF of the local reference; None for a dark reference.
 
-    E, E_ref: (H, W, 3) irradiance in W/m². valid: (H, W) bool, at least one pixel.
+    The local reference is the mean of the reference's luminance over the valid pixels of the 9×9 pixels around. E, E_ref: (H, W,
+    3) irradiance in W/m². valid: (H, W) bool, at least one pixel.
     """
     from scipy import ndimage
 
@@ -32,10 +32,9 @@ def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
 
 
 def fine(error: np.ndarray, valid: np.ndarray) -> float:
-    """√mean of the squares of the error's fine part: the error without its mean over the valid pixels around, weighted by a
-    Gaussian of 6 pixels. In the error's own unit.
+    """Return the RMS of the error's fine part: the error minus its mean over the valid pixels around, in the error's unit.
 
-    error: (H, W, 3). valid: (H, W) bool, at least one pixel.
+    The mean has Gaussian weights of 6 pixels. error: (H, W, 3). valid: (H, W) bool, at least one pixel.
     """
     from scipy import ndimage
 

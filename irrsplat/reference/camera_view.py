@@ -1,7 +1,7 @@
-"""What a camera sees of a scene's surfaces: what is cut out or turned away is left out, and what filters tints what is behind.
+"""The surfaces that a camera sees, with cut-outs and culled sides removed and filters applied.
 
-NumPy alone. `seen` takes any source of hits; `cast` finds them without OpenGL and without a path tracer, so that a g-buffer has
-something independent to be compared with.
+NumPy alone. `seen` accepts any source of hits; `cast` finds hits without OpenGL and without a path tracer, as an independent
+reference for a g-buffer.
 """
 
 from __future__ import annotations
@@ -15,19 +15,18 @@ from irrsplat.reference.caster import Hits, camera_rays
 from irrsplat.reference.surfaces import Surfaces
 from irrsplat.scene.model import Camera, Scene
 
-EPSILON = 2e-5  # of the scene's diagonal: how far behind a surface the next one is looked for
-_LAYERS = 1000  # at most, that a ray goes through
+EPSILON = 2e-5  # of the scene's diagonal: offset behind a surface before the search for the next one
+_LAYERS = 1000  # surfaces along a ray, at most
 
 
 @dataclass(frozen=True)
 class Visible:
-    """What N rays of a camera see, float64; 0 where there is no surface.
+    """The surfaces along N rays of a camera, float64; 0 for rays without a surface.
 
-    seen: (N,) bool, there is a surface. position: (N, 3) world space. normal: (N, 3) bent by the normal map; smooth: (N, 3)
-    interpolated; geometric: (N, 3); the last is turned to the eye, and the others to the side of the last. albedo, emission:
-    (N, 3), not tinted. tint: (N, 3) the product of all filters in front; glow: (N, 3) the radiance that they add.
-    opacity: (N,) of the nearest filter, or 1 of a surface.
-    distance: (N,) from the eye; inf where there is no surface.
+    seen: (N,) bool, True for a surface. position: (N, 3) world space. normal: (N, 3) with normal map; smooth: (N, 3)
+    interpolated; geometric: (N, 3), turned to the eye; the other normals are on its side. albedo, emission: (N, 3), not tinted.
+    tint: (N, 3) product of all filters in front; glow: (N, 3) radiance emitted by them. opacity: (N,) of the nearest filter, or 1
+    for a surface. distance: (N,) from the eye; inf without a surface.
     """
 
     seen: np.ndarray
@@ -43,21 +42,22 @@ class Visible:
     distance: np.ndarray
 
     def image(self, size: tuple[int, int]) -> Visible:
-        """The same as (H, W, …) arrays, where the rays are those of the pixels of size (W, H)."""
+        """Return (H, W, …) arrays, for the rays of the pixels of size (W, H)."""
         width, height = size
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         return Visible(**{name: a.reshape(height, width, *a.shape[1:]) for name, a in arrays.items()})
 
 
 class HitSource(Protocol):
-    """Finds what rays hit."""
+    """A source of ray hits."""
 
     def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(found, triangle, u, v, distance) of the nearest hits of rays by number (N,) farther than `beyond` (N,)."""
+        """Return (found, triangle, u, v, distance) of the nearest hits of rays by number (N,) beyond the distances `beyond`
+        (N,)."""
 
 
 def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: float) -> Visible:
-    """What rays (N, 3) of a camera see; epsilon: how far behind a surface the next one is looked for, in metres."""
+    """Return the surfaces along rays (N, 3) of a camera; epsilon: offset behind a surface before the next one, in metres."""
     count, table = len(directions), surfaces.materials
     p, n, smooth, g, albedo, emission, glow = np.zeros((7, count, 3))
     tint, nearest, far = np.ones((count, 3)), np.zeros(count), np.full(count, np.inf)
@@ -74,7 +74,7 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
         inward = (points.front * directions[active]).sum(1) > 0.0
         there = (table.double_sided[material] | ~inward) & (opacity >= table.cut_out[material]) & (opacity > 0.0)
         opacity = np.where(table.cut_out[material] > 0.0, 1.0, opacity)
-        # `light_cutoff`: more than half of the light is held back
+        # `light_cutoff`: more than half of the light is blocked
         filters = there & table.filters[material] & (opacity * (1.0 - table.transmission[material]) < 0.5)
         first = there & ~touched[active]
         it.opacity[active[first]], touched[active[first]] = np.where(filters, opacity, 1.0)[first], True
@@ -93,10 +93,9 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
 def cast(
     scene: Scene, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
 ) -> Visible:
-    """What a camera sees through the point (dx, dy) of every pixel (0.5: its centre), as (H, W, …) arrays, size: (W, H).
+    """Return the surfaces at the point (dx, dy) of every pixel (0.5: its centre), as (H, W, …) arrays, size: (W, H).
 
-    Textures are looked up at full resolution, bilinear: where a pixel covers many texels, the mean over a pixel is that of
-    several such points.
+    Textures are sampled at full resolution, bilinearly. For pixels that cover many texels, average several points.
     """
     surfaces, directions = Surfaces.of(scene), camera_rays(camera, size, dx, dy)
     hits = Hits(surfaces.positions, surfaces.faces, camera, size, directions)

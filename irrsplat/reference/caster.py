@@ -1,7 +1,7 @@
-"""Where the rays of a camera meet triangles: all hits of every pixel, front to back, by NumPy alone.
+"""All hits of a camera's rays on triangles, per pixel and front to back, by NumPy alone.
 
-Every triangle is tried at every pixel of the rectangle that its projection lies in, so that neither OpenGL nor a tree is
-needed; it suits pictures of some 100 thousand pixels and scenes of a million triangles.
+Every triangle is tested at every pixel of its projection's bounding rectangle, without OpenGL or a hierarchy. Suitable for
+pictures of about 100 thousand pixels and scenes of a million triangles.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import numpy as np
 
 from irrsplat.scene.model import Camera
 
-_PAIRS = 1 << 21  # of a triangle and a pixel, tried at once; bounds the memory
-_NEAR = 1e-6  # of the distance to the camera's target: what is nearer to the eye's plane is not projected
+_PAIRS = 1 << 21  # pairs of a triangle and a pixel tested at once; limits the memory
+_NEAR = 1e-6  # of the distance to the camera's target: triangles nearer to the eye's plane are not projected
 
 
 def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5) -> np.ndarray:
-    """(W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
+    """Return (W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
 
     size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
     """
@@ -30,7 +30,7 @@ def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 
 
 
 class Hits:
-    """All hits of a camera's rays, sorted by pixel and distance; `nearest` hands them out front to back."""
+    """All hits of a camera's rays, sorted by pixel and distance; `nearest` returns them front to back."""
 
     def __init__(self, positions: np.ndarray, faces: np.ndarray, camera: Camera, size: tuple[int, int], directions: np.ndarray):
         """positions: (V, 3). faces: (F, 3). directions: (W·H, 3) unit, through any point of each pixel."""
@@ -53,9 +53,10 @@ class Hits:
         self.next = self.end - counts
 
     def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(found, triangle, u, v, distance) of the nearest hits of pixels (N,) farther than `beyond` (N,), (N,) each.
+        """Return (found, triangle, u, v, distance), (N,) each, of the nearest hits of pixels (N,) beyond the distances `beyond`
+        (N,).
 
-        A pixel's `beyond` must not be less than in the call before.
+        A pixel's `beyond` must not decrease between calls.
         """
         at, end = self.next[pixel], self.end[pixel]
         behind = np.arange(len(pixel))
@@ -73,8 +74,8 @@ class Hits:
 
 
 def _rectangles(corners: np.ndarray, camera: Camera, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """The first pixel (F, 2) and the extent (F, 2), column and row, of the rectangles that triangles (F, 3, 3) in view space may
-    cover; an extent of 0 where they cannot be seen."""
+    """Return the first pixel (F, 2) and extent (F, 2), column and row, of the rectangles that triangles (F, 3, 3) in view space
+    may cover; extent 0 for invisible triangles."""
     near = _NEAR * float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
     slope = np.tan(np.radians(camera.fov) / 2.0)
     depth = -corners[..., 2]
@@ -91,7 +92,7 @@ def _rectangles(corners: np.ndarray, camera: Camera, size: tuple[int, int]) -> t
     for axis, values in enumerate((x, y)):
         first = np.where(usable, values, np.inf).min(axis=1, initial=np.inf)
         last = np.where(usable, values, -np.inf).max(axis=1, initial=-np.inf)
-        # a pixel more on every side: rays may go through any point of a pixel, and rounding must not lose one
+        # one more pixel on every side: rays may pass through any point of a pixel, and rounding must not lose one
         low[:, axis] = np.clip(np.floor(first) - 1, 0, size[axis])
         high[:, axis] = np.clip(np.floor(last) + 2, 0, size[axis])
     span = np.maximum(high - low, 0)
@@ -102,7 +103,7 @@ def _rectangles(corners: np.ndarray, camera: Camera, size: tuple[int, int]) -> t
 def _meet(
     corners: np.ndarray, triangles: np.ndarray, low: np.ndarray, span: np.ndarray, width: int, directions: np.ndarray
 ) -> np.ndarray:
-    """(5, N): pixel, triangle, u, v, distance of all hits of these triangles (Möller and Trumbore 1997)."""
+    """Return (5, N): pixel, triangle, u, v, distance of all hits of these triangles (Möller and Trumbore 1997)."""
     counts = span[triangles].prod(axis=1)
     triangle = np.repeat(triangles, counts)
     within = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -1,4 +1,4 @@
-"""The user's cache folder: arrays that took long to make, kept by a hash of all that they depend on."""
+"""The user's cache folder: arrays of expensive computations, stored by a hash of all their inputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from irrsplat.scene.model import Camera, Material, Scene, Texture
 
 
 def folder() -> Path:
-    """Where things are kept: what IRRSPLAT_CACHE names, else the user's cache folder; IrrsplatError where none is."""
+    """Return the cache folder: IRRSPLAT_CACHE, else the user's cache folder; raises IrrsplatError if there is none."""
     found = paths.cache_folder()
     if found is None:
         raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
@@ -24,7 +24,7 @@ def folder() -> Path:
 
 
 def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
-    """A hash of a scene, a view and numbers beside them; names do not count, every bit of a number does."""
+    """Return a hash of a scene, a view and further numbers; names do not matter, every bit of a number does."""
     digest = hashlib.sha256()
 
     def add(*values: ArrayLike) -> None:
@@ -39,7 +39,7 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
         add(texture is None)
         if texture is not None:
             pixels = texture.image.pixels
-            if id(pixels) not in images:  # many materials may share an image, and an image may have millions of texels
+            if id(pixels) not in images:  # many materials may share an image, which may have millions of texels
                 images[id(pixels)] = hashlib.sha256(f"{pixels.shape}".encode() + np.ascontiguousarray(pixels).tobytes()).digest()
             digest.update(images[id(pixels)] + f"{texture.wrap}".encode())
             add(texture.uv_set, texture.transform, texture.nearest)
@@ -66,16 +66,16 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:
-    """The arrays in a file by name, None where there is no file; raises one of files.DAMAGE for a damaged one."""
+    """Return the arrays in a file by name, None for a missing file; raises one of files.DAMAGE for a damaged one."""
     try:
-        with np.load(path, allow_pickle=False) as data:  # zip's check sums tell of every bit that has changed
+        with np.load(path, allow_pickle=False) as data:  # zip's check sums detect changed bits
             return {name: data[name] for name in data.files}
     except FileNotFoundError:
         return None
 
 
 def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Keep `arrays`, whole or not at all; raises IrrsplatError where that fails."""
+    """Store `arrays`, whole or not at all; raises IrrsplatError if that fails."""
 
     def fill(part: Path) -> None:
         with open(part, "wb") as file:

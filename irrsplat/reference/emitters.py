@@ -1,7 +1,7 @@
-"""The emitting triangles of a scene as lights to be sampled, in groups of near ones. NumPy alone.
+"""The emitting triangles of a scene as lights for sampling, in spatial clusters. NumPy alone.
 
-A group is chosen by its power over the square of its distance, as far as it may be above the horizon, and a triangle in it by
-power: of a hundred lamps in a house, a point then mostly asks the one beside it.
+A cluster is chosen by its power over its squared distance, bounded by the horizon, and a triangle in it by power. Among a hundred
+lights in a house, a point then mostly samples the nearest one.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import numpy as np
 from irrsplat.reference.surfaces import Surfaces
 
 _SIDE = 6  # a textured triangle's power is the mean of side² points
-_SPREAD = 0.25  # of all area: what shines on more of it is met by chance, and sampling it would only add noise
-_GROUPS = 32  # at most
+_SPREAD = 0.25  # of all area: larger emitters are hit by chance, and sampling them would only add noise
+_GROUPS = 32  # clusters, at most
 _PART = 1 << 16  # triangles whose texels are read at once
 
 
 @dataclass(frozen=True)
 class Emitters:
-    """Triangles that shine, group by group.
+    """Emitting triangles, cluster by cluster.
 
-    face: (N,) numbers of the triangles. share: (N,) of the group's power. area: (N,) in m². group: (N,) its number, ascending.
-    centre: (G, 3), radius: (G,) a sphere around each group. power: (G,), in sum 1.
+    face: (N,) numbers of the triangles. share: (N,) of the cluster's power. area: (N,) in m². group: (N,) cluster number,
+    ascending. centre: (G, 3), radius: (G,) a sphere around each cluster. power: (G,), in sum 1.
     """
 
     face: np.ndarray
@@ -36,7 +36,7 @@ class Emitters:
 
     @staticmethod
     def of(surfaces: Surfaces) -> Emitters | None:
-        """Those of a scene; None where it has none, and where it shines nearly everywhere."""
+        """Return a scene's emitters; None without emitters, or if they cover most of the scene."""
         seen, _ = surfaces.seen_by_light
         corners = surfaces.positions.astype(np.float64)[surfaces.faces]
         area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -56,7 +56,7 @@ class Emitters:
         return Emitters(face, power / total[group], area[face], group, (low + high) / 2.0, radius, total / total.sum())
 
     def weights(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
-        """(N, G) how much the groups count at points (N, 3) with normals (N, 3); chosen by their share of the sum."""
+        """Return (N, G) weights of the clusters at points (N, 3) with normals (N, 3); a cluster is chosen in proportion."""
         toward = self.centre - p[:, None]
         above = (toward * n[:, None]).sum(-1) > -self.radius
         weights: np.ndarray = np.where(above, self.power / ((toward**2).sum(-1) + self.radius**2), 0.0)
@@ -64,7 +64,7 @@ class Emitters:
 
 
 def _groups(corners: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """(N,) the groups of triangles (N, 3, 3): the one with the greatest power · extent² is halved, again and again."""
+    """Return (N,) clusters of triangles (N, 3, 3): split repeatedly the one with the greatest power · extent²."""
     middle, group = corners.mean(axis=1), np.zeros(len(corners), np.int64)
     worth = [1.0]
     while len(worth) < _GROUPS and max(worth) > 0.0:
@@ -84,18 +84,18 @@ def _groups(corners: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 
 def _brightness(surfaces: Surfaces, face: np.ndarray) -> np.ndarray:
-    """(N,) the mean emission of triangles (N,), all channels together, where light sees them."""
+    """Return (N,) mean emission of triangles (N,), summed over channels, where light hits them."""
     table = surfaces.materials
     mean: np.ndarray = surfaces.emission[face].astype(np.float64).sum(axis=1)
     varies = (table.texture["emission"][surfaces.material[face]] >= 0) | surfaces.seen_by_light[1][face]
-    varies |= surfaces.shines_unevenly[face]
+    varies |= surfaces.emission_varies[face]
     at = np.flatnonzero(varies)
     x, y = (np.indices((_SIDE, _SIDE)).reshape(2, -1) + 0.5) / _SIDE
     u, v = np.sqrt(x) * (1.0 - y), np.sqrt(x) * y
     for k in range(0, len(at), _PART):
         part = at[k : k + _PART]
         total = np.zeros(len(part))
-        for a, b in zip(u, v, strict=True):  # of the few points of a triangle
+        for a, b in zip(u, v, strict=True):  # over the few points of a triangle
             points = surfaces.at(face[part], np.full(len(part), a), np.full(len(part), b))
             total += points.emission.sum(axis=1) * (points.opacity >= table.light_cutoff[points.material])
         mean[part] = total / len(u)

@@ -1,4 +1,4 @@
-"""A reference for renders without a path tracer: a fine gather at every pixel tested, nothing interpolated."""
+"""A reference without a path tracer: a fine gather at every tested pixel, without interpolation."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 
 SIDE = 128  # of a square of rays: 16 thousand directions
-_LIGHT_SAMPLES = 1024  # a pixel's shadow rays to emissive surfaces, which few directions find where they are small
+_LIGHT_SAMPLES = 1024  # shadow rays per pixel to emissive surfaces, which few hemisphere samples hit if they are small
 _BATCH = 32  # pixels gathered at once
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Indirect irradiance E (N, 3) in W/m², one bounce, about mapped normals, at N pixels (N, 2): row from the top, column."""
+    """Indirect irradiance E (N, 3) in W/m², one bounce, for mapped normals, at N pixels (N, 2): row from the top, column."""
 
     pixels: np.ndarray
     irradiance: np.ndarray
 
     def error(self, irradiance: np.ndarray) -> float | None:
-        """√mean((E − E_ref)²)/mean(E_ref) of a picture (H, W, 3), over pixels and channels; None where there is no light."""
+        """Return √mean((E − E_ref)²)/mean(E_ref) of a picture (H, W, 3), over pixels and channels; None without light."""
         E_ref = self.irradiance.astype(float)
         if not E_ref.any():
             return None
@@ -37,7 +37,7 @@ class Truth:
 
 
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
-    """The reference at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
+    """Return the reference at `count` random smooth pixels of `seen`, or at as many as `seconds` allow."""
     ctx, scene = world.ctx, world.scene
     candidates = np.argwhere(seen.smooth(SMOOTH_OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(candidates)[:count]

@@ -1,4 +1,4 @@
-"""Arithmetic on lanes, the Dr.Jit arrays that the path tracer works on: textures, photometries, emitters to be drawn, directions.
+"""Arithmetic on lanes, the path tracer's Dr.Jit arrays: textures, photometries, emitter sampling, directions.
 
 Importing this needs the extra `reference`.
 """
@@ -16,7 +16,7 @@ from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.reference.emitters import Emitters
 from irrsplat.scene.model import Photometry
 
-Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
+Lanes: TypeAlias = Any  # a Dr.Jit array with one entry per lane; its class depends on the variant chosen at run time
 
 TINY = 1e-30  # keeps divisors from 0
 
@@ -25,28 +25,28 @@ class LaneBackend:
     """Lanes for textures.TextureTable."""
 
     def array(self, values: np.ndarray) -> Lanes:
-        """A table of floats, or of unsigned integers."""
+        """Return a table of floats or unsigned integers."""
         return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
 
     def gather(self, table: Lanes, index: Lanes) -> Lanes:
-        """The table's entries."""
+        """Return the table's entries."""
         return dr.gather(type(table), table, index)
 
     def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
-        """`yes` where the condition holds, else `no`."""
+        """Return `yes` for entries with `condition`, else `no`."""
         return dr.select(condition, yes, no)
 
     def floor(self, x: Lanes) -> Lanes:
-        """The greatest whole numbers up to x."""
+        """Return the greatest whole numbers up to x."""
         return dr.floor(x)
 
     def whole(self, x: Lanes) -> Lanes:
-        """Whole floats as unsigned integers."""
+        """Return whole floats as unsigned integers."""
         return mi.UInt32(x)
 
 
 class EmitterLanes:
-    """Emitters to be drawn in lanes. place: (N,) the numbers of their triangles among the `faces` that light may see."""
+    """Emitters for sampling in lanes. place: (N,) numbers of their triangles among the `faces` that light may hit."""
 
     def __init__(self, emitters: Emitters, place: np.ndarray, faces: int) -> None:
         self.count = len(emitters.power)
@@ -54,7 +54,7 @@ class EmitterLanes:
         self.radius, self.power = (mi.Float(x.astype(np.float32)) for x in (emitters.radius, emitters.power))
         ends = np.cumsum(np.bincount(emitters.group, minlength=self.count))
         self.first, self.end = (mi.UInt32(x.astype(np.uint32)) for x in (np.roll(ends, 1) * (np.arange(self.count) > 0), ends))
-        # of each group the shares up to and with a triangle: rising from 0 to 1 anew
+        # cumulative share within each cluster, from 0 to 1
         rising = np.cumsum(emitters.share)
         self.up_to = mi.Float((rising - emitters.group).astype(np.float32))
         self.face = mi.UInt32(place.astype(np.uint32))
@@ -63,13 +63,13 @@ class EmitterLanes:
         self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
 
     def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:
-        """Emitters.weights of one group at each p."""
+        """Return Emitters.weights of one cluster at each p."""
         toward = dr.gather(mi.Vector3f, self.centre, group) - mi.Vector3f(p)
         radius, power = dr.gather(mi.Float, self.radius, group), dr.gather(mi.Float, self.power, group)
         return dr.select(dr.dot(toward, n) > -radius, power / (dr.squared_norm(toward) + dr.square(radius) + TINY), 0.0)
 
     def total(self, p: Lanes, n: Lanes) -> Lanes:
-        """The sum of all groups' weights at each p."""
+        """Return the sum of all clusters' weights at each p."""
         total = dr.zeros(mi.Float, dr.width(p))
         group = dr.zeros(mi.UInt32, dr.width(p))
         state = dr.while_loop(
@@ -80,8 +80,11 @@ class EmitterLanes:
         return state[1]
 
     def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> tuple[Lanes, Lanes]:
-        """The number of a triangle for each p, where `whole` is the sum of the weights, and what is left of the random number u,
-        uniform again: so strata of u are strata of what is drawn by the rest. jitter: another, for the bits that u lacks then."""
+        """Return a triangle number for each p, and the remaining random number, uniform again.
+
+        whole: the sum of the weights. Strata of u remain strata of the second choice. jitter: another random number, for the low
+        bits.
+        """
         width = dr.width(p)
 
         def step(group: Lanes, last: Lanes, left: Lanes) -> tuple[Lanes, Lanes, Lanes]:
@@ -107,14 +110,14 @@ class EmitterLanes:
         return dr.gather(mi.UInt32, self.face, found), rest - dr.floor(rest)
 
     def density(self, p: Lanes, n: Lanes, whole: Lanes, face: Lanes, active: Lanes) -> Lanes:
-        """The density per area with which `draw` chooses points of these triangles, 0 for one that does not shine."""
+        """Return the density per area with which `draw` chooses points of these triangles, 0 for non-emitters."""
         within = dr.gather(mi.Float, self.within, face, active=active)
         group = dr.gather(mi.UInt32, self.group, face, active=active)
         return dr.select(within > 0.0, within * self.weight(group, p, n) / (whole + TINY), 0.0)
 
 
 class PhotometryLanes:
-    """What a luminaire's photometry says in lanes."""
+    """A luminaire's photometry in lanes."""
 
     def __init__(self, photometry: Photometry) -> None:
         self.axes = photometry.axes
@@ -126,7 +129,7 @@ class PhotometryLanes:
         self.low, self.high = float(photometry.polar[0]), float(photometry.polar[-1])
 
     def intensity(self, direction: Lanes, frame: np.ndarray) -> Lanes:
-        """W/sr along unit directions in world space from a luminaire of colour 1 with this `frame` (Light.frame)."""
+        """Return W/sr along unit directions in world space from a luminaire of colour 1 with this `frame` (Light.frame)."""
         zero, quarter, pole = (mi.Vector3f(*(float(x) for x in row)) for row in self.axes @ frame)
         x, y, z = dr.dot(direction, zero), dr.dot(direction, quarter), dr.dot(direction, pole)
         polar = dr.atan2(dr.sqrt(x * x + y * y), z) * (180.0 / pi)
@@ -141,13 +144,13 @@ class PhotometryLanes:
         return dr.select(inside & (azimuth <= self.last + 1e-3), found, 0.0) / LUMINOUS_EFFICACY
 
     def _row(self, row: Lanes, i: Lanes, s: Lanes) -> Lanes:
-        """Candela in a row of the table, the share s of the way from column i to the next."""
+        """Return candela in a row of the table, interpolated by s between column i and the next."""
         left, right = (dr.gather(mi.Float, self.candela, mi.UInt32(row * self.columns + i + k)) for k in (0, 1))
         return left * (1.0 - s) + right * s
 
     @staticmethod
     def _between(angles: Lanes, values: Lanes) -> tuple[Lanes, Lanes]:
-        """The number of the last angle (but one) that is not above each value, and the share of the way to the next one."""
+        """Return the number of the last angle (but one) not above each value, and the fraction to the next angle."""
         count = dr.width(angles)
         search: Any = dr.binary_search
         beyond = search(1, count - 1, lambda k: dr.gather(mi.Float, angles, mi.UInt32(k)) <= values)
@@ -158,30 +161,30 @@ class PhotometryLanes:
 
 
 def density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:
-    """The density per area at q, where the surface's normal is g, of a cosine-distributed ray from p."""
+    """Return the density per area at q, with surface normal g, of a cosine-distributed ray from p."""
     to_p = p - q
     r = dr.norm(to_p)
     return dr.select(r > 0.0, positive(dr.dot(n, -to_p)) * dr.abs(dr.dot(g, to_p)) / (pi * r * r * r * r), 0.0)
 
 
 def cosine_hemisphere(u: Lanes) -> Lanes:
-    """Cosine-distributed unit directions about z."""
+    """Return cosine-distributed unit directions about z."""
     sine, phi = dr.sqrt(u.x), 2.0 * pi * u.y
     return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), dr.sqrt(positive(1.0 - u.x)))
 
 
 def uniform_cap(u: Lanes, edge: float) -> Lanes:
-    """Uniform unit directions whose z is at least `edge`; the whole sphere where that is −1."""
+    """Return uniform unit directions with z at least `edge`; the whole sphere for −1."""
     z, phi = 1.0 - u.x * (1.0 - edge), 2.0 * pi * u.y
     sine = dr.sqrt(positive(1.0 - z * z))
     return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), z)
 
 
 def positive(x: Lanes) -> Lanes:
-    """max(x, 0), without the `fmaximum` of dr.maximum: LLVM sometimes fails to compile it (AVX-512, "Cannot select")."""
+    """Return max(x, 0) without the `fmaximum` of dr.maximum, which LLVM sometimes fails to compile (AVX-512, "Cannot select")."""
     return dr.select(x > 0.0, x, 0.0)
 
 
 def lights(E: Lanes) -> Lanes:
-    """Whether any channel is positive."""
+    """True if any channel is positive."""
     return (E.x > 0.0) | (E.y > 0.0) | (E.z > 0.0)

@@ -1,19 +1,19 @@
-"""An independent truth: irradiance of N bounces and direct light by path tracing, with Mitsuba 3 finding the intersections.
+"""An independent reference: irradiance of N bounces and direct light by path tracing, with Mitsuba 3 for intersections.
 
-Importing this needs the extra `reference`.
-Everything radiometric is written out here (lights, spots, luminaires, two-sided Lambertian surfaces, their textures), so
-that lights of the OpenGL kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by
-shared code.
+Importing this needs the extra `reference`. All radiometry is written out here: lights, spots, luminaires, two-sided Lambertian
+surfaces and their textures. Lights of the OpenGL kind, which Mitsuba lacks, thus have a reference, and no shared code repeats a
+fault of the renderer.
 
-E_N(p) = ∫ L(q)·cosθ dω over the hemisphere about the normal n, L = L_emitted + ρ/π·(E_direct + E_(N−1)) at the
-surface q that is hit, or the sky's radiance; E_0 = 0; directions below the geometric surface count 0. At a pixel n is bent by the
-normal map, at q it is the interpolated one. Rays pass what light does not see (Material.light_cutoff). A path has N vertices,
-the first at p, each further one where a cosine-distributed ray from the one before it hits. At every vertex, what the ray
-sees is estimated by three kinds of samples: that ray; for each positional light, a ray from the light whose hit is
-connected to the vertex; and a point on an emitting triangle (emitters.py says on which), to which the vertex is connected. The
-balance heuristic (Veach & Guibas 1995, eq. 9) joins the first with each of the others, light by light: without the second kind,
-a lamp close to a wall, which makes a tiny and very bright spot there, would hardly converge, nor would a small bulb without the
-third. Paths end early by Russian roulette (Arvo & Kirk 1990), which does not change the mean.
+E_N(p) = ∫ L(q)·cosθ dω over the hemisphere about the normal n, with L = L_emitted + ρ/π·(E_direct + E_(N−1)) at the hit surface
+q, or the sky's radiance; E_0 = 0. Directions below the geometric surface count 0. At a pixel, n includes the normal map; at q it
+is interpolated. Rays pass surfaces below Material.light_cutoff. A path has N vertices, the first at p, each further one at the
+hit of a cosine-distributed ray from the vertex before.
+
+At every vertex, three kinds of samples estimate the incident light. They are the ray itself, for each positional light a ray from
+the light whose hit is connected to the vertex, and a connection to a point on an emitting triangle (emitters.py). The balance
+heuristic (Veach & Guibas 1995, eq. 9) combines the first kind with each of the others, light by light. Without the second, a
+light near a wall, which makes a tiny bright spot, would hardly converge; without the third, neither would a small bulb. Russian
+roulette (Arvo & Kirk 1990) ends paths early without bias.
 """
 
 from __future__ import annotations
@@ -46,18 +46,19 @@ from irrsplat.reference.surfaces import Surfaces
 from irrsplat.reference.textures import TextureTable
 from irrsplat.scene.model import Camera, Light, Photometry, Scene
 
-LANES = 1 << 20  # samples in flight at once; bounds the memory
-LEAST_WEIGHT = 0.25  # of paths: Russian roulette keeps it; measured, 1 has up to 1.8 times the noise in little less time
+LANES = 1 << 20  # samples in flight at once; limits the memory
+LEAST_WEIGHT = 0.25  # path weight kept by Russian roulette; measured, 1 has up to 1.8 times the noise in little less time
 
 
 def choose_variant() -> str:
-    """Set a vectorised Mitsuba variant (the GPU's or LLVM's) and return its name; IrrsplatError says what is missing."""
+    """Set a vectorised Mitsuba variant (the GPU's or LLVM's) and return its name; raises IrrsplatError if a library is
+    missing."""
     for variant in ("cuda_ad_rgb", "llvm_ad_rgb"):
         try:
             mi.set_variant(variant)
             dr.eval(mi.Float(0.0) + dr.arange(mi.Float, 2))
             return variant
-        except Exception:  # Dr.Jit raises bare exceptions where a driver or LLVM is missing
+        except Exception:  # Dr.Jit raises bare exceptions if a driver or LLVM is missing
             continue
     raise IrrsplatError(
         "Mitsuba finds neither LLVM 19 nor CUDA; install libllvm19 (Debian, Ubuntu), or let DRJIT_LIBLLVM_PATH name the library"
@@ -66,8 +67,10 @@ def choose_variant() -> str:
 
 @dataclass(frozen=True)
 class Hit:
-    """Surface points, one per lane; `n` and `g` are the shading and geometric normals, turned to where the ray came from; `face`
-    is the number of the triangle among those that light may see."""
+    """Surface points, one per lane.
+
+    `n` and `g`: shading and geometric normals, turned to the ray's origin; `face`: number among the triangles that light may hit.
+    """
 
     valid: Lanes
     p: Lanes
@@ -76,21 +79,21 @@ class Hit:
     albedo: Lanes
     emission: Lanes
     face: Lanes
-    ambiguous: Lanes  # the geometric normal is turned to the ray's origin, but the shading normal is not
+    ambiguous: Lanes  # only the geometric normal, not the shading normal, is turned to the ray's origin
 
 
 class Tracer:
-    """A scene, ready to be traced; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m².
+    """A scene for tracing; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m².
 
-    emitters: whether emitting triangles are sampled as lights; without, they are only met by chance.
+    emitters: sample emitting triangles as lights; otherwise they are only hit by chance.
     """
 
     def __init__(self, scene: Scene, emitters: bool = True) -> None:
         self.scene, self.surfaces = scene, Surfaces.of(scene)
-        self.epsilon = EPSILON * scene.diagonal  # keeps a ray off the surface that it starts from
+        self.epsilon = EPSILON * scene.diagonal  # offset of a ray from its surface
         surfaces, table = self.surfaces, self.surfaces.materials
         may, depends = surfaces.seen_by_light
-        solid = np.flatnonzero(may)  # the triangles that light may see
+        solid = np.flatnonzero(may)  # the triangles that light may hit
         faces, material = surfaces.faces[solid], surfaces.material[solid]
         self.world = _world(surfaces.positions, faces)
         self.camera_world = self.world if may.all() else _world(surfaces.positions, surfaces.faces)
@@ -100,9 +103,9 @@ class Tracer:
         )
         self.faces = mi.UInt32(faces.astype(np.uint32).ravel())
         self.emission = mi.Float(surfaces.emission[solid].ravel())
-        self.shine = mi.Float(surfaces.shine.ravel()) if surfaces.shines_unevenly.any() else None
+        self.emission_factor = mi.Float(surfaces.emission_factor.ravel()) if surfaces.emission_varies.any() else None
 
-        # where light passes depends on the point of these triangles: below the cutoff; elsewhere that is 0
+        # opacity thresholds of alpha-tested triangles; 0 elsewhere
         self.cutoff = None
         if depends.any():
             self.cutoff = mi.Float(np.where(depends[solid], table.light_cutoff[material], 0.0).astype(np.float32))
@@ -120,7 +123,7 @@ class Tracer:
     # --- rays -----------------------------------------------------------------------------------------------------------
 
     def hit(self, origin: Lanes, direction: Lanes, active: Lanes = True) -> Hit:
-        """The nearest surface that light sees, from `origin` along the unit `direction`, at least epsilon away."""
+        """Return the nearest surface that light hits, from `origin` along the unit `direction`, at least epsilon away."""
         valid, face, u, v = self._nearest(origin + self.epsilon * direction, direction, mi.Bool(active))
         corners = dr.gather(mi.Vector3u, self.faces, face, active=valid)
         a, b, c = (dr.gather(mi.Point3f, self.positions, k, active=valid) for k in (corners.x, corners.y, corners.z))
@@ -142,7 +145,7 @@ class Tracer:
         )
 
     def visible(self, origin: Lanes, direction: Lanes, distance: Lanes, active: Lanes) -> Lanes:
-        """True where nothing that light sees lies between `origin` and the point at `distance` along the unit `direction`."""
+        """Return True for lanes without a hit between `origin` and `distance` along the unit `direction`."""
         length = distance - 2.0 * self.epsilon
         start = origin + self.epsilon * direction
         if self.cutoff is None:
@@ -154,7 +157,7 @@ class Tracer:
     def _nearest(
         self, origin: Lanes, direction: Lanes, active: Lanes, length: Lanes | None = None
     ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
-        """(valid, triangle, u, v) of the nearest point that light sees, at most `length` away; rays pass all others."""
+        """Return (valid, triangle, u, v) of the nearest hit at most `length` away; rays pass transparent points."""
         ray = mi.Ray3f(origin, direction)
         if length is not None:
             ray = mi.Ray3f(ray, length)
@@ -185,7 +188,7 @@ class Tracer:
         return valid, face, u, v
 
     def _lets_through(self, face: Lanes, u: Lanes, v: Lanes, active: Lanes) -> Lanes:
-        """Whether light passes these points of triangles."""
+        """True for points of triangles that light passes."""
         cutoff = dr.gather(mi.Float, self.cutoff, face, active=active)
         tested = active & (cutoff > 0.0)
         corners = dr.gather(mi.Vector3u, self.faces, face, active=tested)
@@ -196,17 +199,17 @@ class Tracer:
         return tested & (opacity < cutoff)
 
     def _blended(self, values: Lanes, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> Lanes:
-        """Vectors of three at vertices, interpolated."""
+        """Return interpolated vectors of three vertices."""
         x, y, z = (dr.gather(mi.Vector3f, values, k, active=active) for k in (corners.x, corners.y, corners.z))
         return x * (1.0 - u - v) + y * u + z * v
 
     def _places(self, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> tuple[Lanes, ...]:
-        """The texture coordinates (u, v, u, v) at points of triangles."""
+        """Return the texture coordinates (u, v, u, v) at points of triangles."""
         x, y, z = (dr.gather(mi.Vector4f, self.uvs, k, active=active) for k in (corners.x, corners.y, corners.z))
         return tuple(x * (1.0 - u - v) + y * u + z * v)
 
     def _texel(self, kind: str, face: Lanes, uvs: tuple[Lanes, ...], active: Lanes) -> tuple[Lanes, Lanes, Lanes, Lanes]:
-        """Red, green, blue and alpha of the triangles' textures of this kind; 1 where they have none."""
+        """Return red, green, blue and alpha of the triangles' textures of this kind; 1 without a texture."""
         assert self.textures is not None
         number = dr.gather(mi.UInt32, self.texture[kind], face, active=active)
         worn = active & (number < len(self.surfaces.materials.textures))
@@ -214,11 +217,11 @@ class Tracer:
         return tuple(dr.select(worn, channel, 1.0) for channel in found)
 
     def _colors(self, face: Lanes, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> tuple[Lanes, Lanes]:
-        """The albedo and the emission at points of triangles."""
+        """Return albedo and emission at points of triangles."""
         albedo = mi.Color3f(self._blended(self.albedo, corners, u, v, active))
         emission = dr.gather(mi.Color3f, self.emission, face, active=active)
-        if self.shine is not None:
-            emission *= mi.Color3f(self._blended(self.shine, corners, u, v, active))
+        if self.emission_factor is not None:
+            emission *= mi.Color3f(self._blended(self.emission_factor, corners, u, v, active))
         if self.textures is None:
             return albedo, emission
         uvs = self._places(corners, u, v, active)
@@ -231,7 +234,7 @@ class Tracer:
     # --- lights ---------------------------------------------------------------------------------------------------------
 
     def unoccluded(self, light: Light, p: Lanes, n: Lanes, g: Lanes) -> tuple[Lanes, Lanes, Lanes]:
-        """(E, direction, distance): E_direct of `light` at p before any shadow, and the way to it (inf: directional)."""
+        """Return (E, direction, distance): unshadowed E_direct of `light` at p, and the way to it (inf: directional)."""
         toward = mi.Vector3f(*light.position) if light.directional else mi.Point3f(*light.position) - p
         distance = dr.norm(toward)
         w = toward / (distance + TINY)
@@ -252,7 +255,7 @@ class Tracer:
 
     @staticmethod
     def spot(light: Light, direction: Lanes) -> Lanes:
-        """The factor of the light's cone along the unit `direction` away from it: exponent and falloff."""
+        """Return the factor of the light's cone along the unit `direction` away from it: exponent and falloff."""
         cosine = dr.dot(mi.Vector3f(axis(light)), direction)
         inner = min(light.spot_inner, light.spot_cutoff)
         cone: Lanes = dr.select(cosine >= cos(radians(light.spot_cutoff)), mi.Float(1.0), 0.0)
@@ -263,7 +266,7 @@ class Tracer:
         return cone * dr.power(positive(cosine) + TINY, light.spot_exponent) if light.spot_exponent > 0.0 else cone
 
     def lit(self, light: Light, hit: Hit) -> tuple[Lanes, Lanes]:
-        """(E_direct with shadow, E_direct before it) of one light at surface points."""
+        """Return E_direct of one light at surface points, with shadow and without."""
         E, w, distance = self.unoccluded(light, hit.p, hit.n, hit.g)
         seen = self.visible(hit.p, w, distance, hit.valid & lights(E))
         return dr.select(seen, E, 0.0), E
@@ -271,7 +274,7 @@ class Tracer:
     # --- the two estimators ---------------------------------------------------------------------------------------------
 
     def irradiance(self, p: np.ndarray, n: np.ndarray, g: np.ndarray, side: int, seed: int, bounces: int = 1) -> np.ndarray:
-        """(N, 3) E of so many `bounces` at points `p` (N, 3) with shading and geometric normals `n`, `g`; side² paths each."""
+        """Return (N, 3) E of `bounces` at `p` (N, 3) with shading and geometric normals `n`, `g`; side² paths each."""
         step = max(LANES // (side * side), 1)
         parts = [np.zeros((0, 3))]
         for k in range(0, len(p), step):
@@ -285,10 +288,10 @@ class Tracer:
         point = lane // count
         p, n, g = (dr.gather(mi.Vector3f, x, point) for x in (p, n, g))
         generator: Any = mi.PCG32
-        random: Lanes = generator(size=dr.width(lane), initstate=dr.opaque(mi.UInt64, seed))  # or each seed would be compiled
+        random: Lanes = generator(size=dr.width(lane), initstate=dr.opaque(mi.UInt64, seed))  # avoids a compilation per seed
         stratum = mi.Point2u((lane % count) % side, (lane % count) // side)
 
-        def uniform() -> Lanes:  # a point in the unit square per lane, of the first vertex a stratified one
+        def uniform() -> Lanes:  # a point in the unit square per lane, stratified at the first vertex
             u = mi.Point2f(random.next_float32(), random.next_float32())
             return u if vertex else (mi.Point2f(stratum) + u) / side
 
@@ -316,7 +319,7 @@ class Tracer:
         return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) / count
 
     def _seen(self, p: Lanes, n: Lanes, g: Lanes, uniform: Lanes, single: Lanes) -> tuple[Lanes, Hit]:
-        """E_1 at each p as estimated by one ray from it, one from each light, and one to an emitter; and the hits of the first.
+        """Return E_1 at each p, estimated by one ray, one ray from each light and one emitter connection; and the rays' hits.
 
         uniform: draws points of the unit square; single: numbers.
         """
@@ -344,7 +347,7 @@ class Tracer:
         return total, q
 
     def sky(self, direction: Lanes) -> Lanes:
-        """The radiance that comes from unit directions where there is no surface; of a map its own texels, without its suns."""
+        """Return the sky's radiance along unit directions; texels of a map, without its suns."""
         environment = self.scene.environment
         if environment is not None:
             assert self.sky_map is not None
@@ -361,9 +364,9 @@ class Tracer:
         return radiance
 
     def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> Lanes:
-        """The share of E_1 that comes from connecting points of emitting triangles to p.
+        """Return the contribution to E_1 of connections between emitting triangles and p.
 
-        whole: the sum of the groups' weights at p. u: a point of the unit square, jitter: a number, to draw by.
+        whole: sum of the clusters' weights at p. u: random point of the unit square, jitter: random number.
         """
         assert self.emitters is not None
         face, rest = self.emitters.draw(p, n, whole, u.x, jitter)
@@ -388,7 +391,7 @@ class Tracer:
         return dr.select(active & (p_emitter > 0.0), emission * (geometry / (p_ray + p_emitter)), 0.0)
 
     def _from_light(self, light: Light, p: Lanes, n: Lanes, g: Lanes, u: Lanes) -> Lanes:
-        """The share of E_1 that comes from connecting the hits of rays from `light` to p."""
+        """Return the contribution to E_1 of connections between hits of rays from `light` and p."""
         edge = beam_edge(light)
         direction = uniform_cap(u, edge)
         if edge > -1.0:
@@ -398,7 +401,7 @@ class Tracer:
         r = dr.norm(back)
         back /= r + TINY
         cos_p = dr.dot(n, -back)
-        # only the side of q that the light sees is lit, so p must lie on that side
+        # only the lit side of q emits, so p must be on that side
         active = q.valid & (r > 0.0) & (cos_p > 0.0) & (dr.dot(g, -back) > 0.0) & (dr.dot(q.g, back) > 0.0)
         E, _, _ = self.unoccluded(light, q.p, q.n, q.g)
         active &= self.visible(p, -back, r, active & lights(E))
@@ -409,7 +412,7 @@ class Tracer:
 
     @staticmethod
     def _densities(light: Light, p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> tuple[Lanes, Lanes]:
-        """Densities per area at q of a cosine-distributed ray from p, and of a ray from the light."""
+        """Return the densities per area at q of a cosine-distributed ray from p, and of a ray from the light."""
         to_light = mi.Point3f(*light.position) - q
         d = dr.norm(to_light)
         edge = beam_edge(light)
@@ -422,7 +425,7 @@ class Tracer:
 
 
 def _world(positions: np.ndarray, faces: np.ndarray) -> Any:
-    """Triangles as Mitsuba intersects them; one without extent where there are none."""
+    """Return triangles for Mitsuba; a degenerate one for an empty scene."""
     faces = faces if len(faces) else np.zeros((1, 3))
     mesh = mi.Mesh("scene", vertex_count=len(positions), face_count=len(faces))
     parameters = mi.traverse(mesh)
@@ -438,12 +441,13 @@ class _LaneHits:
     def __init__(self, tracer: Tracer, camera: Camera, directions: np.ndarray) -> None:
         self.world, self.epsilon, self.directions = tracer.camera_world, tracer.epsilon, directions
         self.eye = np.asarray(camera.eye, float)
-        # rays set out where they enter the scene's sphere: from an eye far away, float32 would miss by pixels
+        # rays start where they enter the scene's sphere: from a distant eye, float32 would miss by pixels
         middle = tracer.scene.bounds.mean(axis=0)
         self.entry = directions @ (middle - self.eye) - 0.51 * tracer.scene.diagonal
 
     def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """(found, triangle, u, v, distance) of the nearest hits of rays by number (N,) farther than `beyond` (N,)."""
+        """Return (found, triangle, u, v, distance) of the nearest hits of rays by number (N,) beyond the distances `beyond`
+        (N,)."""
         start = np.maximum(np.maximum(beyond, self.epsilon), self.entry[pixel])
         d = self.directions[pixel]
         ray = mi.Ray3f(mi.Point3f((self.eye + start[:, None] * d).T), mi.Vector3f(d.T))
@@ -456,20 +460,20 @@ class _LaneHits:
 def view(
     tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
 ) -> Visible:
-    """What the camera sees through one point of every pixel, as camera_rays has it; one ray a pixel, row by row."""
+    """Return the surfaces at one point of every pixel, see camera_rays; one ray per pixel, row by row."""
     directions = camera_rays(camera, size, dx, dy)
     return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions), tracer.epsilon)
 
 
-def look(
+def visible_hits(
     tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
 ) -> Hit:
-    """The surfaces that the camera sees through one point of every pixel, with their mapped normals; one lane per pixel."""
+    """Return the visible surfaces at one point of every pixel, with mapped normals; one lane per pixel."""
     return surface(view(tracer, camera, size, dx, dy), camera)
 
 
 def surface(found: Visible, camera: Camera) -> Hit:
-    """What rays of a camera see, in lanes."""
+    """Return the surfaces along a camera's rays, in lanes."""
     toward = found.position - np.asarray(camera.eye)
     away = ((found.normal * toward).sum(1) >= 0.0) | ((found.smooth * toward).sum(1) >= 0.0)
     return Hit(
@@ -485,32 +489,32 @@ def surface(found: Visible, camera: Camera) -> Hit:
 
 
 def image(values: Lanes, size: tuple[int, int]) -> np.ndarray:
-    """(H, W, …) array of what lies in W·H lanes."""
+    """Return an (H, W, …) array of W·H lanes."""
     array, (width, height) = np.array(values), size
     return array.T.reshape(height, width, -1) if array.ndim == 2 else array.reshape(height, width)
 
 
 def survival(weight: Lanes) -> Lanes:
-    """The probability that a path of this weight goes on: 1 while its brightest channel is above LEAST_WEIGHT."""
+    """Return the survival probability of a path of this weight: 1 while its brightest channel exceeds LEAST_WEIGHT."""
     most = dr.select(weight.x > weight.y, weight.x, weight.y)
     most = dr.select(most > weight.z, most, weight.z) / LEAST_WEIGHT
     return dr.select(most < 1.0, most, 1.0)
 
 
 def has_cone(light: Light) -> bool:
-    """Whether the light is a spot; half angles of 90 and 180 degrees mean no cone, as in the scene format."""
+    """True for a spot; half angles of 90 and 180 degrees mean no cone, as in the scene format."""
     return not light.directional and light.has_cone and light.spot_cutoff not in (90.0, 180.0)
 
 
 def beam_edge(light: Light) -> float:
-    """The least cosine of an angle to its axis at which a positional light shines; -1: all around."""
+    """Return the least cosine to its axis at which a positional light emits; -1: all around."""
     if light.photometry is not None:
-        return cos(radians(max(light.photometry.reach, 1.0)))  # 1: one that shines nowhere is tried all the same
+        return cos(radians(max(light.photometry.reach, 1.0)))  # 1: a light without emission gets rays as well
     return cos(radians(light.spot_cutoff)) if has_cone(light) else -1.0
 
 
 def axis(light: Light) -> list[float]:
-    """The unit axis of a spot or luminaire, from the light to the point that it is aimed at."""
+    """Return the unit axis of a spot or luminaire, pointing away from the light."""
     if light.photometry is not None:
         return [float(x) for x in -light.frame[2]]
     toward = np.subtract(light.spot_target or (0.0, 0.0, 0.0), light.position)

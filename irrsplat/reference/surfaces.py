@@ -1,6 +1,6 @@
-"""The surfaces of a scene as tables, and what is at a point of one of its triangles: colours, opacity, normals. NumPy alone.
+"""The surfaces of a scene as tables, and colours, opacity and normals at points of its triangles. NumPy alone.
 
-Written independently of flatten and of the shaders, for truths to compare them with.
+Written independently of flatten and of the shaders, as a reference for both.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from irrsplat.scene.model import Material, Mesh, Scene, Texture
 class Points(NamedTuple):
     """N points on surfaces, float64; normals are unit, world space.
 
-    position: (N, 3). front: (N, 3) the geometric normal on the side from which the triangle is wound counter-clockwise.
-    smooth: (N, 3) the interpolated normal, mapped: (N, 3) the same bent by the normal map; both on the side of `front`.
-    albedo, emission: (N, 3). opacity: (N,), 1 where the material ignores it. material: (N,) numbers.
+    position: (N, 3). front: (N, 3) geometric normal on the side of counter-clockwise winding. smooth: (N, 3) interpolated normal,
+    mapped: (N, 3) with normal map; both on the side of `front`. albedo, emission: (N, 3). opacity: (N,), 1 if the material
+    ignores it. material: (N,) numbers.
     """
 
     position: np.ndarray
@@ -35,15 +35,15 @@ class Points(NamedTuple):
 
 @dataclass(frozen=True)
 class MaterialTable:
-    """Materials by number, arrays of an entry each: their fields as scene.Material has them, and which texture of `textures` a
-    material has for albedo, emission and normal, -1: none."""
+    """Materials by number, one array per field of scene.Material, and numbers in `textures` of albedo, emission and normal maps,
+    -1: none."""
 
     materials: tuple[Material, ...]
     textures: tuple[Texture, ...]
     texture: dict[str, np.ndarray]
     normal_scale: np.ndarray
-    reads_opacity: np.ndarray  # whether it does not ignore it
-    cut_out: np.ndarray  # the opacity from which on it is there; 0: always
+    reads_opacity: np.ndarray  # True unless the material ignores opacity
+    cut_out: np.ndarray  # least opacity of a hit; 0: always hit
     light_cutoff: np.ndarray
     filters: np.ndarray
     transmission: np.ndarray
@@ -51,7 +51,7 @@ class MaterialTable:
 
     @staticmethod
     def of(materials: tuple[Material, ...]) -> MaterialTable:
-        """The table of these."""
+        """Return the table of these materials."""
         numbers: dict[Texture, int] = {}
         texture: dict[str, np.ndarray] = {}
         for kind in ("albedo", "emission", "normal"):
@@ -76,15 +76,16 @@ class MaterialTable:
 class Surfaces:
     """All triangles of a scene, mesh by mesh.
 
-    positions, normals: (V, 3) float32. albedo: (V, 3) float32, the factor or the colours of vertices. opacity: (V,) float32.
-    shine: (V, 3) float32, a factor on emission. uvs: (V, 4) float32. faces: (F, 3) int64. material: (F,) numbers in `materials`.
+    positions, normals: (V, 3) float32. albedo: (V, 3) float32, the factor or the vertex colours. opacity: (V,) float32.
+    emission_factor: (V, 3) float32, a factor on emission. uvs: (V, 4) float32. faces: (F, 3) int64. material: (F,) numbers in
+    `materials`.
     """
 
     positions: np.ndarray
     normals: np.ndarray
     albedo: np.ndarray
     opacity: np.ndarray
-    shine: np.ndarray
+    emission_factor: np.ndarray
     uvs: np.ndarray
     faces: np.ndarray
     material: np.ndarray
@@ -92,7 +93,7 @@ class Surfaces:
 
     @staticmethod
     def of(scene: Scene) -> Surfaces:
-        """The scene's."""
+        """Return the scene's surfaces."""
         meshes = [m for m in scene.meshes if len(m.faces)]
         first = np.cumsum([0] + [len(m.positions) for m in meshes])[:-1]
         count = [len(m.faces) for m in meshes]
@@ -122,44 +123,44 @@ class Surfaces:
 
     @cached_property
     def textures(self) -> TextureTable:
-        """The textures of `materials`."""
+        """Textures of `materials`."""
         return TextureTable.of(self.materials.textures, NumpyBackend())
 
     @cached_property
-    def shines_unevenly(self) -> np.ndarray:
-        """(F,) bool: whether a triangle's vertices differ from 1 in the factor on its emission."""
-        uneven: np.ndarray = (self.shine != 1.0).any(axis=1)[self.faces].any(axis=1)
+    def emission_varies(self) -> np.ndarray:
+        """(F,) bool: True if a vertex of the triangle has an emission factor other than 1."""
+        uneven: np.ndarray = (self.emission_factor != 1.0).any(axis=1)[self.faces].any(axis=1)
         return uneven
 
     @cached_property
     def emission(self) -> np.ndarray:
-        """(F, 3) float32: the triangles' emission before any texture, and any factor of vertices."""
+        """(F, 3) float32: the triangles' emission before textures and vertex factors."""
         factors = np.array([m.emission for m in self.materials.materials]).reshape(-1, 3)
         chosen: np.ndarray = factors[self.material].astype(np.float32)
         return chosen
 
     @cached_property
     def least_and_most_opacity(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two of (F,): bounds of the opacity on each triangle, as light sees it."""
+        """Bounds of the opacity on each triangle for light, two of (F,)."""
         table, corners = self.materials, self.opacity[self.faces]
         low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=0.0)
         alphas = {
             id(t.image): (t.image.pixels[..., 3].min() / 255.0, t.image.pixels[..., 3].max() / 255.0) for t in table.textures
         }
-        ends = np.array([*(alphas[id(t.image)] for t in table.textures), (1.0, 1.0)])  # the last one: of no texture
+        ends = np.array([*(alphas[id(t.image)] for t in table.textures), (1.0, 1.0)])  # the last one stands for no texture
         least, most = ends[table.texture["albedo"][self.material]].T
         reads = table.reads_opacity[self.material]
         return np.where(reads, low * least, 1.0), np.where(reads, high * most, 1.0)
 
     @cached_property
     def seen_by_light(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two of (F,) bool: whether light may see a triangle at all, and whether that depends on the point."""
+        """Two of (F,) bool: True if light may hit the triangle, and if that depends on the point."""
         least, most = self.least_and_most_opacity
         cutoff = self.materials.light_cutoff[self.material]
         return most >= cutoff, (most >= cutoff) & (least < cutoff)
 
     def at(self, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> Points:
-        """What is at the points a + u(b - a) + v(c - a) of triangles (N,) with corners a, b, c; u, v: (N,)."""
+        """Return the surface points a + u(b - a) + v(c - a) of triangles (N,) with corners a, b, c; u, v: (N,)."""
         corners = self.faces[triangle]
         share = np.stack([1.0 - u - v, u, v], axis=1)
 
@@ -174,7 +175,7 @@ class Surfaces:
         smooth = np.where((smooth * front).sum(1, keepdims=True) < 0.0, -smooth, smooth)
         material, table = self.material[triangle], self.materials
         albedo, opacity = blended(self.albedo), blended(self.opacity)
-        emission = self.emission[triangle].astype(np.float64) * blended(self.shine)
+        emission = self.emission[triangle].astype(np.float64) * blended(self.emission_factor)
         uvs = blended(self.uvs)
         mapped = smooth
         if table.textures:
@@ -186,7 +187,7 @@ class Surfaces:
         return Points(blended(self.positions), front, smooth, mapped, albedo, emission, opacity, material)
 
     def _color(self, kind: str, material: np.ndarray, uvs: np.ndarray, linear: bool = False) -> list[np.ndarray]:
-        """Red, green, blue and alpha, (N,) each, of the material's texture of this kind; 1 where it has none."""
+        """Return red, green, blue and alpha, (N,) each, of the material's texture of this kind; 1 without a texture."""
         number = self.materials.texture[kind][material]
         at = np.flatnonzero(number >= 0)
         found = [np.ones(len(number)) for _ in range(4)]
@@ -198,10 +199,10 @@ class Surfaces:
     def _bent(
         self, triangle: np.ndarray, material: np.ndarray, uvs: np.ndarray, smooth: np.ndarray, front: np.ndarray
     ) -> np.ndarray:
-        """(N, 3) the normals that the normal maps make of `smooth`, none below the surface whose normal is `front`.
+        """Return (N, 3) `smooth` normals bent by the normal maps, none below the surface with normal `front`.
 
-        The tangent runs along the image to the right, the bitangent upward in it; both are made perpendicular to `smooth`.
-        Where the coordinates are missing or degenerate, nothing is bent.
+        The tangent points right in the image, the bitangent up; both are made perpendicular to `smooth`. Missing or degenerate
+        texture coordinates leave the normal unchanged.
         """
         number = self.materials.texture["normal"][material]
         at = np.flatnonzero(number >= 0)
@@ -209,7 +210,7 @@ class Surfaces:
             return smooth
         corners, n = self.faces[triangle[at]], smooth[at]
         p = self.positions[corners].astype(np.float64)
-        # the coordinates in the image, so that a transform that turns the map turns what it says as well
+        # image coordinates, so that a transform that rotates the map rotates its normals as well
         places = [self.textures.place(number[at], tuple(self.uvs[corners[:, k]].astype(np.float64).T)) for k in range(3)]
         (du1, dv1), (du2, dv2) = ((places[k][0] - places[0][0], places[k][1] - places[0][1]) for k in (1, 2))
         area = du1 * dv2 - du2 * dv1
@@ -231,7 +232,7 @@ class Surfaces:
 
 
 def unit(v: np.ndarray) -> np.ndarray:
-    """(N, 3) vectors of length 1; those of length 0 stay."""
+    """Return (N, 3) vectors scaled to length 1; zero vectors stay."""
     length = np.linalg.norm(v, axis=-1, keepdims=True)
     result: np.ndarray = v / np.where(length > 0.0, length, 1.0)
     return result

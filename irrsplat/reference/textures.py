@@ -1,7 +1,7 @@
-"""All images of a scene as one table of texels, and the colour that a texture has at a point, at full resolution.
+"""All images of a scene as one table of texels, and texture colours at points, at full resolution.
 
-Written independently of the shaders, for truths to compare them with. `color_at` runs on NumPy's arrays as well as on the
-lanes of a path tracer: all that the two do differently is in a `Backend`.
+Written independently of the shaders, as their reference. `color_at` runs on NumPy's arrays and on a path tracer's lanes; a
+`Backend` holds the differences.
 """
 
 from __future__ import annotations
@@ -15,61 +15,61 @@ import numpy as np
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.scene.model import Image, Texture
 
-Values: TypeAlias = Any  # an array with an entry a point; its class is the backend's
+Values: TypeAlias = Any  # an array with one entry per point; its class depends on the backend
 
 _WRAPS = {"repeat": 0.0, "mirror": 1.0, "clamp": 2.0}
-_NUMBERS = 12  # of a texture: width, height, wrap u and v, nearest, which set of coordinates, and six of the transform
-_FARTHEST = 1e9  # texture coordinates beyond that, and those that are not numbers, count as 0
+_NUMBERS = 12  # per texture: width, height, wrap u and v, nearest, the set of coordinates, and six of the transform
+_FARTHEST = 1e9  # texture coordinates beyond, and NaN, count as 0
 
 
 class Backend(Protocol):
-    """What differs between arrays of NumPy and lanes."""
+    """Operations that differ between NumPy's arrays and lanes."""
 
     def array(self, values: np.ndarray) -> Values:
-        """A table that `gather` reads: float32 or uint32, one dimension."""
+        """Return a table for `gather`: float32 or uint32, one dimension."""
 
     def gather(self, table: Values, index: Values) -> Values:
-        """The table's entries."""
+        """Return the table's entries."""
 
     def select(self, condition: Values, yes: Values, no: Values) -> Values:
-        """`yes` where the condition holds, else `no`."""
+        """Return `yes` for entries with `condition`, else `no`."""
 
     def floor(self, x: Values) -> Values:
-        """The greatest whole numbers up to x, as floats."""
+        """Return the greatest whole numbers up to x, as floats."""
 
     def whole(self, x: Values) -> Values:
-        """Whole floats, not negative, as unsigned integers."""
+        """Return whole floats, not negative, as unsigned integers."""
 
 
 class NumpyBackend:
-    """NumPy's arrays; calculated in float64."""
+    """NumPy's arrays, in float64."""
 
     def array(self, values: np.ndarray) -> Values:
-        """The values themselves."""
+        """Return the values, floats as float64."""
         return values if values.dtype.kind == "u" else values.astype(np.float64)
 
     def gather(self, table: Values, index: Values) -> Values:
-        """The table's entries."""
+        """Return the table's entries."""
         return table[index]
 
     def select(self, condition: Values, yes: Values, no: Values) -> Values:
-        """`yes` where the condition holds, else `no`."""
+        """Return `yes` for entries with `condition`, else `no`."""
         return np.where(condition, yes, no)
 
     def floor(self, x: Values) -> Values:
-        """The greatest whole numbers up to x."""
+        """Return the greatest whole numbers up to x."""
         return np.floor(x)
 
     def whole(self, x: Values) -> Values:
-        """Whole floats as indices."""
+        """Return whole floats as indices."""
         return x.astype(np.int64)
 
 
 @dataclass(frozen=True)
 class TextureTable:
-    """Textures by number, in the order in which they were given to `of`.
+    """Textures by number, in the order given to `of`.
 
-    texels: (N,) of all images, each once, row by row: red in the lowest byte, alpha in the highest. first: (T,) the number of a
+    texels: (N,) of all images, each once, row by row: red in the lowest byte, alpha in the highest. first: (T,) number of a
     texture's first texel. numbers: (T · _NUMBERS,). decode: (256,) linear values of sRGB-encoded bytes.
     """
 
@@ -81,7 +81,7 @@ class TextureTable:
 
     @staticmethod
     def of(textures: Iterable[Texture], backend: Backend) -> TextureTable:
-        """The table of these textures, whose numbers are their places."""
+        """Return the table of these textures, numbered in order."""
         textures = list(textures)
         images: dict[int, Image] = {id(t.image): t.image for t in textures}
         sizes = [image.pixels.shape[0] * image.pixels.shape[1] for image in images.values()]
@@ -100,16 +100,17 @@ class TextureTable:
         )
 
     def place(self, number: Values, uvs: tuple[Values, ...]) -> tuple[Values, Values]:
-        """The image's coordinates, from (0, 0) at its top left to (1, 1) at its bottom right, for a surface's (u, v, u, v)."""
+        """Return image coordinates, from (0, 0) at the top left to (1, 1) at the bottom right, for surface coordinates (u, v, u,
+        v)."""
         select, (second, a, b, c, d, e, f) = self.backend.select, (self._number(number, k) for k in range(5, _NUMBERS))
         u, v = (select(second > 0.5, uvs[2 + k], uvs[k]) for k in range(2))
         u, v = (select((x > -_FARTHEST) & (x < _FARTHEST), x, 0.0 * a) for x in (u, v))
         return a * u + b * v + c, d * u + e * v + f
 
     def color_at(self, number: Values, uvs: tuple[Values, ...], linear: bool = False) -> tuple[Values, Values, Values, Values]:
-        """Red, green, blue and alpha of textures by `number` at texture coordinates (u, v, u, v), bilinear between texels.
+        """Return red, green, blue and alpha of textures by `number` at texture coordinates (u, v, u, v), bilinear between texels.
 
-        The colours are decoded before they are blended; linear: they are the stored values, 0..1, as in a normal map.
+        Colours are decoded before interpolation; linear: stored values, 0..1, as in a normal map.
         """
         backend, select = self.backend, self.backend.select
         width, height, wrap_u, wrap_v, nearest = (self._number(number, k) for k in range(5))
@@ -118,7 +119,7 @@ class TextureTable:
         for coordinate, size, wrap in zip(self.place(number, uvs), (width, height), (wrap_u, wrap_v), strict=True):
             x = select(
                 wrap > 1.5, coordinate, coordinate - 2.0 * backend.floor(0.5 * coordinate)
-            )  # of no effect on the colour; keeps float32 precise
+            )  # no effect on the colour; keeps float32 precise
             x = x * size - select(nearest > 0.5, 0.0 * size, 0.5)
             low = backend.floor(x)
             share = select(nearest > 0.5, 0.0 * size, x - low)
@@ -137,7 +138,7 @@ class TextureTable:
         return self.backend.gather(self.numbers, number * _NUMBERS + k)
 
     def _wrapped(self, i: Values, size: Values, wrap: Values) -> Values:
-        """The texel that stands at place i, a whole number, of a row of `size` texels that goes on as `wrap` says."""
+        """Return the texel at the whole number i of a row of `size` texels continued by `wrap`."""
         backend, select = self.backend, self.backend.select
         mirrored = (wrap > 0.5) & (wrap < 1.5)
         period = select(mirrored, 2.0 * size, size)

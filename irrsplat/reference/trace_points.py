@@ -1,4 +1,4 @@
-"""Irradiance at given points by path tracing, timed with more and more samples: what the benchmark compares renderers with.
+"""Irradiance at given points by path tracing, timed with increasing sample counts, for the benchmark.
 
 Importing this needs the extra `reference`. `main` is the process that the benchmark starts.
 """
@@ -20,12 +20,12 @@ from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Light, Mesh, Scene
 
 METHODS = ("path", "joined")
-_BATCH = 4  # samples of every point at once, by Mitsuba's own integrator
-_SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # of the stratified grids of the other
+_BATCH = 4  # samples per point at once, by Mitsuba's own integrator
+_SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of the other method
 
 
 class TimedLevels(TypedDict):
-    """load: seconds until the scene can be traced. levels: (samples a point, seconds, relative RMSE), without compiling."""
+    """load: seconds until the scene can be traced. levels: (samples per point, seconds, relative RMSE), without compilation."""
 
     load: float
     threads: int
@@ -43,11 +43,11 @@ def timed(
     seconds: float,
     report: Callable[[float], object],
 ) -> TimedLevels:
-    """Irradiance of so many `bounces` at `points`, each (N, 3): positions, shading and geometric normals.
+    """Return times and errors of irradiance with `bounces` at `points`, (N, 3) each: positions, shading and geometric normals.
 
-    judged: (M,) numbers of the points whose irradiance is `truth` (M, 3). method: "path", Mitsuba's own integrator on
-    cosine-distributed rays, or "joined", Tracer's, which joins every vertex to what each lamp shines on as well.
-    Goes on until the relative RMSE is at most `enough`, or for so many `seconds`.
+    judged: (M,) numbers of the points with reference irradiance `truth` (M, 3). method: "path", Mitsuba's own integrator on
+    cosine-distributed rays, or "joined", Tracer's, which also connects every vertex to the first hits of each light's rays. Ends
+    at a relative RMSE of at most `enough`, or after `seconds`.
     """
     start = time.perf_counter()
     levels = {"path": _path, "joined": _joined}[method](scene, points, bounces)
@@ -64,18 +64,18 @@ def timed(
 
 
 def main() -> None:
-    """Answer the process that started this one with `timed`."""
+    """Send `timed` to the parent process."""
     serve(timed)
 
 
-Level = tuple[int, float, np.ndarray]  # samples a point, seconds so far, irradiance (N, 3)
+Level = tuple[int, float, np.ndarray]  # samples per point, seconds so far, irradiance (N, 3)
 
 
 def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
-    """None once the scene is there; then a Level whenever the samples have doubled."""
+    """Yield None once the scene is loaded; then a Level whenever the samples have doubled."""
     world, epsilon = _world(scene), 2e-5 * scene.diagonal
     p, n, g = (mi.Vector3f(a.T.astype(np.float32)) for a in points)
-    # with one bounce there is nothing but direct light at the hit, and `path` would send a further ray for nothing
+    # one bounce needs only direct light at the hit; `path` would trace a further ray for nothing
     direct = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
     integrator = mi.load_dict(direct if bounces == 1 else {"type": "path", "max_depth": bounces + 1})
     yield None
@@ -103,7 +103,7 @@ def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounc
 
 
 def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
-    """None once the scene is there; then a Level for every one of _SIDES, each anew: more strata, not more of them."""
+    """Yield None once the scene is loaded; then a Level for each of _SIDES, with new strata each."""
     tracer = Tracer(scene)
     yield None
     p, n, g = points
@@ -116,12 +116,12 @@ def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bou
 
 
 def _world(scene: Scene) -> Any:
-    """The scene as Mitsuba has it; raises IrrsplatError for what it lacks."""
+    """Return the scene in Mitsuba's terms; raises IrrsplatError for unsupported features."""
     lit = any(max(mesh.material.emission) > 0.0 for mesh in scene.meshes) or max(scene.sky) > 0.0 or any(scene.sky_gradient)
     lit = lit or scene.environment is not None
     plain = all(not m.material.textures and not m.material.light_cutoff and m.colors is None for m in scene.meshes)
     if lit or not plain:
-        # emitters would light a hit directly as well, a bounce too many
+        # emitters would also light a hit directly, one bounce too many
         raise IrrsplatError("Mitsuba's own integrator is timed on scenes of plain colours, opaque, that lamps alone light")
     parts: dict[str, Any] = {f"mesh{i}": _mesh(mesh) for i, mesh in enumerate(scene.meshes) if len(mesh.faces)}
     return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _lamp(light) for i, light in enumerate(scene.lights)}})
@@ -161,6 +161,6 @@ def _lamp(light: Light) -> dict[str, Any]:
 
 
 def _across(light: Light) -> list[float]:
-    """A vector that is not parallel to the spot's axis."""
+    """Return a vector that is not parallel to the spot's axis."""
     axis = np.abs(np.subtract(light.spot_target or (0.0, 0.0, 0.0), light.position))
     return [float(x) for x in np.eye(3)[axis.argmin()]]

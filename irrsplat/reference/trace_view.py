@@ -1,4 +1,4 @@
-"""A path-traced view: irradiance in two halves, direct light, and the pixels where both may be compared.
+"""A path-traced view: irradiance in two halves, direct light, and the pixels for comparison.
 
 Importing this needs the extra `reference`. `main` is the process that `irrsplat.reference.worker` starts.
 """
@@ -15,30 +15,32 @@ import numpy as np
 from irrsplat.reference.camera_view import Visible
 from irrsplat.reference.caster import camera_rays
 from irrsplat.reference.lanes import lights
-from irrsplat.reference.path_tracer import Hit, Tracer, image, look, surface, view
+from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
 from irrsplat.reference.worker import Pass, Report, serve
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
-PLANE = 0.01  # distance of its neighbours from its tangent plane, in diagonals
-FAR_FROM_EDGES = 3  # pixels: direct light is compared where a shadow's edge is farther than this
-_FINE = 4  # textures are looked up in side² points of every pixel
+PLANE = 0.01  # in diagonals: distance of a pixel's neighbours from its tangent plane
+FAR_FROM_EDGES = 3  # pixels: least distance of compared direct light from a shadow's edge
+_FINE = 4  # textures are sampled at side² points of every pixel
 _PART = 1 << 22  # samples between two reports of progress
-_SEEDS = 1 << 20  # more than one pass draws by
+_SEEDS = 1 << 20  # more than the seeds of one pass
 
 
 def trace(
     scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, report: Callable[[float], object]
 ) -> dict[str, np.ndarray]:
-    """The arrays of a `Traced` view of W×H pixels, irradiance of so many `bounces`, side² samples of each kind per pixel and
-    half; report: called with the share done."""
+    """Return the arrays of a `Traced` view of W×H pixels: irradiance of `bounces`, side² samples of each kind per pixel and half.
+
+    report: called with the finished share.
+    """
     width, height = size
     tracer = Tracer(scene)
     middle = view(tracer, camera, size)
     hit, centre = surface(middle, camera), middle.image(size)
     seen, smooth = centre.seen, valid_pixels(centre.position, centre.smooth, centre.seen, scene.diagonal)
     direct, changes = direct_light(tracer, camera, hit, size)
-    valid = smooth & ~image(hit.ambiguous, size)  # which way is "turned to the camera" there is a matter of taste
+    valid = smooth & ~image(hit.ambiguous, size)  # the side turned to the camera is ambiguous there
     if any(mesh.material.textures for mesh in scene.meshes):
         albedo, normal = over_pixels(tracer, camera, size, centre)
         hit = replace(hit, n=mi.Vector3f(normal.reshape(-1, 3).T), albedo=mi.Color3f(albedo.reshape(-1, 3).T))
@@ -66,7 +68,7 @@ def trace(
 
 @dataclass(frozen=True)
 class _Places:
-    """Where irradiance is wanted, (H, W, …): the pixels that are `seen`, with positions, shading and geometric normals."""
+    """Sites of irradiance, (H, W, …): the `seen` pixels, with positions, shading and geometric normals."""
 
     seen: np.ndarray
     position: np.ndarray
@@ -75,12 +77,11 @@ class _Places:
 
 
 def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
-    """(2, H, W, 3) irradiance of so many `bounces`, side² samples of each kind per pixel and half, drawn by the seeds
-    after `seed`."""
+    """Return (2, H, W, 3) irradiance of `bounces`, side² samples of each kind per pixel and half, from the seeds after `seed`."""
     seen = places.seen
     halves = np.zeros((2, *seen.shape, 3), np.float32)
     p, n, g = (a[seen] for a in (places.position, places.normal, places.geometric))
-    step = min(max(_PART // (side * side), 1), 65536)  # below the distance of two seeds in Tracer.irradiance
+    step = min(max(_PART // (side * side), 1), 65536)  # less than the distance of two seeds in Tracer.irradiance
     parts = [slice(k, k + step) for k in range(0, len(p), step)]
     found: list[list[np.ndarray]] = [[], []]
     for k, part in enumerate(parts):
@@ -93,8 +94,10 @@ def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int,
 
 
 def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -> None:
-    """Trace irradiance of so many `bounces` pass by pass; report: called with the share of all samples that is done, and at the
-    end of each pass with its arrays `halves`, `seen` and `valid`, as a `Traced` view has them."""
+    """Trace irradiance of `bounces` pass by pass.
+
+    report: called with the finished share of all samples, and after each pass with `halves`, `seen` and `valid`, see `Traced`.
+    """
     tracer, done, whole = Tracer(scene), 0.0, sum(one.samples * one.pixels for one in passes)
     before, places, valid = None, None, np.zeros(0, bool)
     for one in passes:
@@ -108,12 +111,12 @@ def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -
 
 
 def _report_part(report: Report, done: float, share: float, part: float) -> None:
-    """Report `done` and so much of the `share` that comes next."""
+    """Report `done` plus the given part of the next `share`."""
     report(done + share * part)
 
 
 def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, np.ndarray]:
-    """What the pixels' centres see, and (H, W) the pixels in which irradiance may be compared."""
+    """Return the sites at the pixels' centres, and (H, W) the pixels for the comparison of irradiance."""
     middle = view(tracer, camera, size)
     centre, hit = middle.image(size), surface(middle, camera)
     albedo, normal = centre.albedo, centre.normal
@@ -132,10 +135,10 @@ def at_points(
     bounces: int,
     report: Callable[[float], object],
 ) -> dict[str, np.ndarray]:
-    """The light at points on surfaces, positions, shading and geometric normals (N, 3) each.
+    """Return the light at points on surfaces; positions, shading and geometric normals are (N, 3) each.
 
-    `halves`: (2, N, 3) irradiance of so many `bounces`, side² samples of each kind per point and half, in W/m². `direct`: (M, 3)
-    W/m² straight from the lamps at the points `shadowed`, M of the same three. report: called with the share done.
+    `halves`: (2, N, 3) irradiance of `bounces`, side² samples of each kind per point and half, in W/m². `direct`: (M, 3) W/m²
+    directly from the lights at the points `shadowed`, M of each kind. report: called with the finished share.
     """
     tracer, p = Tracer(scene), points[0]
     where = _Places(np.ones((1, len(p)), bool), *(np.asarray(a, np.float64)[None] for a in points))
@@ -151,10 +154,10 @@ def at_points(
 
 
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 3) albedo and mapped normal as means over every pixel, of what lies on the surface that its centre sees.
+    """Return (H, W, 3) albedo and mapped normal, averaged over every pixel's part on the surface at its centre.
 
-    A texture may be finer than a pixel, and no renderer shows the texel that happens to lie in the middle. Of normals only what
-    maps bend them by is averaged: a bevel that shares the pixel would else turn the flat side that its centre sees.
+    A texture may be finer than a pixel, and no renderer shows exactly the texel at the centre. Normals are averaged only where
+    maps bend them, so that a bevel in the pixel does not turn the flat side at its centre.
     """
     albedo, bent = centre.albedo.copy(), centre.normal - centre.smooth
     count = np.ones((*centre.seen.shape, 1))
@@ -171,7 +174,7 @@ def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: V
 
 
 def neighbours(array: np.ndarray, reach: int = 1) -> np.ndarray:
-    """(windows, H, W, …) views of `array` shifted by up to `reach` pixels; its border is repeated outward."""
+    """Return (windows, H, W, …) views of `array` shifted by up to `reach` pixels; its border is repeated outward."""
     width = [(reach, reach)] * 2 + [(0, 0)] * (array.ndim - 2)
     padded = np.pad(array, width, mode="edge")
     h, w = array.shape[:2]
@@ -180,7 +183,7 @@ def neighbours(array: np.ndarray, reach: int = 1) -> np.ndarray:
 
 
 def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, diagonal: float) -> np.ndarray:
-    """(H, W) pixels whose 3×3 neighbours are seen, have normals within ANGLE and lie within PLANE of the tangent plane."""
+    """Return (H, W) pixels whose 3×3 neighbours are visible, with normals within ANGLE, and within PLANE of the tangent plane."""
     turned = (neighbours(normal) * normal).sum(-1) >= np.cos(np.radians(ANGLE))
     flat = np.abs(((neighbours(position) - position) * normal).sum(-1)) <= PLANE * diagonal
     valid: np.ndarray = np.logical_and.reduce(turned & flat & neighbours(seen), axis=0)
@@ -189,15 +192,15 @@ def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, dia
 
 
 def reflects(albedo: np.ndarray) -> np.ndarray:
-    """(H, W) pixels in which irradiance makes a difference: a black lamp shows its own light, whatever falls on it."""
+    """Return (H, W) pixels with visible reflection; a black emitter shows only its own light."""
     some: np.ndarray = np.any(albedo > 0.0, axis=-1)
     return some
 
 
 def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 3) direct outgoing radiance at pixel centres, and (H, W) the pixels in which a light's visibility changes.
+    """Return (H, W, 3) direct outgoing radiance at pixel centres, and (H, W) the pixels where a light's visibility changes.
 
-    Visibility is looked at in 3×3 points of every pixel, so that shadows thinner than a pixel count as well.
+    Visibility is tested at 3×3 points of every pixel, so that thin shadows count as well.
     """
     width, height = size
     direct = np.zeros((height, width, 3))
@@ -209,10 +212,10 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
         least.append(np.ones((height, width), bool))
         most.append(np.zeros((height, width), bool))
     for dx, dy in _within_a_pixel(3):
-        sub = look(tracer, camera, size, dx, dy)
+        sub = visible_hits(tracer, camera, size, dx, dy)
         for k, light in enumerate(tracer.scene.lights):
             E, before = tracer.lit(light, sub)
-            # where a surface turns away from the light, or a cone ends, visibility is what is left of the light: none
+            # for surfaces turned away and outside of cones the light is zero, so visibility is as well
             visible = image(lights(E), size)
             strength[k] = np.maximum(strength[k], image(before, size).max(axis=-1))
             least[k] &= visible
@@ -226,13 +229,13 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
 
 
 def _within_a_pixel(side: int) -> np.ndarray:
-    """(side², 2) points spread evenly over a pixel, 0..1 to the right and downward."""
+    """Return (side², 2) evenly spaced points of a pixel, 0..1 to the right and downward."""
     s = (np.arange(side) + 0.5) / side
     return np.stack(np.meshgrid(s, s), -1).reshape(-1, 2)
 
 
 def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
-    """(H, W) uint8 Chebyshev distance to the nearest marked pixel, in pixels, at most `most`."""
+    """Return (H, W) uint8 Chebyshev distances to the nearest marked pixel, in pixels, at most `most`."""
     distance = np.full(marked.shape, most, np.uint8)
     reached = marked.copy()
     for step in range(most):
@@ -244,15 +247,15 @@ def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
 
 
 def main() -> None:
-    """Answer the process that started this one with `trace`."""
+    """Send `trace` to the parent process."""
     serve(trace)
 
 
 def main_refine() -> None:
-    """Answer the process that started this one with `refine`."""
+    """Send `refine` to the parent process."""
     serve(refine)
 
 
 def main_at_points() -> None:
-    """Answer the process that started this one with `at_points`."""
+    """Send `at_points` to the parent process."""
     serve(at_points)

@@ -1,4 +1,4 @@
-"""The path-traced truth of a view, read from the cache folder where it was traced before, and a frame's errors against it."""
+"""The path-traced reference of a view, cached in the cache folder, and a frame's errors relative to it."""
 
 from __future__ import annotations
 
@@ -17,25 +17,24 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 6  # of what is traced and how; older files in the cache are not read
-MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
-MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
+VERSION = 6  # of content and method; older files in the cache are ignored
+MOST_BOUNCES = preset(bounces="all").most_bounces  # a surface of reflectance ρ contributes ρ^N of the first bounce after N
+MOST_SAMPLES = 131_072  # limits the memory of samples in flight
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 SAMPLES = 2048  # rays of each kind per pixel
-OUTLIER = 0.3  # of the mean: a larger error is plain to see
+OUTLIER = 0.3  # of the mean: a larger error is clearly visible
 
 
 @dataclass(frozen=True)
 class Traced:
-    """The truth of a view of W×H pixels, top row first, float32.
+    """The reference of a view of W×H pixels, top row first, float32.
 
     halves: (2, H, W, 3) indirect irradiance in W/m², by two independent halves of the samples. direct: (H, W, 3) ρ/π·E_direct,
-    emission: (H, W, 3) of the surface, or of the sky where the scene has its own, in W/(m² sr). albedo: (H, W, 3). normal:
-    (H, W, 3) bent by the normal map, turned to the camera; irradiance is about it. tint: (H, W, 3) what filters in front leave
-    of all that; glow: (H, W, 3) the radiance that they add.
-    opacity: (H, W) of the nearest filter, or 1 of a surface. The rest are (H, W) bool:
-    seen: there is a surface. valid: and it reflects light, and is smooth in the 3×3 pixels around: irradiance is compared there.
-    clear: and no shadow's edge is near: direct light is compared there.
+    emission: (H, W, 3) of the surface, or of the scene's own sky, in W/(m² sr). albedo: (H, W, 3). normal: (H, W, 3) with normal
+    map, turned to the camera; irradiance refers to it. tint: (H, W, 3) transmittance of filters in front; glow: (H, W, 3) their
+    radiance. opacity: (H, W) of the nearest filter, or 1 for a surface. The following are (H, W) bool. seen: True for a surface.
+    valid: it also reflects light and is smooth in 3×3 pixels; irradiance is compared there. clear: also no shadow's edge is near;
+    direct light is compared there.
     """
 
     halves: np.ndarray
@@ -58,30 +57,30 @@ class Traced:
 
     @property
     def picture(self) -> np.ndarray:
-        """(H, W, 3) radiance: direct, indirect and emitted light together, through the filters in front."""
+        """(H, W, 3) radiance: direct, indirect and emitted light, through the filters in front."""
         radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
         radiance = self.tint * radiance + self.glow
         return radiance
 
     @property
     def noise(self) -> float | None:
-        """The standard error of `irradiance` over its mean, RMS over the valid pixels, as its halves tell."""
+        """Standard error of `irradiance` over its mean, RMS over the valid pixels, from its halves."""
         return noise(self.halves, self.valid)
 
 
 def noise(halves: np.ndarray, where: np.ndarray) -> float | None:
-    """The standard error of the mean of `halves` (2, H, W, 3) over that mean, RMS over the pixels `where` (H, W); None in the
+    """Return the standard error of the mean of `halves` (2, H, W, 3) over that mean, RMS over the pixels `where`; None in the
     dark."""
-    # the halves are independent and alike, so their mean has half the variance of one: that of half their difference
+    # variance of the mean = var(half)/2 = var(difference)/4, since the halves are independent
     E = halves[:, where].astype(float)
     return float(np.sqrt(np.mean((E[1] - E[0]) ** 2)) / 2.0 / E.mean()) if E.any() else None
 
 
 def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
-    """How far irradiance E (N, 3) is from the truth E_ref (N, 3), both in W/m²; None where there is no light to compare with.
+    """Return errors of irradiance E (N, 3) relative to the reference E_ref (N, 3), both in W/m²; None without light.
 
-    `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of the
-    pixels where any channel is off by more than 30 % of the mean.
+    `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of pixels
+    with an error of any channel above 30 % of the mean.
     """
     E_ref = E_ref.astype(float)
     error, mean = E - E_ref, E_ref.mean()
@@ -95,12 +94,12 @@ def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
 
 
 def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
-    """The `errors` of a frame's irradiance in the valid pixels; `net`: the `rmse` without the truth's own noise; `direct`: the
-    relative RMSE of its direct light in the clear ones; `albedo`: the median difference of its channels from the truth's, and
-    `normal`: the median angle between the normals in degrees, both in the valid pixels; `spots`: as blemishes.spots has it;
-    `fine`: the RMS of the error's fine part over the truth's mean, without the truth's own noise.
+    """Return the errors of a frame.
 
-    Raises InputError where no pixel is valid, or the sizes differ.
+    `errors` of its irradiance in the valid pixels; `net`: `rmse` without the reference's noise; `direct`: relative RMSE of direct
+    light in the clear pixels; `albedo`: median difference of its channels, and `normal`: median angle between the normals in
+    degrees, in the valid pixels; `spots`: see blemishes.spots; `fine`: RMS of the fine error over the reference's mean, without
+    the reference's noise. Raises InputError without a valid pixel, or for different sizes.
     """
     if frame.irradiance.shape != truth.direct.shape:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
@@ -128,26 +127,26 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
 
 
 def median_angle(normals: np.ndarray, others: np.ndarray, where: np.ndarray) -> float:
-    """The median angle in degrees between unit vectors (H, W, 3) in the pixels `where` (H, W)."""
-    # by half the distance of their ends: the arc cosine knows nothing finer than 0.02° in float32
+    """Return the median angle in degrees between unit vectors (H, W, 3) in the pixels `where` (H, W)."""
+    # from the chord: an arc cosine in float32 does not resolve angles below 0.02°
     half = np.linalg.norm(normals[where].astype(float) - others[where], axis=1) / 2.0
     return float(np.degrees(np.median(2.0 * np.arcsin(np.minimum(half, 1.0)))))
 
 
 def side_of(samples: int) -> int:
-    """The side of the stratified grid of each half: 2·side² samples are at least `samples`; InputError beyond 2..131072."""
+    """Return the side of each half's stratified grid: 2·side² samples are at least `samples`; InputError beyond 2..131072."""
     if not 2 <= samples <= MOST_SAMPLES:
         raise InputError(f"samples lie between 2 and {MOST_SAMPLES}, not {samples}")
     return math.isqrt((samples + 1) // 2 - 1) + 1
 
 
 def vertices(bounces: int | str) -> int:
-    """How many bounces of light are traced for the setting `bounces`: that number itself, or for "all" MOST_BOUNCES."""
+    """Return the traced number of bounces for the setting `bounces`: the number, or MOST_BOUNCES for "all"."""
     return MOST_BOUNCES if isinstance(bounces, str) else bounces
 
 
 def in_words(bounces: int | str) -> str:
-    """The setting `bounces` in a sentence, such as "one indirect bounce"."""
+    """Return the setting `bounces` in words, such as "one indirect bounce"."""
     return "all bounces" if isinstance(bounces, str) else "one indirect bounce" if bounces == 1 else f"{bounces} bounces"
 
 
@@ -160,11 +159,11 @@ def traced(
     progress: Callable[[float], object] | None = None,
     notice: Callable[[str], object] | None = None,
 ) -> Traced:
-    """The truth of a view of size (W, H), traced with `samples` rays of each kind per pixel, or read from the cache folder.
+    """Return the reference of a view of size (W, H), traced with `samples` rays of each kind per pixel, or read from the cache.
 
-    bounces: of indirect light, a number or "all". progress: called with the share done while it is traced. notice: called with
-    a line where a file of the cache is damaged or cannot be written. Raises InputError for a scene without surfaces,
-    IrrsplatError where nothing can be traced here.
+    bounces: of indirect light, a number or "all". progress: called with the finished share during tracing. notice: called with a
+    line if a file of the cache is damaged or cannot be written. Raises InputError for a scene without surfaces, IrrsplatError if
+    tracing is impossible here.
     """
     side = side_of(samples)
     if not scene.triangles:
@@ -192,12 +191,12 @@ def traced(
 
 
 def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int | str) -> str:
-    """A hash of all that the truth of a view depends on; names do not count, every bit of a number does."""
+    """Return a hash of all inputs of a view's reference; names do not matter, every bit of a number does."""
     return disk_cache.key_of(scene, camera, VERSION, size, side, vertices(bounces))
 
 
 def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str, samples: int = SAMPLES) -> Traced | None:
-    """The truth of a view as `traced` has it where it was traced before; None elsewhere, and where its file is damaged."""
+    """Return the cached reference of a view, see `traced`; None if it is missing or damaged."""
     try:
         return _read(folder() / f"truth-{key_of(scene, camera, size, side_of(samples), bounces)}.npz", size)
     except (IrrsplatError, *files.DAMAGE):
@@ -205,7 +204,7 @@ def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str
 
 
 def _read(path: Path, size: tuple[int, int]) -> Traced | None:
-    """The truth in a file, None where there is no file; raises one of files.DAMAGE for any other file."""
+    """Return the reference in a file, None for a missing file; raises one of files.DAMAGE for any other file."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

@@ -1,4 +1,4 @@
-"""The path tracer in a process of its own: its libraries print, and with some versions of LLVM abort, as no command may."""
+"""The path tracer in its own process: its libraries print, and some versions of LLVM abort, which no command may."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ _REFINE = "from irrsplat.reference.trace_view import main_refine; main_refine()"
 _AT_POINTS = "from irrsplat.reference.trace_view import main_at_points; main_at_points()"
 _BEAT = 0.1  # seconds between two calls of `progress`, at most
 INSTALL = "pip install 'irrsplat[reference]'"
-_ON_THE_WAY = ("progress", "part")  # messages after which others come
+_ON_THE_WAY = ("progress", "part")  # messages that are followed by others
 
-OnShare = Callable[[float], object]  # called with the share done, 0..1
+OnShare = Callable[[float], object]  # called with the finished share, 0..1
 
 
 class Report(Protocol):
-    """What work in another process tells on its way."""
+    """Progress reports of work in another process."""
 
     def __call__(self, share: float, part: dict[str, np.ndarray] | None = None) -> object:
-        """The share of it that is done, 0..1, and a part of the answer where one is ready."""
+        """Report the finished share, 0..1, and a part of the result if one is ready."""
 
 
 @dataclass(frozen=True)
 class Pass:
     """Samples of irradiance for every pixel of a camera's picture of `size` (W, H): side² of each kind, twice.
 
-    number: what no other pass of the same view has; it decides which samples are drawn.
+    number: unique within a view; it selects the samples.
     """
 
     camera: Camera
@@ -52,17 +52,17 @@ class Pass:
 
     @property
     def samples(self) -> int:
-        """Of each kind per pixel, by both halves."""
+        """Samples of each kind per pixel, by both halves."""
         return 2 * self.side * self.side
 
     @property
     def pixels(self) -> int:
-        """How many the picture has."""
+        """Number of the picture's pixels."""
         return self.size[0] * self.size[1]
 
 
 def require() -> None:
-    """Raises IrrsplatError where Mitsuba is not installed; whether it runs, only `trace` tells."""
+    """Raise IrrsplatError if Mitsuba is not installed; only `trace` finds out if it runs."""
     if importlib.util.find_spec("mitsuba") is None:
         raise IrrsplatError(f"there is no path tracer here (Mitsuba 3); run: {INSTALL}")
 
@@ -75,16 +75,16 @@ def trace(
     bounces: int,
     progress: OnShare | None = None,
 ) -> dict[str, np.ndarray]:
-    """What `irrsplat.reference.trace_view.trace` returns, from another process; see `call`."""
+    """Return `irrsplat.reference.trace_view.trace`, computed in another process; see `call`."""
     return cast("dict[str, np.ndarray]", call(_MAIN, (scene, camera, size, side, bounces), progress))
 
 
 def refine(
     scene: Scene, passes: Sequence[Pass], bounces: int, take: Callable[[dict[str, np.ndarray]], object], progress: OnShare
 ) -> None:
-    """Trace a view pass by pass in another process, as `irrsplat.reference.trace_view.refine` does; see `call`.
+    """Trace a view pass by pass in another process by `irrsplat.reference.trace_view.refine`; see `call`.
 
-    take: called with the arrays of each pass, one after the other.
+    take: called with the arrays of each pass in turn.
     """
     call(_REFINE, (scene, list(passes), bounces), progress, take)
 
@@ -97,7 +97,7 @@ def at_points(
     bounces: int,
     progress: OnShare | None = None,
 ) -> dict[str, np.ndarray]:
-    """What `irrsplat.reference.trace_view.at_points` returns, from another process; see `call`."""
+    """Return `irrsplat.reference.trace_view.at_points`, computed in another process; see `call`."""
     return cast("dict[str, np.ndarray]", call(_AT_POINTS, (scene, points, shadowed, side, bounces), progress))
 
 
@@ -107,11 +107,11 @@ def call(
     progress: OnShare | None = None,
     take: Callable[[dict[str, np.ndarray]], object] | None = None,
 ) -> object:
-    """The answer of another process that runs Python `code` which ends in `serve`, and gets these arguments.
+    """Return the result of another process that runs Python `code`, ending in `serve`, with these arguments.
 
-    progress: called with the share done, 0..1, several times a second; take: with each part of the answer that comes before the
-    end. An exception from them ends the process and is raised here.
-    Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
+    progress: called with the finished share, 0..1, several times a second; take: called with each early part of the result. An
+    exception from either ends the process and is raised here. Raises IrrsplatError, one line, if Mitsuba or LLVM is missing, or
+    if the process fails.
     """
     require()
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
@@ -122,13 +122,13 @@ def call(
         )
         assert process.stdin is not None and process.stdout is not None
         try:
-            with suppress(BrokenPipeError):  # it ended before it had read all: that shows in its answer
+            with suppress(BrokenPipeError):  # the process ended before reading everything, which its result shows
                 pickle.dump(arguments, process.stdin)
                 process.stdin.close()
             kind, value = _answer(process.stdout, progress, take)
             if kind is None:
                 with suppress(subprocess.TimeoutExpired):
-                    process.wait(10.0)  # its own exit status tells why
+                    process.wait(10.0)  # its own exit status has the reason
         finally:
             process.kill()
             process.wait()
@@ -145,11 +145,11 @@ def call(
 def _answer(
     stream: IO[bytes], progress: OnShare | None, take: Callable[[dict[str, np.ndarray]], object] | None
 ) -> tuple[str | None, object]:
-    """The last message of the process; (None, None) where it ended without one."""
+    """Return the last message of the process; (None, None) if it ended without one."""
     messages: queue.SimpleQueue[tuple[str | None, object]] = queue.SimpleQueue()
 
     def read() -> None:
-        with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
+        with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: the waiting caller has closed the stream
             kind = "progress"
             while kind in _ON_THE_WAY:
                 kind, value = pickle.load(stream)
@@ -172,7 +172,7 @@ def _answer(
 
 
 def _why_it_failed(status: int, said: IO[bytes]) -> str:
-    """Why the process ended without an answer, from its exit status and the last line on its stderr."""
+    """Return the reason why the process ended without a result, from its exit status and the last line on its stderr."""
     said.seek(0)
     lines = said.read().decode("utf-8", "replace").split("\n")
     last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
@@ -187,15 +187,15 @@ def _why_it_failed(status: int, said: IO[bytes]) -> str:
 
 
 def serve(work: Callable[..., object]) -> None:
-    """Call `work` with the pickled arguments on stdin and a function for the share done; its result goes to stdout.
+    """Call `work` with the pickled arguments from stdin and a progress function; write its result to stdout.
 
-    There are pickled messages (kind, value): ("progress", share) and ("part", a part of the answer), and at last ("done", result)
-    or ("error", why it cannot be).
+    The output consists of pickled messages (kind, value): ("progress", share) and ("part", a part of the result), and finally
+    ("done", result) or ("error", reason).
     """
     from irrsplat.reference.path_tracer import choose_variant
 
     with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # whatever a library prints must not come between
+        os.dup2(2, 1)  # keeps output of libraries out of the messages
 
         def say(kind: str, value: object) -> None:
             pickle.dump((kind, value), answers)

@@ -1,4 +1,4 @@
-"""Skies of the CIE, as Radiance's `gensky` has them: luminance by direction, the zenith's, and the sun's."""
+"""CIE skies as in Radiance's `gensky`: luminance by direction, of the zenith, and of the sun."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ CIE_KINDS: tuple[CieKind, ...] = get_args(CieKind)
 TURBIDITY = 2.45  # gensky's
 GROUND = 0.2  # mean reflectance of the ground, gensky's
 SUN_DIAMETER = 0.533  # degrees
-_HIGHEST = 87.0  # degrees: the zenith luminance of a clear sky has a pole where the sun stands overhead; gensky stops there too
+_HIGHEST = 87.0  # degrees: a clear sky's zenith luminance has a pole for a sun overhead; gensky clamps here as well
 ROWS = 1024  # of the map: the sun is three texels wide
-_FINE = 9  # points along a side of a texel, of which the sun's disc covers some
+_FINE = 9  # points along a side of a texel, for the coverage by the sun's disc
 
 
 @dataclass(frozen=True)
 class CieSky:
-    """A CIE sky. altitude, azimuth: of the sun, degrees, the azimuth clockwise from north; None for an overcast or uniform one
-    that needs no sun. turbidity: of a clear or intermediate sky. ground: the reflectance below the horizon. lux: the sky's own
-    illuminance of the open horizon, which scales it; None: as altitude and turbidity have it.
+    """A CIE sky. altitude, azimuth: of the sun, degrees, the azimuth clockwise from north; None for skies without a sun.
+
+    turbidity: of a clear or intermediate sky. ground: reflectance below the horizon. lux: horizontal illuminance of the sky
+    alone, which scales it; None: by altitude and turbidity.
     """
 
     kind: CieKind
@@ -39,21 +40,21 @@ class CieSky:
 
     @property
     def sun_shines(self) -> bool:
-        """Whether there is a sun beside the sky."""
+        """True if there is a sun as well as the sky."""
         return self.kind in ("clear", "intermediate")
 
     @property
     def sun_direction(self) -> np.ndarray:
-        """(3,) towards the sun: x east, y up, z south."""
+        """(3,) unit vector towards the sun: x east, y up, z south."""
         altitude, azimuth = np.radians([self.altitude or 0.0, self.azimuth or 0.0])
         flat = np.cos(altitude)
         return np.array([flat * np.sin(azimuth), np.sin(altitude), -flat * np.cos(azimuth)])
 
     def relative(self, directions: np.ndarray) -> np.ndarray:
-        """(…,) the luminance in unit directions (…, 3) above the horizon, relative to that of the zenith.
+        """Return (…,) luminances in unit directions (…, 3) above the horizon, relative to the zenith.
 
-        Overcast: Moon and Spencer 1942. Clear: Kittler 1967 (CIE 22, 1973), whose horizon is taken at 0.57° as in gensky.
-        Intermediate: Nakamura, Oki and Hayashi 1985 as Matsuura gave it to gensky.
+        Overcast: Moon and Spencer 1942. Clear: Kittler 1967 (CIE 22, 1973), clamped at 0.57° as in gensky. Intermediate:
+        Nakamura, Oki and Hayashi 1985, in Matsuura's version in gensky.
         """
         rise = np.clip(directions[..., 1], 0.0, 1.0)
         if self.kind == "uniform":
@@ -77,8 +78,8 @@ class CieSky:
 
     @property
     def zenith_luminance(self) -> float:
-        """cd/m²: of a clear sky Krochmann's (1970) with the turbidity of Linke, of an overcast one Krochmann and Seidl's (1974);
-        of an intermediate one the mean of both, as gensky has it."""
+        """cd/m²: clear, Krochmann (1970) with Linke turbidity; overcast, Krochmann and Seidl (1974); intermediate, their mean, as
+        in gensky."""
         altitude = np.radians(min(self.altitude or 0.0, _HIGHEST) if self.sun_shines else self.altitude or 0.0)
         overcast = 8.6 * np.sin(altitude) + 0.123
         if not self.sun_shines:
@@ -88,7 +89,7 @@ class CieSky:
 
     @property
     def sun_illuminance(self) -> float:
-        """lx on what faces the sun, gensky's: 1.5·10⁹ cd/m² over 6·10⁻⁵ sr, less through more air; 0 where none shines."""
+        """lx perpendicular to the sun, gensky's: 1.5·10⁹ cd/m² over 6·10⁻⁵ sr, attenuated by air mass; 0 without a sun."""
         if not self.sun_shines:
             return 0.0
         lux = 1.5e9 * 6e-5 * (1.147 - 0.147 / max(float(self.sun_direction[1]), 0.16))
@@ -122,7 +123,7 @@ class CieSky:
 
 
 def _disc(toward: np.ndarray, height: int) -> np.ndarray:
-    """(H, W) the share of each texel that the sun's disc covers."""
+    """Return (H, W) shares of the texels covered by the sun's disc."""
     width = 2 * height
     covered, edge = np.zeros((height, width)), np.cos(np.radians(0.5 * SUN_DIAMETER))
     row = int(np.arccos(np.clip(toward[1], -1.0, 1.0)) / np.pi * height)

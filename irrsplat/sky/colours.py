@@ -1,4 +1,4 @@
-"""Colours of a clear sky and of sunlight, as factors that leave the luminance as it is."""
+"""Colours of a clear sky and of sunlight, as factors of luminance 1."""
 
 from __future__ import annotations
 

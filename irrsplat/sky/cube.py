@@ -1,4 +1,4 @@
-"""Skies that are given otherwise than by an equirectangular map: by the six faces of a cube, and by spherical harmonics."""
+"""Skies from the six faces of a cube map, and from spherical harmonics."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from irrsplat.sky.sphere import solid_angles, texel_directions
 
-# Of each face, as glTF's EXT_lights_image_based orders them: the directions of its middle, of its right and of its upper edge, as
-# seen from inside. They are those of OpenGL's cube maps, each mirrored about its vertical axis, as the extension has it.
+# Directions of each face's centre, right and upper edge, seen from inside, in the order of glTF's EXT_lights_image_based. They
+# are OpenGL's cube map faces, each mirrored about its vertical axis, as in the extension.
 _FACES = np.array(
     [
         [[1, 0, 0], [0, 0, 1], [0, 1, 0]],
@@ -19,19 +19,21 @@ _FACES = np.array(
     ],
     float,
 )
-_ROWS = 64  # of a map that is made of harmonics: they are smooth
+_ROWS = 64  # of a map from harmonics, which are smooth
 _MOST_ROWS = 2048
-# what the bands of harmonics become when radiance is gathered over a hemisphere (Ramamoorthi and Hanrahan 2001, eq. 8)
+# factors of the bands from radiance to irradiance (Ramamoorthi and Hanrahan 2001, eq. 8)
 _COSINE = np.pi * np.array([1.0, *[2.0 / 3.0] * 3, *[0.25] * 5])
 
 
 def map_of_faces(faces: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32 the equirectangular map of a cube's faces (6, N, N, 3): +x, −x, +y, −y, +z, −z, top row first, as seen
-    from inside. turn: (3, 3) takes the directions of the map to those of the cube, as `turn @ direction`."""
+    """Return the (H, W, 3) float32 equirectangular map of a cube's faces (6, N, N, 3): +x, −x, +y, −y, +z, −z.
+
+    The faces have the top row first, seen from inside. turn: (3, 3) maps directions of the map to the cube, `turn @ direction`.
+    """
     size = faces.shape[1]
     height = min(2 * size, _MOST_ROWS)
     found = np.zeros((height, 2 * height, 3), np.float32)
-    for row in range(0, height, 64):  # so many at once: for memory's sake
+    for row in range(0, height, 64):  # rows at once, to limit the memory
         rows = np.arange(row, min(row + 64, height))
         d = texel_directions(height, 2 * height, rows) @ turn.T
         face = np.argmax(d @ _FACES[:, 0].T, axis=-1)
@@ -42,7 +44,7 @@ def map_of_faces(faces: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 def _between(faces: np.ndarray, face: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(…, 3) values between the texels of faces, at (x, y) from the middle of the upper left one; at edges those of the edge."""
+    """Return (…, 3) values at (x, y) from the centre of the upper left texel, bilinear; edges are clamped."""
     size = faces.shape[1]
     x, y = np.clip(x, 0.0, size - 1.0), np.clip(y, 0.0, size - 1.0)
     i, k = np.minimum(x.astype(int), max(size - 2, 0)), np.minimum(y.astype(int), max(size - 2, 0))
@@ -55,10 +57,9 @@ def _between(faces: np.ndarray, face: np.ndarray, x: np.ndarray, y: np.ndarray) 
 
 
 def map_of_harmonics(irradiance: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32 an equirectangular map of radiance whose irradiance has these coefficients (9, 3) of three bands.
+    """Return the (H, W, 3) float32 equirectangular radiance map whose irradiance has the coefficients (9, 3) of three bands.
 
-    Where the radiance would be below 0 it is 0, and the rest is made as much weaker: the mean is right. turn: as for
-    `map_of_faces`.
+    Negative radiance is clamped to 0, and the rest is scaled down so that the mean is right. turn: as for `map_of_faces`.
     """
     d = texel_directions(_ROWS, 2 * _ROWS) @ turn.T
     radiance = harmonics(d) @ (irradiance / _COSINE[:, None])
@@ -70,7 +71,7 @@ def map_of_harmonics(irradiance: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 def harmonics(directions: np.ndarray) -> np.ndarray:
-    """(…, 9) the real spherical harmonics of bands 0 to 2 in unit directions (…, 3), in the order of Ramamoorthi and Hanrahan
+    """Return (…, 9) real spherical harmonics of bands 0 to 2 in unit directions (…, 3), in the order of Ramamoorthi and Hanrahan
     2001, eq. 3: 00, 1−1, 10, 11, 2−2, 2−1, 20, 21, 22."""
     x, y, z = np.moveaxis(directions, -1, 0)
     one = np.full(x.shape, 0.282095)

@@ -1,4 +1,4 @@
-"""Reads images of linear radiance: Radiance's `.hdr` (RGBE) and OpenEXR's `.exr`."""
+"""Readers of linear radiance images: Radiance's `.hdr` (RGBE) and OpenEXR's `.exr`."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from irrsplat.core.paths import MOST_IMAGE, check_readable, read_bytes
 from irrsplat.core.words import is_number, number, quote
 
 ENDINGS = (".hdr", ".pic", ".exr")
-MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
+MOST_ROWS = 2048  # of a stored map: larger ones are halved
 _MOST_PIXELS = 16384 * 8192
-_BAND = 512  # rows that are decoded and halved at a time: 9 halvings at most, of a million rows
-_HEAD = 1 << 20  # bytes of a Radiance header at most
-_FREE, _PER_BYTE = 1 << 20, 512  # pixels that a small file may have, and more for each of its bytes
-_SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
+_BAND = 512  # rows decoded and halved at a time: 9 halvings at most, of a million rows
+_HEAD = 1 << 20  # bytes of a Radiance header, at most
+_FREE, _PER_BYTE = 1 << 20, 512  # pixels allowed in a small file, and further pixels per byte
+_SLIGHT = 1e-3  # of all light: image filters leave that much below 0
 _REMEDY = "save it again with finite values of 0 or more"
 
 
 def read_map(path: Path) -> tuple[np.ndarray, list[str]]:
-    """(H, W, 3) float32 the radiance in an image, top row first, and notices; of more than 2048 rows, means of 2×2 pixels.
+    """Return (H, W, 3) float32 radiance of an image, top row first, and notices; above 2048 rows, means of 2×2 pixels.
 
-    Raises InputError, one line, for a missing, damaged or unknown file, and for pixels that are not finite or negative.
+    Raises InputError, one line, for a missing, damaged or unknown file, and for non-finite or negative pixels.
     """
     ending = path.suffix.lower()
     if ending not in ENDINGS:
@@ -64,8 +64,8 @@ def read_map(path: Path) -> tuple[np.ndarray, list[str]]:
 
 
 def read_exr(path: Path) -> np.ndarray:
-    """(H, W, 3) float32 of the first part of an EXR: its channels R, G and B, of any layer, or a single one as grey."""
-    import OpenEXR  # takes a while, and few scenes need it
+    """Return (H, W, 3) float32 of the first part of an EXR: channels R, G and B of any layer, or a single channel as grey."""
+    import OpenEXR  # slow to import, and few scenes need it
 
     check_readable(path, MOST_IMAGE)
     try:
@@ -91,14 +91,14 @@ def read_exr(path: Path) -> np.ndarray:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """A `with` block in which OpenEXR's own messages reach neither stdout nor stderr, where an error is one line of ours."""
+    """Hide OpenEXR's messages on stdout and stderr within the block; an error is one line of ours."""
     with redirect_stdout(io.StringIO()), _without_stderr():
         yield
 
 
 @contextmanager
 def _without_stderr() -> Iterator[None]:
-    """A `with` block in which nothing written to stderr, by C libraries too, is seen."""
+    """Discard stderr within the block, including output of C libraries."""
     try:
         kept = os.dup(2)
     except OSError:  # there is no stderr
@@ -115,12 +115,12 @@ def _without_stderr() -> Iterator[None]:
 
 
 def _most_pixels(size: int) -> int:
-    """Return the most pixels for a file of so many bytes."""
+    """Return the most pixels for a file of `size` bytes."""
     return min(_MOST_PIXELS, _FREE + _PER_BYTE * size)
 
 
 def _values(header: dict[str, Any]) -> int:
-    """How many numbers a part of an EXR holds."""
+    """Return the number of values in a part of an EXR."""
     first, last = np.asarray(header["dataWindow"], np.int64)
     return int(np.prod(last - first + 1)) * len(header["channels"])
 
@@ -129,7 +129,7 @@ def _values(header: dict[str, Any]) -> int:
 
 
 def read_hdr(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W, 4) uint8 the mantissas and the exponent of a Radiance picture, and (256,) float32 the scale of each exponent.
+    """Return (H, W, 4) uint8 mantissas and exponents of a Radiance picture, and (256,) float32 scales of the exponents.
 
     A value is (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE.
     """
@@ -160,7 +160,7 @@ def read_hdr(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _decoded(coded: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """(H, W, 3) float32 the radiance of coded pixels (H, W, 4)."""
+    """Return (H, W, 3) float32 radiance of coded pixels (H, W, 4)."""
     radiance = np.empty((*coded.shape[:2], 3), np.float32)
     scale = scales[coded[..., 3]]
     for i in range(3):
@@ -169,7 +169,7 @@ def _decoded(coded: np.ndarray, scales: np.ndarray) -> np.ndarray:
 
 
 def _runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
-    """(H, W, 4) uint8: each row has its four components one after the other, each as runs and literals."""
+    """Return (H, W, 4) uint8 from rows with four components in turn, each of runs and literals."""
     out = bytearray()
     start = bytes((2, 2, width >> 8, width & 255))
     for _ in range(height):
@@ -196,11 +196,12 @@ def _runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
 
 
 def _old_runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
-    """(H, W, 4) uint8: pixel by pixel, where 1 1 1 N repeats the one before N times, and each further one 256 times as often."""
+    """Return (H, W, 4) uint8 from the old format: 1 1 1 N repeats the previous pixel N times, each further one 256 times as
+    often."""
     codes = np.frombuffer(data, np.uint8, (len(data) - at) // 4 * 4, at).reshape(-1, 4)
     repeats = (codes[:, :3] == 1).all(1)
     place = np.arange(len(codes))
-    last = np.maximum.accumulate(np.where(repeats, 0, place))  # the pixel that is meant
+    last = np.maximum.accumulate(np.where(repeats, 0, place))  # the repeated pixel
     again = np.where(repeats, codes[:, 3].astype(np.int64) << (8 * np.minimum(place - last - 1, 4)), 1)
     again = np.minimum(again, height * width)
     ends = np.cumsum(again)

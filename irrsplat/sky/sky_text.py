@@ -1,4 +1,4 @@
-"""What a `sky` line says: a colour, a map with a gain and a turn, or a CIE sky with its sun."""
+"""Parsing of `sky` lines: a colour, a map with a gain and a turn, or a CIE sky with its sun."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ MAP = "FILE.hdr|FILE.exr [gain X] [rotate DEG]"
 _SUN = "sun ALTITUDE AZIMUTH | at LAT LON TIME"
 CIE = f"cie {'|'.join(CIE_KINDS)} [{_SUN}] [turbidity T] [ground R] [lux E] [north DEG]"
 USAGE = f"{PLAIN}, or: FILE.hdr|FILE.exr …, or: cie {'|'.join(CIE_KINDS)} …"
-_WORDS = {"sun": 2, "at": 3, "turbidity": 1, "ground": 1, "lux": 1, "north": 1}  # and how many values each has
+_WORDS = {"sun": 2, "at": 3, "turbidity": 1, "ground": 1, "lux": 1, "north": 1}  # number of values of each word
 
 
 @dataclass(frozen=True)
 class Sky:
-    """What lights a scene from all around: the same `radiance` (3,) W/(m² sr) everywhere, or an `environment` whose north lies
-    `turn` degrees clockwise, seen from above, of the world's back. notices: for a user; files: that it was read from."""
+    """The sky of a scene: constant `radiance` (3,) W/(m² sr), or an `environment`.
+
+    turn: degrees of the environment's north, clockwise seen from above, from the world's back. notices: for a user; files: its
+    sources.
+    """
 
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     environment: Environment | None = None
@@ -40,9 +43,9 @@ class Sky:
 
 
 def sky_of(text: str | None) -> Sky | None:
-    """The sky that the option `sky` of a loader asks for, with paths from the current folder; None for None.
+    """Return the sky of a loader's option `sky`, with paths from the current folder; None for None.
 
-    Raises InputError, one line, for whatever is wrong with it.
+    Raises InputError, one line, for any error in the text.
     """
     if text is None:
         return None
@@ -51,7 +54,8 @@ def sky_of(text: str | None) -> Sky | None:
 
 
 def parse(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
-    """The sky that `text` describes as USAGE has it; paths are relative to `folder`. error: makes the exception for a message."""
+    """Return the sky described by `text` (see USAGE); paths are relative to `folder`. error: makes the exception from a
+    message."""
     words = text.split()
     if not words:
         raise error(f"nothing is said about it; expected: {USAGE}")
@@ -63,7 +67,7 @@ def parse(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is such a regular file, and the scene may read it."""
+    """True for a regular file that the scene may read."""
     try:
         return paths.may_read(path) and path.is_file()
     except (OSError, ValueError):
@@ -167,7 +171,7 @@ def _cie(words: list[str], error: Callable[[str], InputError]) -> Sky:
 
 
 def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage: str) -> tuple[float | None, float | None]:
-    """The sun's altitude and azimuth in degrees, as given or by place and time; (None, None) for neither."""
+    """Return the sun's altitude and azimuth in degrees, as given or by place and time; (None, None) for neither."""
     if "sun" in given and "at" in given:
         raise error("'sun' and 'at' both say where the sun stands; give one of them")
     if "sun" in given:

@@ -1,6 +1,6 @@
-"""Two maps of the sphere of directions onto rectangles: the equirectangular one of image files, and one of equal areas.
+"""Two maps of the sphere of directions: equirectangular, as in image files, and equal-area.
 
-Directions here are in a sky's own axes: x east, y up, z south, so that north is -z, as seen by a camera that looks along -z.
+Directions are in the sky's axes: x east, y up, z south. North is -z, the view direction of a camera along -z.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ import numpy as np
 
 
 def row_angles(height: int) -> np.ndarray:
-    """(height + 1,) radians from the zenith: where the rows of an equirectangular map begin and end."""
+    """Return (height + 1,) angles from the zenith of the row borders of an equirectangular map, radians."""
     return np.linspace(0.0, np.pi, height + 1)
 
 
 def solid_angles(height: int, width: int) -> np.ndarray:
-    """(height,) steradians of a texel in each row of an equirectangular map."""
+    """Return (height,) solid angles of a texel in each row of an equirectangular map, steradians."""
     areas: np.ndarray = -np.diff(np.cos(row_angles(height))) * (2.0 * np.pi / width)
     return areas
 
 
 def texel_directions(height: int, width: int, rows: np.ndarray | None = None) -> np.ndarray:
-    """(rows, width, 3) unit directions through the middles of the texels of an equirectangular map, or of these `rows` of it.
+    """Return (rows, width, 3) unit directions of the texels of an equirectangular map, or of its `rows`.
 
-    The top row is about the zenith, the middle column north, what lies right of it east.
+    The top row surrounds the zenith, the middle column is north, and east is right of it.
     """
     polar = (np.arange(height) if rows is None else rows) + 0.5
     theta, azimuth = polar * (np.pi / height), ((np.arange(width) + 0.5) / width - 0.5) * (2.0 * np.pi)
@@ -32,14 +32,14 @@ def texel_directions(height: int, width: int, rows: np.ndarray | None = None) ->
 
 
 def equirectangular(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where unit directions (…, 3) lie in an equirectangular map: to the right and down, each (…,) in 0..1."""
+    """Return positions of unit directions (…, 3) in an equirectangular map: right and down, each (…,) in 0..1."""
     x, y, z = np.moveaxis(directions, -1, 0)
     return 0.5 + np.arctan2(x, -z) / (2.0 * np.pi), np.arccos(np.clip(y, -1.0, 1.0)) / np.pi
 
 
 def square(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where unit directions (…, 3) lie in the square of equal areas, each (…,) in 0..1: Clarberg 2008, "Fast Equal-Area Mapping
-    of the (Hemi)Sphere using SIMD". The zenith is its middle, the horizon a diamond, the nadir its corners."""
+    """Return positions of unit directions (…, 3) in the equal-area square, each (…,) in 0..1 (Clarberg 2008, "Fast Equal-Area
+    Mapping of the (Hemi)Sphere using SIMD"). The zenith is its centre, the horizon a diamond, the nadir its corners."""
     x, up, z = np.abs(np.moveaxis(directions, -1, 0))
     r = np.sqrt(np.maximum(1.0 - up, 0.0))
     phi = np.arctan(np.minimum(x, z) / np.maximum(np.maximum(x, z), 1e-300)) * (2.0 / np.pi)
@@ -51,7 +51,7 @@ def square(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def from_square(u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(…, 3) the unit directions that lie at (u, v) in the square of equal areas; the inverse of `square`."""
+    """Return (…, 3) unit directions at (u, v) in the equal-area square; the inverse of `square`."""
     u, v = 2.0 * u - 1.0, 2.0 * v - 1.0
     a, b = np.abs(u), np.abs(v)
     inside = 1.0 - (a + b)  # below 0 beyond the horizon
@@ -63,7 +63,7 @@ def from_square(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.ndarray:
-    """(…, C) an image (H, W, C) between the middles of its texels at (u, v), (…,) in 0..1; wrap: its columns go round."""
+    """Return (…, C) bilinear values of an image (H, W, C) at (u, v), (…,) in 0..1; wrap: its columns repeat."""
     height, width = image.shape[:2]
     x, y = u * width - 0.5, v * height - 0.5
     left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
@@ -77,7 +77,7 @@ def bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.
 
 
 def pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """The image (H, W, C) and its coarser levels, means of 2×2 texels of the one before, as long as both sides are even."""
+    """Return the image (H, W, C) and its coarser levels, means of 2×2 texels, while both sides are even."""
     levels = [image]
     while levels[-1].shape[0] % 2 == levels[-1].shape[1] % 2 == 0:
         height, width, channels = levels[-1].shape
@@ -86,7 +86,7 @@ def pyramid(image: np.ndarray) -> list[np.ndarray]:
 
 
 def trilinear(levels: list[np.ndarray], level: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.ndarray:
-    """(…, C) between the levels of a pyramid, as a texture with mipmaps: level (…,), 0 the finest."""
+    """Return (…, C) trilinear values of a pyramid, like a mip-mapped texture: level (…,), 0 the finest."""
     level = np.clip(level, 0.0, len(levels) - 1.0)
     low = np.minimum(np.floor(level).astype(np.intp), len(levels) - 1)
     out = np.zeros((*np.shape(u), levels[0].shape[2]))

@@ -1,4 +1,4 @@
-"""A map of a sky in two: the small bright discs in it, such as the sun, as directional light, and the rest."""
+"""Splits a sky map into directional lights for small bright discs, such as the sun, and a remainder."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import numpy as np
 from irrsplat.core.color import LUMINANCE
 from irrsplat.sky.sphere import solid_angles, texel_directions
 
-# Of 4096 rays, one that sees this many times the mean radiance of the sky is 0.4 % of all light: what is brighter would be noise.
+# Of 4096 rays, one at this multiple of the sky's mean radiance is 0.4 % of all light; brighter texels would be noise.
 _BRIGHT = 16.0
-_DISC = np.radians(4.0)  # radius of what is taken for one disc: a sun as cameras see it, with its glare
-_RING = np.radians(1.5)  # around that: what is as bright there is no part of a disc
-_LEAST = 0.01  # of all light: a disc that brings less stays where it is
-_MOST, _TRIES = 4, 16  # discs, and bright places that are looked at
+_DISC = np.radians(4.0)  # radius of one disc: a photographed sun with its glare
+_RING = np.radians(1.5)  # around the disc: light as bright there is not part of a disc
+_LEAST = 0.01  # of all light: weaker discs stay in the map
+_MOST, _TRIES = 4, 16  # discs, and examined bright places
 
 
 @dataclass(frozen=True)
 class Sun:
-    """Light from far away. direction: (3,) towards it, unit, in the sky's axes; irradiance: (3,) W/m² on what faces it."""
+    """Light from far away. direction: (3,) towards it, unit, in the sky's axes; irradiance: (3,) W/m² perpendicular to it."""
 
     direction: tuple[float, float, float]
     irradiance: tuple[float, float, float]
 
 
 def split(radiance: np.ndarray) -> tuple[np.ndarray, tuple[Sun, ...]]:
-    """The rest of an equirectangular map (H, W, 3), and the suns that were in it; together they hold its light exactly.
+    """Return the remainder of an equirectangular map (H, W, 3), and its suns; together they preserve its light exactly.
 
-    A sun is the light above the level of its surroundings within a disc of 4°, where that is at least 1 % of all and brighter
-    than 16 times the mean of what is left; four at most.
+    A sun is the light above its surroundings within a disc of 4°, if that is at least 1 % of all and brighter than 16 times the
+    mean of the remainder; four at most.
     """
     height, width = radiance.shape[:2]
     area = solid_angles(height, width)
@@ -50,7 +50,7 @@ def split(radiance: np.ndarray) -> tuple[np.ndarray, tuple[Sun, ...]]:
         angle = np.arccos(np.clip(ways @ texel_directions(height, width, rows[rows == row])[0, column], -1.0, 1.0))
         inside, around = angle <= disc, (angle > disc) & (angle <= disc + ring)
         level = max(bound, float(brightness[rows][around].max(initial=0.0)))
-        left[rows] = np.where(inside, 0.0, left[rows])  # it is not looked at again
+        left[rows] = np.where(inside, 0.0, left[rows])  # not examined again
         share = np.where(inside, np.maximum(1.0 - level / np.maximum(brightness[rows], 1e-30), 0.0), 0.0) * area[rows, None]
         irradiance = np.einsum("ij,ijc->c", share, radiance[rows], dtype=float)
         if irradiance @ LUMINANCE < _LEAST * whole:
@@ -64,14 +64,14 @@ def split(radiance: np.ndarray) -> tuple[np.ndarray, tuple[Sun, ...]]:
 
 
 def sun(direction: np.ndarray, irradiance: np.ndarray) -> Sun:
-    """The Sun in this direction (3,), of any length, of so many W/m² (3,)."""
+    """Return the Sun in `direction` (3,), of any length, of `irradiance` W/m² (3,)."""
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     r, g, b = irradiance.tolist()
     return Sun((x, y, z), (r, g, b))
 
 
 def _usual(brightness: np.ndarray, area: np.ndarray) -> float:
-    """The mean over the sphere of what is left where all that is brighter than _BRIGHT times it is cut down to that."""
+    """Return the spherical mean of the remainder, with values above _BRIGHT times that mean clamped."""
     mean, before = float(area @ brightness.mean(1, dtype=float)) * brightness.shape[1] / (4.0 * np.pi), np.inf
     while mean > 0.0 and mean < 0.999 * before:
         before = mean

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.timing.beside import beside
+from irrsplat.core.timing.background import in_background
 from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.scene.flatten import flatten
@@ -136,7 +136,7 @@ class SiteChooser:
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
         clusters = yield from self._cluster()
-        value = yield from beside(partial(self.known_values, clusters), _CUT)
+        value = yield from in_background(partial(self.known_values, clusters), _CUT)
         chosen = yield from self.assign(clusters, value)
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
@@ -149,11 +149,11 @@ class SiteChooser:
         sites would come of it."""
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
-        vertices, faces, area, wider = yield from beside(partial(self._surfaces, places, rooms), 0.0)
+        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
         points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
-            clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing, wider), _CUT)
+            clusters, sites = yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT)
             yield _CUT
             about, most = (share * self.detail.most for share in _FIRST_SHARE)
             if sites <= most:
@@ -238,7 +238,7 @@ class SiteChooser:
         for number in range(_ROUNDS):
             min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
             choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
-            chosen, site_of = yield from beside(choosing, _SHARED_OUT)
+            chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
             chosen = left[chosen]
@@ -259,7 +259,7 @@ class SiteChooser:
         """
         members, left = clusters.members, np.flatnonzero(value < 0)
         size = VOXEL * clusters.spacing
-        near = yield from beside(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
+        near = yield from in_background(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
         for site in near.T:
             asking = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[asking], gathered[site[asking]], _SHARED_OUT)

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
-from irrsplat.core.timing.beside import beside
+from irrsplat.core.timing.background import in_background
 from irrsplat.gather.kinds import ray_kind
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import tangent_frames
@@ -150,5 +150,5 @@ class PlaceSearch:
             return None
         if self._drawing is None:
             R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.geometry.corners
-            self._drawing = beside(partial(survey.places, R, area, corners, rays.settings.seed), None)
-        return budget.go_on(self._drawing)
+            self._drawing = in_background(partial(survey.places, R, area, corners, rays.settings.seed), None)
+        return budget.advance(self._drawing)

@@ -17,7 +17,7 @@ SETUPTOOLS = 77  # the first that reads pyproject.toml's licence
 
 
 def run(*command: str, **environment: str) -> str:
-    """What `command`, run from the root folder, prints; the test fails with its output where it fails."""
+    """Return the output of `command`, run from the root folder; the test fails with that output if the command fails."""
     done = subprocess.run(
         command, cwd="/", env={**os.environ, **environment}, capture_output=True, text=True, timeout=300, check=False
     )

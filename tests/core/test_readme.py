@@ -32,7 +32,7 @@ def files_of(page: str, folder: Path) -> None:
 
 
 def small(words: list[str]) -> list[str]:
-    """The same command with a small picture: this is about the command, not about its result."""
+    """Return the command with a small picture, since the test is about the command and not about its result."""
     if words[0] == "bake":  # tests/app/bake has what comes of it
         words = ["64" if before == "--size" else word for before, word in zip(["", *words], words, strict=False)]
         coarse = ["--a", "2", "--radius-min", "20", "--max-rounds", "2"] if "probes" not in words else []
@@ -124,7 +124,7 @@ def test_the_python_of_tutorial_and_how_to_runs(
 
 
 def test_the_pictures_are_small() -> None:
-    """That they are there is tested in test_docs.py."""
+    """Their existence is tested in test_docs.py."""
     pictures = list((ROOT / "docs/images").rglob("*.*"))
     assert pictures
     for picture in pictures:

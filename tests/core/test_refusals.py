@@ -32,7 +32,7 @@ def test_what_an_argument_cannot_mean_is_told_in_a_line(call: Callable[[], objec
 
 
 def test_files_are_written_where_there_are_no_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on Windows, which has no fcntl."""
+    """Windows has no fcntl."""
     monkeypatch.setattr(files, "fcntl", None)
     files.write_text(tmp_path / "a", "text")
     assert (tmp_path / "a").read_text() == "text" and [file.name for file in tmp_path.iterdir()] == ["a"]

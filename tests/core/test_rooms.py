@@ -1,4 +1,4 @@
-"""The house: imports run downward between rooms, every folder is small enough to read at a glance, and who may know OpenGL."""
+"""The folders: imports run downward without circles, every folder is small, and few modules use OpenGL."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def room(name: str, rooms: tuple[str, ...]) -> int:
 
 
 def above(name: str, imported: str) -> bool:
-    """Whether the module `imported` lies above `name`, which may not import it then."""
+    """Return True if the module `imported` lies above `name`, which may not import it."""
     inside = name.startswith("irrsplat.app.") and imported.startswith("irrsplat.app.")
     return any(room(name, rooms) > room(imported, rooms) for rooms in (ROOMS, *([APP_ROOMS] if inside else [])))
 
@@ -124,6 +124,11 @@ def test_imports_run_downward_between_rooms() -> None:
     assert not [f"{name}: irrsplat.{imported}" for name, imported in found if imported.split(".")[0] in outside], "the whole name"
     upward = [f"{name} imports {imported}" for name, imported in found if imported in MODULES and above(name, imported)]
     assert len(found) > 1000 and not upward, "which lies above it"
+
+
+def test_no_two_modules_import_each_other() -> None:
+    found = {(name, imported) for name in MODULES if not name.startswith("irrsplat.app.") for imported in imports(name)}
+    assert not [pair for pair in found if pair[0] < pair[1] and pair[::-1] in found]
 
 
 def folders() -> Iterator[Path]:

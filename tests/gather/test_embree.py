@@ -34,7 +34,7 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
     E = []
     with Lit(ctx, before) as lit:
         for world in (before, moved):
-            lit.world.follow(SceneChange.between(lit.world.scene, world))
+            lit.world.apply(SceneChange.between(lit.world.scene, world))
             truth, found, again = (lit.gather(where, 32, kind, capacity=7) for kind in ("trace", "embree", "embree"))
             for a, b, c in zip(*(vars(one).values() for one in (truth, found, again)), strict=True):
                 assert np.array_equal(b, c, equal_nan=True)

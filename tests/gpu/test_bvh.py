@@ -38,10 +38,7 @@ def rays(count: int, seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
 
 
 def crossing(o: np.ndarray, d: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """How far the rays go to their triangles (all broadcast, the last axes 3 and 3, 3); MISS where they do not meet.
-
-    Moller and Trumbore 1997, in float64.
-    """
+    """Return distances from the rays to their triangles (all broadcast, the last axes 3 and 3, 3); MISS without a hit."""
     a, u, v = triangle[..., 0, :], triangle[..., 1, :] - triangle[..., 0, :], triangle[..., 2, :] - triangle[..., 0, :]
     p, s = np.cross(d, v), o - a
     q = np.cross(s, u)
@@ -61,7 +58,7 @@ def nearest(o: np.ndarray, d: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def shaded(
     ctx: moderngl.Context, tmp_path: Path, corners: np.ndarray, o: np.ndarray, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What lib/rays/bvh.glsl finds: (R,) distances, MISS for none, and (R, 3) where that is by the corners' shares."""
+    """Return results of lib/rays/bvh.glsl: (R,) distances, MISS for none, and (R, 3) hit points from barycentric coordinates."""
     (tmp_path / "lib" / "rays").mkdir(parents=True, exist_ok=True)
     for name in ("rays/bvh.glsl", "rays/hit.glsl", "rays/triangles.glsl", "table.glsl"):
         (tmp_path / "lib" / name).write_text((folder("shaders") / "lib" / name).read_text())

@@ -107,7 +107,7 @@ def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kinds: t
 
 
 def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
-    """Those of the viewer and of bakes are all drawn with in their tests."""
+    """The viewer's and the bakes' programs are drawn with in their own tests."""
     folder = paths.folder("shaders")
     stages = {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.frag")}
     core = {name for name in stages if not name.startswith(("viewer/", "bake/"))}

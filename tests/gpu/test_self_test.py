@@ -23,7 +23,7 @@ from tests.renderer.test_renderer import room
 def anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Forget the drivers that were tested before."""
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path))
-    monkeypatch.setattr(self_test, "_known", {})
+    monkeypatch.setattr(self_test, "_abilities", {})
 
 
 def test_this_opengl_passes_and_is_left_as_it_was(ctx: moderngl.Context) -> None:
@@ -87,6 +87,6 @@ def test_what_passed_is_kept_and_a_failure_is_not(ctx: moderngl.Context, tmp_pat
     for content, count in ((None, 1), (None, 1), ("{}", 2), ('{"version": 0}', 3), ("\x00", 4)):
         for file in tmp_path.iterdir() if content else ():
             file.write_text(content or "")
-        monkeypatch.setattr(self_test, "_known", {})
+        monkeypatch.setattr(self_test, "_abilities", {})
         self_test.check(ctx)
         assert len(calls) == count, content

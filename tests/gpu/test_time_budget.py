@@ -116,7 +116,7 @@ def test_a_part_keeps_the_reserve_but_has_a_fifth_of_the_tick(share: float, rese
 
 
 def test_work_that_takes_no_time_by_the_clock_is_done_at_once(ctx: moderngl.Context) -> None:
-    """As what sends no rays, where a clock goes by rays."""
+    """Let the work trace no rays, for a clock that counts rays."""
     with use_clock(RayClock(1e6)):
         pace = Pace(ctx)
         assert sum(pace.batches(500, 1000, Budget(0.01))) == 500

@@ -1,4 +1,4 @@
-"""Samples beside the pixels' centres: where they lie, what their mean is, and that it is the picture, only smoother at edges."""
+"""Samples off the pixels' centres: their positions, means and convergence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands behind everything: where it is light, where it is not, and how pictures come before it."""
+"""Backdrops: which of them are light, and how pictures are composited over them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIDE = Camera((0.3, 1.5, 2.0), (0.0, 0.3, 0.0), (0.1, 1.0, 0.0), 50.0)
 
 
 def world(own: bool) -> Scene:
-    """A white square of two metres before a sky that is brighter above, lit by a lamp."""
+    """A room under a sky that is brighter above, with a light."""
     made = scene(floor(1.0, paint=material(0.9)), lights=(lamp((0, 2, 0), 3.0),), sky=(0.2, 0.5, 0.8), camera=SIDE)
     return replace(made, sky_gradient=(0.1, 0.2, 0.3), up=(0.0, 0.6, 0.8), own_sky=own)
 
@@ -46,7 +46,7 @@ def test_the_sky_behind_is_as_bright_as_its_direction_says() -> None:
 
 @pytest.mark.parametrize("kind", ["auto", "grey", "black", "white", "clear"])
 def test_a_backdrop_is_no_light(kind: str) -> None:
-    """Nothing of it is in the buffers, light comes from the sky all the same, and exposure goes by what is seen."""
+    """No buffer holds the backdrop; the sky still lights the scene, and exposure uses visible surfaces only."""
     it = world(own=False)
     frame, lit = rendered(it, backdrop=kind), rendered(it, backdrop="sky")
     unseen = frame.alpha == 0.0
@@ -68,7 +68,7 @@ def test_a_backdrop_is_no_light(kind: str) -> None:
 
 
 def test_a_pixel_that_is_covered_in_part_is_a_mixture() -> None:
-    """Of what covers it, exposed as if it were all of it, and of the backdrop."""
+    """A pixel mixes the exposed radiance of its covered part with the backdrop."""
     radiance, alpha = np.full((2, 1, 3), 0.05), np.array([[0.25], [1.0]])
     made = display_picture(radiance, 1.0, alpha, "white")
     assert np.allclose(made[0, 0], 0.25 * tonemap(np.full(3, 0.2), 1.0) + 0.75)

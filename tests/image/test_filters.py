@@ -51,7 +51,7 @@ def test_two_panes_leave_the_product_of_what_each_leaves(nearer: tuple[float, fl
     (0.2, 0.6, "opaque", False), (0.2, 0.4, "opaque", True),
 ])  # fmt: skip
 def test_what_holds_back_half_of_the_light_is_a_surface(opacity: float, transmission: float, mode: str, solid: bool) -> None:
-    """Where opacity·(1 - transmission) reaches 1/2; opaque materials are filters by transmission alone."""
+    """A filter has opacity·(1 - transmission) below 1/2; opaque materials are filters by transmission alone."""
     paint = Material(albedo=RED, opacity=opacity, transmission=transmission, alpha_mode=mode)  # type: ignore[arg-type]
     frame = shown(WALL, square(paint))
     if solid:
@@ -77,7 +77,7 @@ def test_an_image_decides_from_place_to_place() -> None:
 
 
 def test_the_sky_is_tinted_in_the_picture_alone() -> None:
-    """Where nothing is behind a pane, the sky is; its own radiance stays in the buffer of emission."""
+    """A pane without a surface behind it shows the sky; its own radiance stays in the buffer of emission."""
     world = scene(glass(RED, 0.3), sky=(2.0, 3.0, 4.0), camera=HEAD_ON)
     frame = irrsplat.render(world, SIZE, bounces=0, backdrop="sky")
     assert np.allclose(frame.image, SHINES * left(RED), rtol=1e-5) and np.allclose(frame.emission, SHINES)

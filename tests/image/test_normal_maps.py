@@ -61,7 +61,7 @@ def test_a_map_is_turned_as_its_image_lies_on_the_surface(ctx: moderngl.Context,
 
 
 def test_from_behind_a_bump_is_a_dent(ctx: moderngl.Context) -> None:
-    """What rises to the right for those in front falls to the right for those behind: the opposite normal."""
+    """A slope that rises to the right in front falls to the right behind: the opposite normal."""
     behind = replace(HEAD_ON, eye=(0.0, 0.0, -2.0))
     normal = tilted(30.0)
     assert np.abs(mapped(ctx, square(bumpy(normal), UPRIGHT), behind) + np.asarray(normal)).max() < 0.012

@@ -52,7 +52,7 @@ def test_the_camera_in_an_exr_finds_every_pixel(frame: irrsplat.Frame, software:
 
 
 def test_an_exr_has_blenders_names(frame: irrsplat.Frame, tmp_path: Path) -> None:
-    """Those that Blender 5 writes and reads: VIEWLAYER.PASS.CHANNEL, with its letters for depth and vectors."""
+    """The names are those of Blender 5: VIEWLAYER.PASS.CHANNEL, with its letters for depth and vectors."""
     frame.save(tmp_path / "a.exr", exr_names="blender")
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         found = {name: channel.pixels for name, channel in file.channels().items()}

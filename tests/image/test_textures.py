@@ -47,7 +47,7 @@ def worn(texture: Texture, **rest: Any) -> Material:
 
 
 def seen(ctx: moderngl.Context, world: Scene, size: tuple[int, int] = SIZE, maps: TextureMaps | None = None) -> dict[str, Any]:
-    """What the scene's camera sees, top row first."""
+    """Return the g-buffer of the scene's camera, top row first."""
     with World(ctx, world) as placed, GBufferPass(ctx, size, maps) as draw:
         found = draw(placed, world.camera())
         read = {name: pixels(getattr(found, name)) for name in ("position", "normal", "albedo", "emission")}
@@ -72,7 +72,7 @@ def enlarged(texels: np.ndarray, size: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["albedo", "emission"])
 def test_texels_are_where_the_image_has_them(ctx: moderngl.Context, name: str) -> None:
-    """Of 4×4 texels on 64×64 pixels a texel's centre is at pixels 8, 24, 40, 56; between them it is blended."""
+    """With 4×4 texels on 64×64 pixels, texel centres are at pixels 8, 24, 40, 56; values between are interpolated."""
     texture = Texture(image(COLOURS))
     paint = worn(texture) if name == "albedo" else Material(emission=(1.0, 1.0, 1.0), emission_texture=texture)
     found = seen(ctx, scene(square(paint), camera=HEAD_ON), (4, 4))[name][..., :3]
@@ -115,8 +115,8 @@ def test_coordinates_are_transformed_and_taken_from_the_set_that_is_named(ctx: m
 
 @pytest.mark.parametrize("name", ["albedo", "normal"])
 def test_far_away_a_fine_pattern_has_its_mean(ctx: moderngl.Context, name: str) -> None:
-    """Of a checker of black and white texels, 64 of them to a pixel: half the light of white, which as a byte is 188, not 128; of
-    bytes that are no colours, their own mean."""
+    """A checker of black and white texels, 64 per pixel, has half the light of white, byte 188; other maps have the mean of their
+    bytes."""
     checker = image(255 * (np.indices((64, 64)).sum(0) % 2))
     if name == "albedo":
         found = seen(ctx, scene(square(worn(Texture(checker))), camera=HEAD_ON), (8, 8))["albedo"][..., :3]
@@ -150,8 +150,8 @@ def test_what_is_masked_shows_what_is_behind(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("side", [16, 32])
 def test_foliage_far_away_keeps_its_cover(ctx: moderngl.Context, side: int) -> None:
-    """200 leaves of 6 to 10 texels, of which a pixel sees 8² or 16², cover what they cover in the image, 14 %; by the means
-    of the alphas it would be 10 % and 2 %."""
+    """200 leaves of 6 to 10 texels, of which a pixel sees 8² or 16², cover what they cover in the image, 14 %; by the means of
+    the alphas it would be 10 % and 2 %."""
     down, right = np.indices((256, 256))
     leaves = np.random.default_rng(1).uniform((0, 0, 3), (256, 256, 5), (200, 3))
     alphas = np.any([(right - x) ** 2 + (down - y) ** 2 < r * r for x, y, r in leaves], axis=0)

@@ -105,7 +105,7 @@ def test_what_needs_the_whole_view_is_refused() -> None:
 
 
 def test_a_frozen_cache_shows_the_same_in_tiles() -> None:
-    """What records do not reach is counted over all tiles, and no record is added."""
+    """Uncovered pixels are counted over all tiles, and no record is added."""
     other, found = replace(room().cameras[0], eye=(0.3, 0.1, 0.9)), []
     told: list[Any] = []
     for tile in (0, 32):

@@ -1,4 +1,4 @@
-"""What a g-buffer is drawn without: parts beside the view, and inner sides of closed meshes that the eye is not in."""
+"""Culling of a g-buffer's triangles: parts outside of the view, and inner sides of closed meshes around which the eye is not."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VIEWS = {
 
 
 def sides(camera: Camera) -> list[int]:
-    """Of the three boxes, as their parts are numbered, then of the floor."""
+    """The three boxes in the order of their parts, then the floor."""
     clip = camera.clip_from_view(SIZE[0] / SIZE[1], 0.01, 100.0) @ camera.view_from_world
     return visible_parts.SceneParts.of(WORLD).sides(clip, np.asarray(camera.eye), 100.0).tolist()
 

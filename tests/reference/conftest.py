@@ -1,4 +1,4 @@
-"""What tests of the truth share."""
+"""Fixtures that tests of the reference share."""
 
 from __future__ import annotations
 

@@ -45,8 +45,8 @@ def squares(height: float, side: int, half: float) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["albedo", "emission", "mask"])
 def test_a_checkered_floor_seen_by_a_point(mitsuba: Any, kind: str) -> None:
-    """From 0.7 above 8×8 squares, looking down, each by Lambert's formula. Under a sky of 1 those that reflect bring π·ρ·F more;
-    those that shine, L·F; those that are not there show a sky of 1."""
+    """From 0.7 above 8×8 squares, looking down, each by Lambert's formula. Under a sky of 1, reflecting squares add π·ρ·F,
+    emitting squares L·F, and missing squares show a sky of 1."""
     texture = Texture(image(CHECKER, CHECKER, CHECKER, CHECKER if kind == "mask" else 255), nearest=True)
     paint = {
         "albedo": Material((0.8, 0.4, 0.2), albedo_texture=texture),
@@ -85,8 +85,7 @@ def test_a_panel_over_a_plane(mitsuba: Any, power: bool) -> None:
 
 
 def test_a_furnace_with_masks_and_glass(mitsuba: Any) -> None:
-    """Whatever a ray passes or meets, it shines as the walls do: E_N = π·L·(1 + ρ + …). A pane that lets light pass may shine or
-    not, and a mask has holes."""
+    """Whatever a ray passes or hits emits like the walls: E_N = π·L·(1 + ρ + …). Panes may emit or not, and a mask has holes."""
     glow = Material((0.5, 0.5, 0.5), (1.0, 1.0, 1.0))
     holes = Texture(image(255, 255, 255, CHECKER))
     leaf = replace(glow, albedo_texture=holes, alpha_mode="mask")
@@ -103,7 +102,7 @@ def test_a_furnace_with_masks_and_glass(mitsuba: Any) -> None:
 
 
 def test_shadows_fall_through_the_holes_of_a_mask(mitsuba: Any) -> None:
-    """A lamp and the sun shine through every other stripe of a sheet, and through a second one of which the corners are gone."""
+    """A light and the sun pass every other stripe of a sheet, and a second sheet with missing corners."""
     stripes = Texture(image(255, 255, 255, [[0, 255]]), wrap=("repeat", "clamp"), nearest=True)
     paint = Material(albedo_texture=stripes, alpha_mode="mask")
     sheets = [worn(floor(1.0, height, paint), 2.0) for height in (1.0, 1.001)]

@@ -17,7 +17,7 @@ QUICK: Any = {"bounces": 1, "gather_size": 16, "shadow_size": 256}
 
 
 def test_arrays_are_lit_as_analysis_has_it() -> None:
-    """A lamp of I W/sr at height h: I/h² straight below; under a sky of radiance L alone: π·L. Nothing stands in beside them."""
+    """A light of I W/sr at height h: I/h² straight below; under a sky of radiance L alone: π·L. No substitute is added."""
     floor = irrsplat.make_mesh(SQUARE, FACES, name="floor")
     lamp = irrsplat.Light((0.0, 2.0, 0.0), (8.0, 4.0, 2.0), physical=True)
     lit = irrsplat.make_scene(floor, [lamp])
@@ -103,7 +103,7 @@ def mitsuba(mitsuba: Any) -> Any:
 
 
 def _box(mitsuba: Any, **parts: Any) -> dict[str, Any]:
-    """Mitsuba's Cornell box; parts: in place of its lamp."""
+    """Mitsuba's Cornell box; parts: replace its light."""
     box: dict[str, Any] = mitsuba.cornell_box()
     box["sensor"]["film"] |= {"width": 48, "height": 48, "rfilter": {"type": "box"}}
     if parts:
@@ -116,7 +116,7 @@ def _rgb(*values: float) -> dict[str, Any]:
 
 
 def _lamps(mitsuba: Any) -> dict[str, Any]:
-    """The box with two lamps in place of its panel."""
+    """The box with two lights in place of its panel."""
     above = mitsuba.ScalarTransform4f().look_at([0.5, 0.9, 0.5], [-0.2, -1, -0.2], [1, 0, 0])
     spot = {"type": "spot", "to_world": above, "intensity": _rgb(4, 6, 9), "cutoff_angle": 40, "beam_width": 20}
     return _box(mitsuba, point={"type": "point", "position": [0.3, 0.5, 0.2], "intensity": _rgb(3, 2, 1)}, spot=spot)
@@ -187,7 +187,7 @@ def test_bitmaps_of_files_keep_their_colours_and_masks(mitsuba: Any, tmp_path: A
 
 
 def test_a_lamp_of_mitsuba_is_dark_behind(mitsuba: Any) -> None:
-    """Above a disk that shines down there is no light; below, at height h under a radius r, π·L·r²/(r² + h²)."""
+    """No light above a disk that emits downward; below it, at height h under a radius r, π·L·r²/(r² + h²)."""
     down = mitsuba.ScalarTransform4f().translate([0, 1, 0]).rotate([1, 0, 0], 90)
     lamp = {"type": "disk", "to_world": down, "emitter": {"type": "area", "radiance": _rgb(1, 2, 3)}}
     scene = irrsplat.from_mitsuba({"type": "scene", "lamp": lamp})

@@ -1,4 +1,4 @@
-"""What the truths are made of without Mitsuba: texture lookup, normal maps, what a camera sees, emitters; against numbers."""
+"""The reference's parts without Mitsuba: texture lookup, normal maps, visible surfaces, emitters; compared with numbers."""
 
 from __future__ import annotations
 

@@ -40,8 +40,8 @@ def inside(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     """Every direction brings L_e + ρ/π·E_(N-1), so that E_N = π·L_e·(1 + ρ + … + ρ^(N-1)), and of all π·L_e/(1-ρ).
 
-    Without noise as long as no path may end: while the brightest channel's ρ^k is above LEAST_WEIGHT. (In thousands of paths
-    one may slip out through an edge of the room.)
+    Without noise as long as no path may end: while the brightest channel's ρ^k is above LEAST_WEIGHT. (In thousands of paths one
+    may slip out through an edge of the room.)
     """
     albedo, emission = np.array([0.3, 0.8, 0.5]), np.array([1.0, 2.0, 3.0])
     path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo), tuple(emission))),), (), (CAMERA,)))
@@ -66,9 +66,9 @@ def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     ],
 )
 def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None:
-    """What a lamp sends out arrives, Φ = A·mean(E_direct); of that every bounce sends ρ on: mean(E_N) = mean(E_direct)·Σ ρ^k.
+    """All emitted flux arrives, Φ = A·mean(E_direct), and every bounce reflects ρ of it: mean(E_N) = mean(E_direct)·Σ ρ^k.
 
-    k from 1 to N. A lamp of I sends 4π·I; a spot I·2π·(1 - cos 40°); a luminaire its lumens by the efficacy; of OpenGL's lamp,
+    k from 1 to N. A light of I emits 4π·I; a spot I·2π·(1 - cos 40°); a luminaire its lumens by the efficacy; for OpenGL's light,
     E_direct is summed over the room.
     """
     downlight, all_around = (

@@ -1,8 +1,8 @@
 """The renderer against path-traced truth: the accuracy that the project promises for its default preset.
 
-For comparison: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an error of 6.4 %
-with 1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`. References are made by
-tests/reference/make.py; tests/reference/test_tracer.py checks the tracer.
+For comparison: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an error of 6.4 % with
+1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`. References are made by tests/reference/make.py;
+tests/reference/test_tracer.py checks the tracer.
 """
 
 from __future__ import annotations
@@ -134,9 +134,9 @@ def test_no_normal_is_turned_inside_out(name: str) -> None:
 
 
 def test_no_light_seeps_along_the_corners_of_the_paper_s_box() -> None:
-    """The back wall just beside the left one, and the foot of that corner, lie in the left wall's shadow for the left lamp.
+    """The back wall next to the left one, and the foot of that corner, lie in the left wall's shadow for the left light.
 
-    Every seen pixel there within a metre above the floor and 8 cm of the corner is lit by the right lamp at most, or by none.
+    Every visible pixel there within a metre above the floor and 8 cm of the corner gets light from the right light at most.
     """
     scene = irrsplat.load("cornell-paper")
     dark = replace(scene, lights=tuple(light for light in scene.lights if light.position[0] < 0.0))

@@ -140,7 +140,7 @@ class Markers(Owner):
                 instances=records.count,
                 state=_OVER,
                 scissor=region,
-                **program.known(uniforms),
+                **program.declared(uniforms),
             )
 
     def sites(
@@ -170,7 +170,7 @@ class Markers(Owner):
             instances=count,
             state=_OVER,
             scissor=region,
-            **program.known(uniforms),
+            **program.declared(uniforms),
         )
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
@@ -212,7 +212,7 @@ class Markers(Owner):
                 numbers=self.number,
                 state=_OVER,
                 scissor=region,
-                **program.known(uniforms),
+                **program.declared(uniforms),
             )
         return int(self.query.samples)
 

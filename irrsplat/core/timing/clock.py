@@ -17,7 +17,7 @@ class Clock:
         return time.perf_counter()
 
     def traced(self, rays: float) -> None:
-        """Note the number of rays that were traced since the last call."""
+        """Record the number of rays traced since the last call."""
 
     def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
         """Wait for `futures`, at most `seconds`. Return True if all of them are done."""
@@ -25,10 +25,9 @@ class Clock:
 
 
 class RayClock(Clock):
-    """A clock that advances by traced rays alone, and waits for threads as long as they take.
+    """A clock that advances by traced rays alone, and waits for threads without a limit.
 
-    A frame budget then ends after the same work on every machine and under every load.
-    second: the number of rays in a second.
+    A frame budget then ends after the same work on every machine and under every load. second: the number of rays in a second.
     """
 
     def __init__(self, second: float) -> None:
@@ -61,7 +60,7 @@ def now() -> float:
 
 
 def traced(rays: float) -> None:
-    """Note rays that were traced, for the clock in use."""
+    """Record traced rays, for the clock in use."""
     _clocks[-1].traced(rays)
 
 

@@ -1,4 +1,4 @@
-"""Input that waits: work within a frame budget ends early for input, and continues in a later tick."""
+"""Waiting input: work within a frame budget ends early for input, and continues in a later frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class InputWaits(Exception):
-    """Raised between two stages of a frame, where input waits."""
+    """Raised between two stages of a frame if input waits."""
 
 
 class Finishes(Protocol):
@@ -37,9 +37,9 @@ def interruptible() -> bool:
 
 
 def stop_for_input(ctx: Finishes | None = None) -> None:
-    """Raise InputWaits if input waits. The caller leaves nothing behind that counts as made and is not.
+    """Raise InputWaits if input waits. The caller must leave no unfinished result behind as finished.
 
-    ctx: an OpenGL context whose draws are finished before, so that the check comes after these.
+    ctx: an OpenGL context whose draws are finished first, so that the check comes after them.
     """
     if ctx is not None and interruptible():
         ctx.finish()
@@ -49,7 +49,7 @@ def stop_for_input(ctx: Finishes | None = None) -> None:
 
 @contextmanager
 def checked_by(check: Callable[[], bool]) -> Iterator[None]:
-    """Let `check` find out within the block whether input waits."""
+    """Use `check` as the test for waiting input within the block."""
     _checks.append(check)
     try:
         yield

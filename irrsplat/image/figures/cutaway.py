@@ -1,6 +1,6 @@
-"""What the eye sees, drawn from the side: the picture's pixels at their places in the world, in a parallel view.
+"""A cutaway of the seen surfaces: the picture's pixels at their world positions, in a parallel view from the side.
 
-Walls that face away from the viewer are left out, so that nothing hides the inside of a room.
+Back-facing walls are left out, so that the inside of a room stays visible.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import tonemap
 
 _MOST = 512  # pixels along a side of the picture that are used, at most
-_FINEST = 128  # parts along a side that a pixel is cut into, at most
-_APART = 2.0  # pixel sizes: neighbours farther than this from each other's plane are not one surface
+_FINEST = 128  # subdivisions along a side of a pixel, at most
+_APART = 2.0  # pixel sizes: largest distance between a neighbour and the other's plane on one surface
 
 
 @dataclass(frozen=True)
 class Parallel:
-    """A parallel view: rows of `axes` are right, up and towards the viewer; `centre` (3,) is shown at `middle` (x, y) pixels.
+    """A parallel view: rows of `axes` are right, up and towards the viewer; `centre` (3,) appears at `middle` (x, y) pixels.
 
     scale: pixels per metre.
     """
@@ -30,20 +30,22 @@ class Parallel:
     scale: float
 
     def at(self, points: np.ndarray) -> np.ndarray:
-        """(…, 2) pixels, y downwards, of world points (…, 3)."""
+        """Return pixels (…, 2), y downwards, of world points (…, 3)."""
         pixels: np.ndarray = self.middle + ((points - self.centre) @ self.axes[:2].T) * (self.scale, -self.scale)
         return pixels
 
     def nearness(self, points: np.ndarray) -> np.ndarray:
-        """How near the viewer points (…, 3) are, in metres from the centre."""
+        """Return the signed distances of points (…, 3) from the centre towards the viewer, in metres."""
         along: np.ndarray = (points - self.centre) @ self.axes[2]
         return along
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The seen surfaces as quads between neighbouring pixels: corners (N, 4, 3) in world space, colours (N, 4, 3) in display
-    values 0..1, and normals (N, 3), unit, turned to the eye."""
+    """The seen surfaces as quads between neighbouring pixels.
+
+    corners (N, 4, 3) in world space, colours (N, 4, 3) in display values 0..1, normals (N, 3), unit, facing the eye.
+    """
 
     corners: np.ndarray
     colours: np.ndarray
@@ -51,7 +53,7 @@ class Surface:
 
 
 def surface(frame: Frame, pixel: float) -> Surface:
-    """The surfaces of `frame`, cut where one ends in front of another; pixel: the size of a pixel at distance 1, in metres."""
+    """Return the surfaces of `frame`, cut at depth discontinuities; pixel: size of a pixel at distance 1, in metres."""
     stride = -(-max(frame.depth.shape) // _MOST)
     colours = tonemap(frame.image, frame.exposure).astype(np.float32)[::stride, ::stride]
     position, normal, depth = (b[::stride, ::stride] for b in (frame.position, frame.normal, frame.depth))
@@ -72,7 +74,7 @@ def surface(frame: Frame, pixel: float) -> Surface:
 
 
 def paint(canvas: np.ndarray, view: Parallel, seen: Surface) -> None:
-    """Draw what faces the viewer into `canvas` (H, W, 3), nearest on top."""
+    """Draw the surfaces that face the viewer into `canvas` (H, W, 3), nearest on top."""
     height, width = canvas.shape[:2]
     facing = seen.normals @ view.axes[2] > 0.03
     corners, colours = seen.corners[facing], seen.colours[facing]
@@ -84,7 +86,7 @@ def paint(canvas: np.ndarray, view: Parallel, seen: Surface) -> None:
     places = np.concatenate([flat, view.nearness(corners)[..., None]], axis=-1)[inside].astype(np.float32)
     colours = colours[inside]
     long = [np.abs(places[:, a, :2] - places[:, b, :2]).max(axis=(1, 2)) for a, b in (((0, 2), (1, 3)), ((0, 1), (2, 3)))]
-    # parts across and down, in powers of two, so that few sizes occur
+    # subdivisions across and down, in powers of two, so that few sizes occur
     parts = np.exp2(np.ceil(np.log2(np.clip(1.2 * np.stack(long, axis=1), 1.0, _FINEST)))).astype(int)
     points, tints = [], []
     for across, down in np.unique(parts, axis=0):
@@ -95,10 +97,10 @@ def paint(canvas: np.ndarray, view: Parallel, seen: Surface) -> None:
     column, row = np.floor(point[:, 0]).astype(int), np.floor(point[:, 1]).astype(int)
     kept = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     order = np.flatnonzero(kept)[np.argsort(point[kept, 2], kind="stable")]
-    canvas[row[order], column[order]] = tint[order]  # of those that fall on one pixel the last one stays: the nearest
+    canvas[row[order], column[order]] = tint[order]  # the last write to a pixel remains: the nearest
 
 
 def _bilinear(across: int, down: int) -> np.ndarray:
-    """(across·down, 4) weights of a cell's corners at the middles of its parts."""
+    """Return (across·down, 4) weights of a cell's corners at the centres of its subdivisions."""
     x, y = (v.ravel().astype(np.float32) for v in np.meshgrid(*((np.arange(n) + 0.5) / n for n in (across, down))))
     return np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)

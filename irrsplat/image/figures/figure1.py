@@ -1,4 +1,4 @@
-"""Figure 1 of the paper, drawn to scale: how a record's sphere becomes a quad on the eye's screen (Jones 2010, 3.5.1)."""
+"""Figure 1 of the paper, drawn to scale: a record's sphere becomes a quad on the eye's screen (Jones 2010, 3.5.1)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from irrsplat.records.weight import view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-LEAST = 160  # pixels: no diagram fits into a smaller picture
+LEAST = 160  # pixels: smallest picture with room for a diagram
 _SUPER = 2  # pixels drawn per pixel shown, along each side
 _UNSEEN = (0.80, 0.83, 0.87)
 _CANDIDATES = 300  # records whose surroundings are examined
@@ -26,9 +26,9 @@ _SPHERE, _QUAD, _U, _V = (214, 118, 0), (0, 104, 184), (200, 40, 110), (0, 140, 
 
 @dataclass(frozen=True)
 class ShownRecord:
-    """The record that the figure shows, world space: p_k and n_k (3,), R_k and the radius r that this eye gives it, in metres.
+    """The record in the figure, world space: p_k and n_k (3,), R_k and its radius r for this eye, in metres.
 
-    eye: (3,). u, v: (3,) the unit vectors perpendicular to the eye vector that span the quad, as in shaders/indirect/splat.vert.
+    eye: (3,). u, v: (3,) unit vectors perpendicular to the eye vector that span the quad, as in shaders/indirect/splat.vert.
     """
 
     position: np.ndarray
@@ -41,12 +41,12 @@ class ShownRecord:
 
     @property
     def d(self) -> float:
-        """The distance from the eye to p_k in metres."""
+        """Distance from the eye to p_k in metres."""
         return float(np.linalg.norm(self.eye - self.position))
 
     @property
     def inside(self) -> bool:
-        """Whether the eye lies in the sphere, so that the quad is the whole screen."""
+        """True if the eye lies in the sphere, so that the quad is the whole screen."""
         return self.d <= self.r
 
     @property
@@ -56,16 +56,18 @@ class ShownRecord:
 
     @property
     def quad(self) -> np.ndarray:
-        """(4, 3) the quad's corners, in order around it."""
+        """(4, 3) corners of the quad, in order."""
         return np.array(
             [self.position + self.half_size * (x * self.u + y * self.v) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         )
 
 
 def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
-    """(H, W, 3) display values 0..1 of the frame's size: above, what `eye` sees of the scene, seen from the side, with the
-    eye vector to one record; below, that record's sphere and quad from nearer. The plain picture where there is no record to
-    show, or no room for a diagram."""
+    """Return (H, W, 3) display values 0..1 of the frame's size: an overview from the side, and the record's sphere and quad
+    enlarged.
+
+    Returns the plain picture if no record can be shown or there is no room for a diagram.
+    """
     height, width = frame.depth.shape
     record = choose_record(frame, eye, settings)
     if record is None or min(width, height) < LEAST:
@@ -100,7 +102,7 @@ def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
 
 
 def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord | None:
-    """A record that `eye` sees, near the middle of the picture, turned to the eye, and large; None where it sees none."""
+    """Return a visible, large record near the picture's centre and facing the eye; None if none is visible."""
     position = np.asarray(frame.records_position, float)
     normal, R = np.asarray(frame.records_normal, float), np.asarray(frame.records_radius, float)
     if not len(position) or not np.isfinite(frame.depth).any():
@@ -119,7 +121,7 @@ def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord 
     size = np.minimum(r / d, 0.3)
     facing = np.einsum("ij,ij->i", apart, normal) / d
     lit = np.clip(0.5 - abs(tonemap(frame.image[row, column], frame.exposure).mean(axis=-1) - 0.5), 0.05, 0.3)
-    slanted = np.clip(0.5 - abs(facing - 0.6), 0.05, 0.3)  # where the sphere cuts the surface in an ellipse, seen from the eye
+    slanted = np.clip(0.5 - abs(facing - 0.6), 0.05, 0.3)  # the sphere then cuts the surface in an ellipse for the eye
     score = size * slanted * lit * np.clip(1.0 - np.hypot(x, y), 0.0, 1.0)
     score[hidden] = 0.0
     order = np.argsort(-score, kind="stable")
@@ -129,7 +131,7 @@ def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord 
         rows, columns = (slice(max(0, int(c - reach)), int(c + reach) + 1, 1 + int(reach) // 20) for c in (row[i], column[i]))
         off = frame.position[rows, columns] - position[i]
         around = (np.linalg.norm(off, axis=-1) < 8.0 * r[i]) & (abs(off @ normal[i]) < 0.5 * r[i])
-        score[i] *= 0.01 + around.mean() ** 3  # the figure shows a piece of surface, and few holes
+        score[i] *= 0.01 + around.mean() ** 3  # prefer a continuous surface around the record
     best = int(np.argmax(score))
     if not score[best] > 0.0:
         return None
@@ -142,14 +144,14 @@ def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord 
 
 
 def _side_axes(record: ShownRecord, eye: Camera, seen: Surface) -> np.ndarray:
-    """(3, 3) axes of a view from the side of the eye vector: rows right, up, towards the viewer.
+    """Return (3, 3) axes of a view from the side of the eye vector: rows right, up, towards the viewer.
 
-    Of 18 directions, the one that sees the most of what the eye sees, with nothing in front of the record.
+    Of 18 directions, choose the one with the most front-facing surfaces and nothing in front of the record.
     """
     axis = (record.eye - record.position) / record.d
     up = np.asarray(eye.up) / np.linalg.norm(eye.up)
     side = np.cross(up, axis)
-    if np.linalg.norm(side) < 0.1:  # the eye looks straight down
+    if np.linalg.norm(side) < 0.1:  # the eye points straight down
         up = eye.axes[1]
         side = np.cross(up, axis)
     side /= np.linalg.norm(side)
@@ -175,7 +177,7 @@ def _side_axes(record: ShownRecord, eye: Camera, seen: Surface) -> np.ndarray:
 
 
 def _overview(record: ShownRecord, eye: Camera, seen: Surface, axes: np.ndarray, room: np.ndarray) -> Parallel:
-    """A view that holds the eye, the sphere and what is seen around them, in `room` (width, height) pixels."""
+    """Return a view of the eye, the sphere and the surfaces around them, in `room` (width, height) pixels."""
     points = seen.corners[:: max(1, len(seen.corners) // 20000), 0]
     points = points[np.linalg.norm(points - record.position, axis=1) < max(record.d, 4.0 * record.r)]
     ball = [record.position + s * record.r * a for s in (-1.0, 1.0) for a in axes[:2]]
@@ -195,7 +197,7 @@ def _panel(
     title: str,
     window: np.ndarray | None,
 ) -> Image.Image:
-    """One view as an image of `size` (width, height); window: (width, height) in pixels of what another one enlarges."""
+    """Return one view as an image of `size` (width, height); window: (width, height) in pixels of the enlarged part."""
     canvas = np.empty((size[1], size[0], 3), np.float32)
     canvas[:] = _UNSEEN
     paint(canvas, view, seen)
@@ -237,7 +239,7 @@ def _panel(
 
 
 def _tinted(seen: Surface, record: ShownRecord) -> Surface:
-    """The surfaces a little paler, and in the sphere's colour where they lie inside it."""
+    """Return the surfaces slightly paler, and tinted inside the sphere."""
     colours = 0.88 * seen.colours + 0.12
     reached = np.linalg.norm(seen.corners - record.position, axis=-1) < record.r
     tint = np.array(_SPHERE) / 255.0
@@ -245,7 +247,7 @@ def _tinted(seen: Surface, record: ShownRecord) -> Surface:
 
 
 def _draw_eye(pen: Pen, record: ShownRecord, eye: Camera, view: Parallel) -> None:
-    """The eye as the tip of its view pyramid."""
+    """Draw the eye as the tip of its view pyramid."""
     at = view.at(record.eye)
     if not ((at >= 0) & (at < pen.size)).all():
         return
@@ -264,7 +266,7 @@ def _draw_eye(pen: Pen, record: ShownRecord, eye: Camera, view: Parallel) -> Non
 
 
 def _draw_sphere(pen: Pen, record: ShownRecord, view: Parallel, front: bool) -> None:
-    """The front or the back of the sphere: its disc and three great circles, one of them in the quad's plane."""
+    """Draw the front or back of the sphere: its disc and three great circles, one of them in the quad's plane."""
     centre, r = view.at(record.position), record.r * view.scale
     if front:
         pen.disc(centre, r, _SPHERE, 45, 1.2)
@@ -277,7 +279,7 @@ def _draw_sphere(pen: Pen, record: ShownRecord, view: Parallel, front: bool) -> 
 
 
 def _legend(record: ShownRecord, settings: Settings) -> list[tuple[tuple[int, int, int], str]]:
-    """The lines below the figure: what is drawn in which colour, with its formula and its length here."""
+    """Return the legend: colours, formulas and lengths."""
     wanted, r = settings.a * record.radius, record.r
     sphere = f"sphere, r = a·R_k = {_metres(wanted)}"
     if abs(r - wanted) > 1e-3 * r:

@@ -1,4 +1,4 @@
-"""The paper's figures 1, 3 and 4 (Jones 2010), taken while a view is rendered; its other figures are buffers of the frame."""
+"""The paper's figures 1, 3 and 4 (Jones 2010), made during a render; its other figures are buffers of the frame."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from irrsplat.settings import Settings
 
 
 class PaperFigures:
-    """Keeps the first round's splat buffer while a view is rendered: it is called after each round, and calls `on_round` in turn.
+    """Keeps the first round's splat buffer during a render: called after each round, it calls `on_round` in turn.
 
-    splatted: returns the splat buffer's sums (H, W, 4) of the first so many records.
+    splatted: returns the splat buffer's sums (H, W, 4) of the given number of records.
     """
 
     def __init__(self, splatted: Callable[[int], np.ndarray], on_round: Callable[[Progress], None] | None) -> None:
@@ -26,13 +26,13 @@ class PaperFigures:
 
     def __call__(self, now: Progress) -> None:
         self._records.append(now.records)
-        if len(self._records) <= 2:  # again in the second round: the first one's records know their neighbours by then
+        if len(self._records) <= 2:  # again after the second round, which sets the first records' radii from their neighbours
             self._first_samples = self._splatted(self._records[0])
         if self._on_round is not None:
             self._on_round(now)
 
     def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
-        """Frame.figures of what was rendered: the splat buffer at first and in the end, as radiance, and figure 1."""
+        """Return Frame.figures: the first and the final splat buffer as radiance, and figure 1."""
         first = self._splatted(0) if self._first_samples is None else self._first_samples
         splats = {"first_samples": first, "splat_buffer": self._splatted(frame.stats["records"])}
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}

@@ -1,4 +1,4 @@
-"""A pen for diagrams over pictures: lines, arrows and labels with a light rim, so that they read on any ground."""
+"""A pen for diagrams over pictures: lines, arrows and labels with a light rim, legible on any background."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Colour = tuple[int, int, int]
 Point = np.ndarray | tuple[float, float]
 
 _RIM = (255, 255, 255)
-_LINE = 1.45  # font sizes from line to line of the legend
-_SCRIPT = 0.68  # size of sub- and superscripts
+_LINE = 1.45  # line spacing of the legend, in font sizes
+_SCRIPT = 0.68  # relative size of sub- and superscripts
 _TOKENS = re.compile(r"_(\w)|\^(\w)|√\{(.*?)\}|([^_^√]+)")
 
 
 class Pen:
-    """Draws into an RGB `image`; widths are in sixteenths of `font`, the height of its letters in pixels.
+    """Draws into an RGB `image`; widths are in sixteenths of `font`, the letter height in pixels.
 
-    top: pixels at the image's upper edge that labels leave free.
+    top: pixels at the image's upper edge without labels.
     """
 
     def __init__(self, image: Image.Image, font: float, top: float = 0.0) -> None:
@@ -32,19 +32,19 @@ class Pen:
         self.least = np.array([0.3 * font, top])
 
     def line(self, points: np.ndarray, colour: Colour, width: float, halo: bool = True) -> None:
-        """A line through points (N, 2)."""
+        """Draw a line through points (N, 2)."""
         path = [(float(x), float(y)) for x, y in points]
         if halo:
             self.draw.line(path, (*_RIM, 150), round((width + 2.0) * self.unit), "curve")
         self.draw.line(path, colour, max(1, round(width * self.unit)), "curve")
 
     def dashes(self, points: np.ndarray, drawn: np.ndarray, colour: Colour, width: float) -> None:
-        """Those pieces of a line through points (N, 2) whose first point is marked in `drawn` (N,)."""
+        """Draw the segments of a line through points (N, 2) whose first point is marked in `drawn` (N,)."""
         for i in np.flatnonzero(drawn[:-1]):
             self.line(points[i : i + 2], colour, width, halo=False)
 
     def arrow(self, start: np.ndarray, end: np.ndarray, colour: Colour, width: float) -> None:
-        """A line with a head at `end`."""
+        """Draw a line with a head at `end`."""
         along = end - start
         length = float(np.linalg.norm(along))
         if length < 1.0:
@@ -59,22 +59,22 @@ class Pen:
         self.draw.polygon([tuple(map(float, c)) for c in corners], colour)
 
     def polygon(self, corners: np.ndarray, colour: Colour, alpha: int, width: float = 1.3) -> None:
-        """A filled outline of corners (N, 2); alpha: of the filling, 0..255."""
+        """Draw a filled polygon with corners (N, 2); alpha: of the filling, 0..255."""
         self.draw.polygon([tuple(map(float, c)) for c in corners], (*colour, alpha))
         self.line(np.concatenate([corners, corners[:1]]), colour, width)
 
     def disc(self, centre: np.ndarray, radius: float, colour: Colour, alpha: int, width: float) -> None:
-        """A filled circle; alpha: of the filling, 0..255."""
+        """Draw a filled circle; alpha: of the filling, 0..255."""
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
         self.polygon(centre + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1), colour, alpha, width)
 
     def dot(self, centre: np.ndarray, radius: float, colour: Colour) -> None:
-        """A small disc with a light rim; radius: in sixteenths of the font."""
+        """Draw a small disc with a light rim; radius: in sixteenths of the font."""
         for size, fill in (((radius + 1.0) * self.unit, _RIM), (radius * self.unit, colour)):
             self.draw.ellipse([*(centre - size), *(centre + size)], fill)
 
     def label(self, words: str, at: np.ndarray, direction: Point, colour: Colour) -> None:
-        """Words beside the point `at`, off in a direction (x, y), kept inside the image."""
+        """Write words next to the point `at`, offset in `direction` (x, y), inside the image."""
         width, height = width_of(words, self.font), self.font * 1.2
         off = np.asarray(direction, float)
         off = off / max(float(np.linalg.norm(off)), 1e-9)
@@ -84,18 +84,18 @@ class Pen:
         self.text(corner, words, colour)
 
     def text(self, corner: Point, words: str, colour: Colour) -> None:
-        """Words with their upper left corner there, on a light rim; _k lowers, ^2 raises, √{…} is a root."""
+        """Write words from their upper left corner, on a light rim; _k is a subscript, ^2 a superscript, √{…} a root."""
         for rim, fill in ((round(2.4 * self.unit), _RIM), (0, colour)):
             _set(self.draw, float(corner[0]), float(corner[1]), words, self.font, fill, rim)
 
 
 def legend_height(font: float, lines: Sequence[object]) -> int:
-    """The pixels that `write_legend` needs."""
+    """Return the height of `write_legend` in pixels."""
     return round((_LINE * len(lines) + 0.7) * font)
 
 
 def write_legend(image: Image.Image, top: int, font: float, lines: Sequence[tuple[Colour, str]]) -> None:
-    """Lines of text from `top` on, a patch of its colour before each; smaller where they would be too long."""
+    """Write lines of text from `top` on, each after a patch of its colour; long lines are scaled down."""
     widest = max(width_of(words, font) for _, words in lines)
     small = font * min(1.0, (image.width - 2.8 * font) / widest)
     pen = Pen(image, small)
@@ -112,13 +112,13 @@ def _font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def width_of(words: str, size: float) -> float:
-    """The pixels that words take, set in that size."""
+    """Return the width of the words at this size, in pixels."""
     canvas = ImageDraw.Draw(Image.new("RGB", (1, 1)))
     return _set(canvas, 0.0, 0.0, words, size, (0, 0, 0), 0)
 
 
 def _set(draw: ImageDraw.ImageDraw, x: float, y: float, words: str, size: float, fill: Colour, rim: int) -> float:
-    """Set `words` from x on; returns where they end. The font that Pillow brings has neither √ nor subscripts: they are drawn."""
+    """Write `words` from x on; return the end. Pillow's font lacks √ and subscripts, so they are drawn."""
     for below, above, rooted, plain in _TOKENS.findall(words):
         if rooted:
             start = x + 0.55 * size

@@ -1,10 +1,9 @@
-"""All buffers of a frame in one picture, each with its name, its unit, and what its colours mean."""
+"""All buffers of a frame in one picture, each with its name, unit and colour scale."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -13,23 +12,23 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import eight_bits
+from irrsplat.image.frame_buffers import FrameBuffers
 from irrsplat.image.output.false_colours import GROUND, write_words
 from irrsplat.image.tonemap import heat_scale, show, viridis
 
-if TYPE_CHECKING:
-    from irrsplat.image.frame import Frame
-
-NARROW, WIDE = 300, 480  # pixels: smaller pictures are enlarged by a whole factor, larger ones reduced
-_SHAPE = 1.5  # width by height that the sheet comes near to
+NARROW, WIDE = 300, 480  # pixels: smaller pictures are enlarged by an integer factor, larger ones reduced
+_SHAPE = 1.5  # target width by height of the sheet
 _TEXT, _FAINT = (235, 235, 230), (160, 160, 156)
-_SIZE, _SMALL = 17.0, 13.0  # of letters, pixels
+_SIZE, _SMALL = 17.0, 13.0  # letter heights, pixels
 _MARGIN = 14  # pixels between cells
-_BAR = 9  # the height of a bar of colours
+_BAR = 9  # pixels: height of a colour bar
 
 
-def contact_sheet(frame: Frame, names: Sequence[str]) -> np.ndarray:
-    """(H, W, 3) float32 display values 0..1: the buffers `names` that the frame holds, in the order of buffers.CHANNELS, in cells
-    of one size, under a line on the frame. Raises InputError where there are none."""
+def contact_sheet(frame: FrameBuffers, names: Sequence[str]) -> np.ndarray:
+    """Return (H, W, 3) float32 display values 0..1: the frame's buffers in `names` in cells of one size, under a headline.
+
+    The order is that of buffers.CHANNELS. Raises InputError if the frame holds none of them.
+    """
     held = [name for name in CHANNELS if name in names and getattr(frame, name).size]
     if not held:
         raise InputError("the frame holds none of these buffers, so there is nothing to put on a contact sheet")
@@ -62,7 +61,7 @@ def contact_sheet(frame: Frame, names: Sequence[str]) -> np.ndarray:
 
 
 def _cell(width: int, height: int) -> tuple[int, int]:
-    """The size in which a picture of this one is shown."""
+    """Return the displayed size of a picture of this size."""
     if width < NARROW:
         factor = math.ceil(NARROW / width)
         return factor * width, factor * height
@@ -70,8 +69,8 @@ def _cell(width: int, height: int) -> tuple[int, int]:
     return wide, max(1, round(height * wide / width))
 
 
-def _headline(frame: Frame, width: int, height: int) -> str:
-    """What the sheet is of."""
+def _headline(frame: FrameBuffers, width: int, height: int) -> str:
+    """Return the headline: scene, size, records, rounds and preset."""
     stats = frame.stats
     words = [str(stats["scene"])] if "scene" in stats else []
     words.append(f"{width} x {height} pixels")
@@ -90,7 +89,7 @@ def _legend(
     seen: np.ndarray,
     exposure: float,
 ) -> None:
-    """Under a picture: a bar of its colours with numbers at its ends and middle, or a line on how it is shown."""
+    """Draw a colour bar with numbers below a picture, or a line on its display."""
     way, (x, y) = CHANNELS[name].show, place
     share = np.linspace(0.0, 1.0, wide)
     if way == "heat":
@@ -106,7 +105,7 @@ def _legend(
 
 
 def _how(way: str, name: str, values: np.ndarray, seen: np.ndarray, exposure: float) -> str:
-    """How a buffer of three components is shown, in words."""
+    """Return the display of a three-component buffer in words."""
     if way == "radiance":
         of = "of a white surface, " if name == "irradiance" else ""
         return f"{of}{exposure:+.2f} stops, filmic"
@@ -117,7 +116,7 @@ def _how(way: str, name: str, values: np.ndarray, seen: np.ndarray, exposure: fl
     if not seen.any():
         return ""
     low, high = values[seen].min(axis=0), values[seen].max(axis=0)
-    low, high = (np.where(abs(end) < 1e-3 * (high - low), 0.0, end) for end in (low, high))  # a floor at 9e-05 is one at 0
+    low, high = (np.where(abs(end) < 1e-3 * (high - low), 0.0, end) for end in (low, high))  # a floor at 9e-05 counts as 0
     ranges = (f"{axis} {a:.3g} to {b:.3g}" for axis, a, b in zip("xyz", low.tolist(), high.tolist(), strict=True))
     return ",  ".join(ranges)
 
@@ -125,7 +124,7 @@ def _how(way: str, name: str, values: np.ndarray, seen: np.ndarray, exposure: fl
 def _bar(
     sheet: Image.Image, draw: ImageDraw.ImageDraw, place: tuple[int, int], colours: np.ndarray, labels: list[str], more: str = ""
 ) -> None:
-    """A bar of colours (W, 3), with three labels under its ends and its middle."""
+    """Draw a bar of colours (W, 3), with labels below its ends and middle."""
     (x, y), wide = place, len(colours)
     sheet.paste(Image.fromarray(eight_bits(np.tile(colours, (_BAR, 1, 1)))), (x, y))
     font = ImageFont.load_default(_SMALL)

@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.files import check_exr, json_text
 from irrsplat.image import statistics
+from irrsplat.image.frame_buffers import FrameBuffers
 from irrsplat.scene.model import Camera
-
-if TYPE_CHECKING:
-    from irrsplat.image.frame import Frame
 
 ExrNames = Literal["irrsplat", "blender"]
 EXR_NAMES: tuple[ExrNames, ...] = get_args(ExrNames)
-FAR = 1e10  # what Blender has for the depth of a pixel that sees nothing
+FAR = 1e10  # Blender's depth of a pixel without a surface
 _LAYER = "ViewLayer"
-_PASSES = {  # buffers that Blender has a pass for: its name, and its channels
+_PASSES = {  # Blender's passes: name and channels by buffer
     "image": ("Combined", "RGBA"),
     "depth": ("Depth", "Z"),
     "position": ("Position", "XYZ"),
@@ -29,12 +27,12 @@ _PASSES = {  # buffers that Blender has a pass for: its name, and its channels
     "albedo": ("DiffCol", "RGB"),
     "emission": ("Emit", "RGB"),
 }
-_VECTORS = ("smooth_normal",)  # of the others, those that are no colours
-_NEAR, _DISTANT = 1e-3, 1e3  # of worldToNDC: no pixel depends on them
+_VECTORS = ("smooth_normal",)  # further buffers of vectors, not colours
+_NEAR, _DISTANT = 1e-3, 1e3  # near and far of worldToNDC: no pixel depends on them
 
 
-def write_exr(path: Path, frame: Frame, names: Sequence[str], exr_names: ExrNames = "irrsplat") -> None:
-    """Write those buffers of a frame that are images; raises OSError where the file is cut short."""
+def write_exr(path: Path, frame: FrameBuffers, names: Sequence[str], exr_names: ExrNames = "irrsplat") -> None:
+    """Write the image buffers of a frame; raises OSError if the file is truncated."""
     rows = frame.image.shape[0] or frame.depth.shape[0]
     buffers = {name: np.ascontiguousarray(getattr(frame, name), np.float32) for name in names if name in CHANNELS}
     layers = _for_blender(frame, buffers) if exr_names == "blender" else _plain(frame, buffers)
@@ -42,7 +40,7 @@ def write_exr(path: Path, frame: Frame, names: Sequence[str], exr_names: ExrName
 
 
 def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:
-    """Write float32 layers of so many rows, with these attributes; raises OSError where the file is cut short."""
+    """Write float32 layers with `rows` rows, and these attributes; raises OSError if the file is truncated."""
     import OpenEXR
 
     fixed = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -51,15 +49,15 @@ def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header
     check_exr(path, rows)
 
 
-def _plain(frame: Frame, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Layers by irrsplat's names; image has A where the backdrop is clear, multiplied in."""
+def _plain(frame: FrameBuffers, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return layers by irrsplat's names; with a clear backdrop, image has a premultiplied A."""
     if frame.backdrop == "clear" and "image" in buffers:
         return {**buffers, "image": np.ascontiguousarray(np.dstack([buffers["image"], frame.alpha]), np.float32)}
     return buffers
 
 
-def _for_blender(frame: Frame, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Channels as Blender names those of its render layers: ViewLayer.Combined.R, …, its own passes where it has them."""
+def _for_blender(frame: FrameBuffers, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return channels by Blender's render layers: ViewLayer.Combined.R, …, with its own passes where they exist."""
     found: dict[str, np.ndarray] = {}
     for name, values in buffers.items():
         one = values.ndim == 2
@@ -74,11 +72,11 @@ def _for_blender(frame: Frame, buffers: Mapping[str, np.ndarray]) -> dict[str, n
     return found
 
 
-def attributes(frame: Frame) -> dict[str, Any]:
-    """What stands in the header beside the layers; nothing that differs between equal runs.
+def attributes(frame: FrameBuffers) -> dict[str, Any]:
+    """Return the header's attributes, equal for equal runs.
 
-    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. Of a frame
-    with a camera also OpenEXR's standard attributes: see `of_camera`.
+    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. A frame with
+    a camera also has OpenEXR's standard attributes, see `of_camera`.
     """
     kept = statistics.repeatable(frame.stats)
     found: dict[str, Any] = {"stats": json_text(kept), "software": f"irrsplat {_version()}"}
@@ -96,11 +94,11 @@ def attributes(frame: Frame) -> dict[str, Any]:
 
 
 def of_camera(camera: Camera, aspect: float) -> dict[str, Any]:
-    """A camera by OpenEXR's standard attributes. aspect: width by height of the picture.
+    """Return a camera as OpenEXR's standard attributes. aspect: width by height of the picture.
 
-    worldToCamera: to right-handed camera space, looking along −z, y up, metres; worldToNDC: x and y −1..1 over the picture, y up,
-    after division by w. Both for row vectors, as Imath has them: translation in the last row. screenWindowCenter and
-    screenWindowWidth: of the picture at distance 1.
+    worldToCamera: to right-handed camera space, along −z, y up, metres; worldToNDC: x and y −1..1 over the picture, y up, after
+    division by w. Both are for row vectors, as in Imath: translation in the last row. screenWindowCenter and screenWindowWidth:
+    of the picture at distance 1.
     """
     view = camera.view_from_world
     clip = camera.clip_from_view(aspect, _NEAR, _DISTANT) @ view

@@ -1,4 +1,4 @@
-"""Light in false colours with isolines and a legend, as a picture: what the viewer's buffer `light` shows, without a window."""
+"""Light in false colours with isolines and a legend, as in the viewer's buffer `light`, without a window."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from PIL import Image, ImageDraw, ImageFont
 from irrsplat.core.files import eight_bits
 from irrsplat.meter.light_scale import PERCENTILE, STEPS, LightScale, false_colours
 
-GROUND = (0.11, 0.11, 0.12)  # display colour where nothing is seen, and behind the legend
+GROUND = (0.11, 0.11, 0.12)  # display colour of the legend and of pixels without a surface
 LINE = 0.35  # brightness of an isoline
 SAME = 0.02  # relative difference in depth of neighbouring pixels on one surface
 _TEXT = (0.92, 0.92, 0.90)
 
 
 def brightest(light: np.ndarray, depth: np.ndarray) -> float:
-    """What a scale by itself ends above, of `light` (H, W): nearly the greatest value that is seen."""
+    """Return the automatic upper end of a scale for `light` (H, W): a high percentile of the visible values."""
     seen = np.isfinite(depth)
     return float(np.percentile(light[seen], PERCENTILE)) if seen.any() else 0.0
 
 
 def coloured(light: np.ndarray, depth: np.ndarray, scale: LightScale) -> np.ndarray:
-    """(H, W, 3) display colours 0..1 of `light` (H, W), in the scale's unit, at `depth` (H, W), +inf where nothing is seen; both
-    top row first. The scale's upper end is known.
+    """Return (H, W, 3) display colours 0..1 of `light` (H, W), in the scale's unit, with isolines.
 
-    As in shaders/viewer/buffers/light.frag: a pixel lies on a line where its light is in another step of the scale than that of
-    the pixel to its right, or above it, on the same surface.
+    depth: (H, W), +inf for pixels without a surface; both arrays top row first. The scale's upper end must be set. As in
+    shaders/viewer/buffers/light.frag, a pixel is on an isoline if its light is in another step of the scale than the pixel right
+    of it or above it on the same surface.
     """
     place, seen, palette = scale.place(light), np.isfinite(depth), false_colours()
     at = np.arange(len(palette)) / (len(palette) - 1.0)
@@ -42,12 +42,12 @@ def coloured(light: np.ndarray, depth: np.ndarray, scale: LightScale) -> np.ndar
 
 
 def with_legend(picture: np.ndarray, scale: LightScale, title: str, unit: str) -> np.ndarray:
-    """The picture (H, W, 3) with a legend beside it: the colours of the scale with numbers at its lines, and what it is."""
+    """Return the picture (H, W, 3) with a legend at its right: colour scale, numbers, title and unit."""
     height = picture.shape[0]
     size = float(np.clip(height / 36.0, 9.0, 28.0))
     font = ImageFont.load_default(size)
     margin, bar = round(size), round(1.6 * size)
-    room = (height - 5.0 * size) / (1.3 * size)  # for so many numbers
+    room = (height - 5.0 * size) / (1.3 * size)  # number of labels that fit
     steps = next((n for n in (STEPS, STEPS // 2) if n <= room), 1)
     share = np.arange(steps + 1) / steps
     labels = [f"{value:.{3 if scale.logarithmic else 4}g}" for value in scale.at(share).tolist()]
@@ -81,7 +81,7 @@ def with_legend(picture: np.ndarray, scale: LightScale, title: str, unit: str) -
 
 
 def write_words(draw: ImageDraw.ImageDraw, place: tuple[float, float], words: str, ink: tuple[int, ...], size: float) -> None:
-    """Write words; ² as a small raised 2, for Pillow's own font lacks it."""
+    """Write words, with ² as a small raised 2, which Pillow's own font lacks."""
     x, y = place
     font = ImageFont.load_default(size)
     for i, part in enumerate(words.split("²")):

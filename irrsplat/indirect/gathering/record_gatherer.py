@@ -48,7 +48,7 @@ class RecordGatherer(Owner):
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
-            world.expect(self._needs_tree, self._casts)
+            world.prebuild(self._needs_tree, self._casts)
         self.gathers = Gathers(world)
         self._made = Workshop()  # the surface cache
 
@@ -144,10 +144,10 @@ class RecordGatherer(Owner):
             if self._basis.swapped:  # what these lack by the values of before can no longer be found
                 cache.invalidate(np.flatnonzero(cache.due))
         try:
-            self.world.follow(change)
+            self.world.apply(change)
             self.gathers.of(new)
         except BaseException:
-            self.world.follow(change.back)
+            self.world.apply(change.back)
             raise
         try:
             kept = self._follow_records(old, new, change)

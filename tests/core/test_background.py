@@ -1,4 +1,4 @@
-"""Work in a thread beside a generator: its result, its errors, and what becomes of it when nobody waits any more."""
+"""Background work next to a generator: its result, its errors and its end."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import TypeVar
 
 import pytest
 
-from irrsplat.core.timing.beside import _AT_ONCE, beside
+from irrsplat.core.timing.background import _AT_ONCE, in_background
 from irrsplat.core.timing.clock import Clock, use_clock
 
 Result = TypeVar("Result")
 
 
 def last(steps: Generator[float, None, Result]) -> Result:
-    """What a generator returns."""
+    """Return the value that a generator returns."""
     while True:
         try:
             assert next(steps) == 0.5
@@ -25,9 +25,9 @@ def last(steps: Generator[float, None, Result]) -> Result:
 
 
 def test_the_result_and_the_error_of_work() -> None:
-    assert last(beside(lambda: 6 * 7, 0.5)) == 42
+    assert last(in_background(lambda: 6 * 7, 0.5)) == 42
     with pytest.raises(ZeroDivisionError):
-        last(beside(lambda: 1 // 0, 0.5))
+        last(in_background(lambda: 1 // 0, 0.5))
 
 
 def test_dropped_work_that_has_not_begun_never_begins() -> None:
@@ -39,11 +39,11 @@ def test_dropped_work_that_has_not_begun_never_begins() -> None:
         return go_on.wait(120)
 
     with use_clock(Clock()):
-        first = [beside(lambda begins=begins: hold(begins), 0.5) for begins in held]  # type: ignore[misc]
+        first = [in_background(lambda begins=begins: hold(begins), 0.5) for begins in held]  # type: ignore[misc]
         for work, begins in zip(first, held, strict=True):
             assert next(work) == 0.5 and begins.wait(120)
-        second = beside(lambda: begun.append(True), 0.5)
+        second = in_background(lambda: begun.append(True), 0.5)
         assert next(second) == 0.5
         second.close()
         go_on.set()
-        assert all(last(work) is True for work in first) and last(beside(lambda: 1, 0.5)) == 1 and not begun
+        assert all(last(work) is True for work in first) and last(in_background(lambda: 1, 0.5)) == 1 and not begun
