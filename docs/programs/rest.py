@@ -1,4 +1,4 @@
-"""Measure how a refined view converges, for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (an hour, two cores).
+"""Measure how a refined view converges, for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (one hour).
 
 Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against the
 truth in tests/reference, and the estimate. What is measured stays in out/rest.json; the picture and the tables are made of that.
