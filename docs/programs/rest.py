@@ -1,4 +1,4 @@
-"""Measures how a view at rest converges, for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (an hour on two cores).
+"""Measures the convergence of a still view for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (an hour).
 
 Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against the
 truth in tests/reference, and the estimate. What is measured stays in out/rest.json; the picture and the tables are made of that.
@@ -64,7 +64,7 @@ def table(found: dict[str, list[Point]]) -> str:
 
 
 def main() -> None:
-    """Measure what is named, or all that is not known yet; fill docs/about/experiments.md and draw docs/images/measured/rest.png."""
+    """Measure what is named, or all that is not known yet; fill experiments.md and draw images/measured/rest.png."""
     found: dict[str, list[Point]] = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     for bounces in (1, "all"):
         for name in sys.argv[1:] or SCENES:

@@ -202,7 +202,8 @@ def python() -> str:
     lines = ["# Python", "", "All that `import irrsplat` has, from the docstrings of the code.", ""]
     for name, home in public():
         inherited = ["      inherited_members: true"] if name == "Frame" else []  # its arrays
-        lines += [f"::: {home}.{name}", "    options:", f"      heading: irrsplat.{name}", f"      toc_label: {name}", *inherited, ""]
+        options = [f"      heading: irrsplat.{name}", f"      toc_label: {name}", *inherited]
+        lines += [f"::: {home}.{name}", "    options:", *options, ""]
     return "\n".join(lines)
 
 
