@@ -201,7 +201,9 @@ def python() -> str:
     """A section for each public name, which mkdocstrings fills from the docstrings."""
     lines = ["# Python", "", "All that `import irrsplat` has, from the docstrings of the code.", ""]
     for name, home in public():
-        lines += [f"::: {home}.{name}", "    options:", f"      heading: irrsplat.{name}", f"      toc_label: {name}", ""]
+        inherited = ["      inherited_members: true"] if name == "Frame" else []  # its arrays
+        options = [f"      heading: irrsplat.{name}", f"      toc_label: {name}", *inherited]
+        lines += [f"::: {home}.{name}", "    options:", *options, ""]
     return "\n".join(lines)
 
 

@@ -60,11 +60,10 @@ class Progress:
     """The progress of a view after a frame of the window.
 
     round: complete rounds. records: in the cache; new: made in this frame. coverage: share of the visible pixels, 0..1, that were
-    covered when the round began. renewed: records recomputed in this frame; stale: records that wait for recomputation or for the
-    light of a single emitter. complete: False while the round has sites left, or the view is splatted at every other pixel.
-    surface: finished share of the surface cache, 0..1. full: the view needs more records than `max_records`. sampled: finished
-    share of a render's samples, 0..1. error: estimated relative RMSE of the indirect irradiance, or None. refined: True if no
-    further refinement is due. fading: see View.
+    covered when the round began. renewed: records recomputed in this frame; stale: records that wait for recomputation. complete:
+    False while the round has sites left, or the view is splatted at every other pixel. surface: finished share of the surface
+    cache, 0..1. full: the view needs more records than `max_records`. sampled: finished share of a render's samples, 0..1. error:
+    estimated relative RMSE of the indirect irradiance, or None. refined: True if no further refinement is due. fading: see View.
     """
 
     round: int

@@ -66,7 +66,7 @@ def test_the_check_of_the_hessian_runs(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_make_figures_makes_pictures_that_pages_show() -> None:
-    """Of the paper's six figures and of bundled scenes; other pictures beside these are other programs'."""
+    """The files are the paper's six figures and bundled scenes; other programs make further pictures."""
     made = program("figures")
     figures, scenes = made.shown()
     assert len(figures) >= 6 and scenes and set(scenes) <= set(bundled())

@@ -1,4 +1,4 @@
-"""A wheel, installed away from the checkout: it brings shaders and scenes along, and nothing but irrsplat."""
+"""A wheel, installed away from the checkout: it brings shaders and scenes along, and no other package."""
 
 from __future__ import annotations
 

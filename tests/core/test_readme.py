@@ -33,7 +33,7 @@ def files_of(page: str, folder: Path) -> None:
 
 def small(words: list[str]) -> list[str]:
     """Return the command with a small picture, since the test is about the command and not about its result."""
-    if words[0] == "bake":  # tests/app/bake has what comes of it
+    if words[0] == "bake":  # tests/app/bake checks its result
         words = ["64" if before == "--size" else word for before, word in zip(["", *words], words, strict=False)]
         coarse = ["--a", "2", "--radius-min", "20", "--max-rounds", "2"] if "probes" not in words else []
         most = ["--most", "200"] if "vertices" in words else []

@@ -32,7 +32,7 @@ def test_too_much_asked_is_one_line_of_advice() -> None:
     assert "apt-get install" in str(error.value)
 
 
-# what moderngl 5.13 and glcontext 3.1 say, seen on bare Debian 12 images -> the package that mends it
+# what moderngl 5.13 and glcontext 3.1 say, seen on bare Debian 12 images -> the missing package
 @pytest.mark.parametrize(
     ("message", "package"),
     [

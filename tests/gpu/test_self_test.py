@@ -54,7 +54,7 @@ def test_a_command_names_what_a_real_driver_lacks(ctx: moderngl.Context, tmp_pat
 
 
 def test_triangles_numbered_by_a_geometry_shader_are_the_same(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For drivers that give fragment shaders no gl_PrimitiveID otherwise (softpipe), or confuse varyings beside it (llvmpipe of
+    """For drivers that give fragment shaders no gl_PrimitiveID otherwise (softpipe), or confuse varyings next to it (llvmpipe of
     Mesa 26.0): all buffers."""
     if not self_test.tried(ctx).numbers_triangles:
         pytest.skip("this driver has no other way to compare with")

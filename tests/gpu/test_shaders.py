@@ -146,7 +146,7 @@ def test_missing_and_unknown_uniforms_are_named(ctx: moderngl.Context, tint: Pro
 
 
 def test_one_draw_s_state_is_not_the_next_one_s(ctx: moderngl.Context, tint: Program) -> None:
-    """After a blended, scissored, clamped draw a plain one fills the whole target and adds nothing to what was there."""
+    """After a blended, scissored, clamped draw a plain one fills the whole target and adds nothing to the old content."""
     target, picture = Target(ctx, (4, 4), (4,)), float_texture(ctx, (1, 1))
     picture.write(b"\0" * 16)
     target.clear(1.0)

@@ -56,7 +56,7 @@ def test_the_camera_beside_sees_at_the_centre_what_the_camera_saw_off_it(offset:
 
 
 def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
-    """Random samples, some of which see nothing, some of which no record speaks for: running means as in numpy."""
+    """Random samples, some of which see nothing, some of which no record covers: running means as in numpy."""
     chance, (height, width), count, mix, sky = np.random.default_rng(3), (5, 7), 9, (0.4, 1.0), (0.1, 0.2, 0.3)
 
     def some(*last: np.ndarray) -> tuple[np.ndarray, moderngl.Texture]:

@@ -51,7 +51,7 @@ def test_every_view_has_a_figure(size: tuple[int, int], camera: dict[str, Any], 
 def test_the_figure_where_there_is_no_usual_one() -> None:
     """An eye within the sphere has the whole screen for a quad. Where no record is seen, the plain picture stands.
 
-    A surface beside the canvas paints nothing.
+    A surface outside the canvas paints nothing.
     """
     with irrsplat.Renderer(irrsplat.load("furnace"), (170, 170), **FAST) as renderer:
         frame, eye, settings = renderer.render(), renderer.scene.camera(), renderer.settings

@@ -1,4 +1,4 @@
-"""Files made from a Frame: they say what the contract says, compare with what went in, and appear whole or not at all."""
+"""Files made from a Frame: they follow the contract, compare with what went in, and appear whole or not at all."""
 
 from __future__ import annotations
 

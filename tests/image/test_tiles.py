@@ -1,4 +1,4 @@
-"""Pictures in tiles, and strips: the same records and bytes as in one piece, and what may be asked of them."""
+"""Pictures in tiles, and strips: the same records and bytes as in one piece, and the checks of their arguments."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_tiles_make_the_same_picture(settings: dict[str, Any], tile: int) -> Non
 
 @pytest.mark.usefixtures("cells")
 def test_large_pictures_are_the_same_by_cells() -> None:
-    """Surfaces with normal maps behind a filter that shines: tiles equal the whole picture to the bit."""
+    """Surfaces with normal maps behind an emitting filter: tiles equal the whole picture to the bit."""
     pane = square(Material(albedo=(0.9, 0.2, 0.1), opacity=0.3, alpha_mode="blend", emission=(0.1, 0.0, 0.0)), z=0.2, half=0.3)
     camera = Camera((0.4, 0.3, 2.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0))
     world = scene(square(bumpy(tilted(20.0)), z=-0.5, half=0.8), pane, sky=0.5, camera=camera)

@@ -227,7 +227,7 @@ def test_emitters_are_chosen_by_power() -> None:
     found = Emitters.of(Surfaces.of(scene(floor(9.0), lit, half)))
     assert found is not None and sorted(found.face) == [2, 3, 4, 5]
     assert np.allclose(found.area, 0.5) and found.power.sum() == pytest.approx(1.0)
-    # each half of the first shines with 6; of the second, a quarter of one triangle with 4, and three quarters of the other
+    # each half of the first emits 6; of the second, a quarter of one triangle with 4, and three quarters of the other
     chosen = (found.share * found.power[found.group])[np.argsort(found.face)]
     assert np.allclose(chosen, np.array([6.0, 6.0, 3.0, 1.0]) / 16.0, atol=0.03)
     gone = replace(lit, material=replace(lit.material, alpha_mode="blend", opacity=0.2))

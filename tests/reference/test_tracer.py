@@ -127,7 +127,7 @@ def test_a_luminaire_s_direct_light_is_what_its_table_says(mitsuba: Any, kind: s
 
 
 def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:
-    """E_2(p) = E_1(p) + mean over cosine-distributed rays from p of ρ(q)·E_1(q): with a sky, a lamp, and open space between."""
+    """E_2(p) = E_1(p) + mean over cosine-distributed rays from p of ρ(q)·E_1(q): with a sky, a light, and open space between."""
     room = [box((-1, -1, -1), (1, 1, 1), material((0.7, 0.5, 0.2))), quad((-0.4, -0.5, 0.4), (0.8, 0, 0), (0, 0.1, -0.8))]
     positions = room[0].positions[room[0].faces].mean(axis=1)
     room[0] = irrsplat.Mesh(room[0].positions, room[0].normals, room[0].faces[positions[:, 2] < 0.9], room[0].material)
