@@ -10,7 +10,6 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
-from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
@@ -65,11 +64,10 @@ class Viewer(Owner):
         self.backend = ImguiBackend(wnd.ctx)
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.backend, self.times)
+        self.interface = Interface(self.actions, self.display, self.backend, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend)
         self.controls.scale_changed(self.desktop.scale)
         self.backend.windows = self.actions.appearance.windows
-        self.actions.leaving = self._keep_picture
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
@@ -97,7 +95,6 @@ class Viewer(Owner):
             *self.canvas.textures,
             self.canvas,
             *drawn_over,
-            self.interface.pictures,
             self.backend,
         )
 
@@ -244,7 +241,7 @@ class Viewer(Owner):
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
         no message comes or goes."""
-        if not self.still or now() < self._awake_until:
+        if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
         self.actions.reload_changed_files()
         self.actions.collect_truth()
@@ -275,7 +272,7 @@ class Viewer(Owner):
                 self._take_events()
                 slept = True
             _, dt = timer.next_frame()
-            self.wnd.title = f"{self.session.scene.name} – {TITLE}"
+            self.wnd.title = f"{self.actions.title} – {TITLE}"
             self.wnd.render(timer.time, _SLEEP if slept else dt)
             if not self._closing():
                 self.wnd.swap_buffers()
@@ -288,12 +285,6 @@ class Viewer(Owner):
         # a window's own framebuffer keeps the size that it had at first
         self.ctx.copy_framebuffer(self.ctx.detect_framebuffer(target.gl.glo), picture.gl)
 
-    def _keep_picture(self) -> str | None:
-        """Keep what the scene looks like now, for the list of recent ones; None, or why that failed."""
-        if not self.session.views:
-            return None
-        return stored.keep_picture(self.actions.source, _pixels(self.canvas), self.actions.preferences.recent)
-
     def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
         problem = None
@@ -301,7 +292,6 @@ class Viewer(Owner):
             fullscreen = self.wnd.fullscreen
             self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
-            problem = self._keep_picture() or problem
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
         return problem

@@ -8,7 +8,7 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow, KeyModifiers
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input import keys
+from irrsplat.app.viewer.input import commands
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
@@ -67,7 +67,7 @@ class Controls:
     @property
     def magnifying(self) -> bool:
         """Whether the magnifier's key is down."""
-        return getattr(self.wnd.keys, keys.MAGNIFIER) in self.pressed
+        return getattr(self.wnd.keys, commands.MAGNIFIER) in self.pressed
 
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
@@ -81,7 +81,6 @@ class Controls:
         elif right or up or ahead:
             self.actions.stop()
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
-            self.actions.hints.follow("fly")
 
     @property
     def _per_pixel(self) -> float:
@@ -117,7 +116,7 @@ class Controls:
         elif self.backend.wants_keyboard:
             return
         flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
-        found = keys.action(names, key, bool(ctrl), bool(shift))
+        found = commands.of_key(names, key, bool(ctrl), bool(shift))
         if flying and found is not None and found.action != "escape":
             found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
         if found is None or not ctrl:  # a letter pressed with Ctrl does not fly
@@ -151,7 +150,6 @@ class Controls:
             self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
             self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
-            self.actions.hints.follow("orbit")
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
         """A mouse button went down at the position of the last motion event.

@@ -9,7 +9,6 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.editing.handles import Handles
 from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel
-from irrsplat.app.viewer.ui.editing.save_dialog import SaveDialog
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.layout import Layout
@@ -17,29 +16,27 @@ from irrsplat.app.viewer.ui.legends import Legends
 from irrsplat.app.viewer.ui.light_scale_panel import LightScalePanel
 from irrsplat.app.viewer.ui.lights_panel import LightsPanel
 from irrsplat.app.viewer.ui.menus import Menus
-from irrsplat.app.viewer.ui.messages_view import draw_messages
+from irrsplat.app.viewer.ui.messages_view import draw_lost, draw_messages
 from irrsplat.app.viewer.ui.record_view import RecordView
 from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
 from irrsplat.app.viewer.ui.statistics_view import StatisticsView
 from irrsplat.app.viewer.ui.windows.about import draw_about
-from irrsplat.app.viewer.ui.windows.hint_line import draw_hints
+from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs
 from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
 from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.message_log import draw_log
-from irrsplat.app.viewer.ui.windows.open_dialog import OpenDialog
-from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
+from irrsplat.app.viewer.ui.windows.palette import Palette
 from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
 
 
 class Interface:
-    """Draws the windows that are open; call `draw` between the backend's `begin` and `draw`."""
+    """The windows that are open; call `draw` between the backend's `begin` and `draw`. native: the desktop's dialogs may open."""
 
-    def __init__(self, actions: Actions, display: Display, backend: ImguiBackend, times: FrameTimes) -> None:
+    def __init__(self, actions: Actions, display: Display, backend: ImguiBackend, times: FrameTimes, native: bool) -> None:
         self.actions, self.display, self.layout = actions, display, Layout()
-        self.pictures = ScenePictures(backend)
-        self.menus, self.dialog = Menus(actions, self.layout, self.pictures), OpenDialog(actions, self.pictures)
-        self.save_dialog = SaveDialog(actions)
+        self.menus, self.files = Menus(actions, self.layout), FileDialogs(actions, native)
         self.settings_panel, self.lights_panel = SettingsPanel(actions, self.layout), LightsPanel(actions, self.layout)
+        self.palette = Palette(actions, self.settings_panel.show)
         self.light_scale_panel = LightScalePanel(actions, self.layout)
         self.handles, self.object_panel = Handles(actions), ObjectPanel(actions, self.layout)
         self.statistics = StatisticsView(actions, times, self.layout)
@@ -58,6 +55,9 @@ class Interface:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         magnified: the pixels around it are, so that its value stands there."""
         actions, panels = self.actions, self.actions.panels
+        if actions.restoring_layout:
+            actions.restoring_layout = False
+            self.layout.restore()
         self.layout.start(scale, panels.hidden)
         if not panels.hidden:
             self.lights_panel.draw_positions()
@@ -71,12 +71,13 @@ class Interface:
             self.legends.draw(cursor)
             self.record.draw(inspected)
             self.line_plot.draw()
-            draw_hints(actions, self.layout, self.display.lost)
+            if self.display.lost:
+                draw_lost(self.layout)
             draw_key_sheet(actions, scale)
             draw_about(actions)
             draw_log(actions)
-            self.dialog.draw(scale)
-            self.save_dialog.draw()
+            self.files.draw()
+            self.palette.draw(scale)
         else:
             actions.editor.handles_used = actions.editor.dragging = False
         draw_unsaved(actions)

@@ -48,7 +48,6 @@ class Layout:
     legend_height: float = 0.0
     panel_right: float = 0.0  # where the settings' panel ends, while it is not docked
     legend_right: float = 0.0  # where the left side's legend ends
-    hints_height: float = 0.0  # that the line at the bottom takes where it reaches under the statistics
     statistics_size: tuple[float, float] = (0.0, 0.0)
     _boxes: dict[str, Box] = field(default_factory=dict)  # of the panels in the last frame, and so far in this one
     _drawn: dict[str, Box] = field(default_factory=dict)

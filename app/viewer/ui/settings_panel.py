@@ -57,6 +57,12 @@ class SettingsPanel:
         self.actions, self.layout = actions, layout
         self._drafts: dict[str, float | int] = {}
         self._typed: tuple[str, float | int] | None = None  # the setting whose number is being typed, and how it stands
+        self._sought = ""  # the setting that is scrolled to
+
+    def show(self, name: str) -> None:
+        """Open the panel with all settings, at the one of this name."""
+        self.actions.panels.settings = self.actions.panels.expert = True
+        self._sought = name
 
     def draw(self) -> None:
         """Draw it where it is open."""
@@ -86,6 +92,8 @@ class SettingsPanel:
             for d in SETTINGS.values()
             if d.stage == stage and (expert or d.name in BASIC or getattr(settings, d.name) != getattr(base, d.name))
         ]
+        if any(d.name == self._sought for d in shown):
+            imgui.set_next_item_open(True)
         title = stage if expert else f"{stage}##basic"  # each has its own state
         if shown and imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open if first or not expert else 0):
             for declaration in shown:
@@ -126,6 +134,10 @@ class SettingsPanel:
         value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
         idle = why_idle(d.name, settings)
         imgui.push_id(d.name)
+        if d.name == self._sought:
+            imgui.set_scroll_here_y()
+            imgui.set_keyboard_focus_here()
+            self._sought = ""
         if idle is not None:
             imgui.push_style_var(imgui.StyleVar_.alpha, _IDLE * imgui.get_style().alpha)
         imgui.begin_group()

@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.input.commands import COMMANDS
 from irrsplat.app.viewer.show.remaining_time import in_words
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, STATISTICS_WIDTH, Layout, accent
@@ -56,9 +56,9 @@ class StatisticsView:
         imgui.end()
 
     def _height(self, scale: float) -> float:
-        """The height that the window may take: down to the hints, and in a narrow one to the legend."""
+        """The height that the window may take: in a narrow one down to the legend."""
         _, top, right, bottom = self.layout.area
-        end = bottom - MARGIN - self.layout.hints_height
+        end = bottom - MARGIN
         if right - MARGIN - STATISTICS_WIDTH * scale < self.layout.legend_right:
             end = min(end, imgui.get_main_viewport().size.y - self.layout.legend_height)
         return end - top
@@ -80,7 +80,7 @@ class StatisticsView:
         for action in ("step", "clear"):
             imgui.same_line()
             if imgui.small_button(action):
-                actions.press(next(k for k in KEYS if k.action == action))
+                actions.press(next(k for k in COMMANDS if k.action == action))
         if options.frozen:
             imgui.same_line()
             imgui.text_colored(accent(), "frozen")

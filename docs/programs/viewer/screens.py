@@ -13,7 +13,6 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.input.hints import HINTS
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -65,8 +64,7 @@ def keep(viewer: Viewer, name: str, settle: bool = True) -> None:
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
-    hints = [] if take is whole else list(HINTS)  # they are part of the window as it opens
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS, ui={"hints": hints}), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -81,8 +79,6 @@ def whole(viewer: Viewer) -> None:
         viewer.frame(DT)
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
-    for hint in HINTS:
-        actions.hints.follow(hint)
     actions.panels.settings = False
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])

@@ -223,7 +223,7 @@ def open_scene(walker: Walker) -> None:
 
 @task("Fly through it")
 def fly(walker: Walker) -> None:
-    walker.click("Scene", "cornell")
+    walker.click("File", "cornell")
     walker.until(lambda: walker.viewer.actions.source == "cornell", "the scene")
     before = walker.viewer.actions.session.camera
     walker.hold("w", 0.8)
@@ -282,7 +282,7 @@ def move(walker: Walker) -> None:
 @task("Measure light on the floor, in lux")
 def measure(walker: Walker) -> None:
     walker.key("F4")
-    walker.click("Show", "light (false colours)")
+    walker.click("View", "Buffer", "light (false colours)")
     walker.key("ctrl+l")
     walker.drag(walker.seen((2.4, 0.0, 0.5)), walker.seen((0.3, 0.0, 0.5)), "drag a line over the floor")
     walker.rest()
@@ -300,7 +300,7 @@ def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
     truths = walker.viewer.actions.session.truths
     walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a truth of some samples")
-    walker.click("Show", "error")
+    walker.click("View", "Buffer", "error")
     walker.wait(6)
     walker.keep("truth")
     walker.key("y")

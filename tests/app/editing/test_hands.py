@@ -44,7 +44,7 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_the_menu(driver: Driv
     """The wall behind it is seen then, and the converged view is covered."""
     editor = driver.actions.editor
     push(driver, "Backspace")
-    assert "nothing is picked" in driver.said and not editor.changed
+    assert "nothing is selected" in driver.said and not editor.changed
     editor.pick_mesh(BOX)
     push(driver, "O")
     assert editor.turning and driver.said.endswith("handles turn")
@@ -57,7 +57,7 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_the_menu(driver: Driv
     driver.settle()
     assert driver.display.mesh_at(here) == WALLS and driver.session.progress[0].coverage == 1.0
     driver.session.options.frozen = True
-    for item, hidden in (("show box", []), ("undo: box: show", [BOX]), ("redo: box: show", [])):
+    for item, hidden in (("Show box", []), ("Undo: box: show", [BOX]), ("Redo: box: show", [])):
         driver.choose("Edit", item)
         assert editor.hidden == hidden
 
@@ -74,11 +74,11 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
     for expected in (states[1], states[0], states[0]):
         push(driver, "Ctrl+Z")
         assert editor.edit == expected
-    assert driver.said.endswith("there is nothing to undo") and driver.session.scene.meshes is editor.loaded.meshes
+    assert driver.said.endswith("nothing to undo") and driver.session.scene.meshes is editor.loaded.meshes
     for key, expected in (("Ctrl+Y", states[1]), ("Ctrl+Shift+Z", states[2]), ("Ctrl+Y", states[2])):
         push(driver, key)
         assert editor.edit == expected
-    assert driver.said.endswith("there is nothing to do again")
+    assert driver.said.endswith("nothing to redo")
     assert not driver.session.options.points and driver.session.truths.traced is None, "the keys without Ctrl are others"
 
 
@@ -86,10 +86,12 @@ def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> N
     """And overwritten only when asked."""
     push(driver, "Ctrl+S")
     driver.frame(2)
-    assert driver.viewer.interface.save_dialog.typed == "room-2.scene"
+    assert driver.viewer.interface.files.typed == "room-2.scene"
     driver.choose("save")
     assert not driver.actions.panels.save and "room-2.scene is written" in driver.said
     push(driver, "Ctrl+S")
+    assert not driver.actions.panels.save, "saved where it was saved"
+    push(driver, "Ctrl+Shift+S")
     driver.frame(2)
     assert driver.find("overwrite").kind == "button"
     push(driver, "Esc")

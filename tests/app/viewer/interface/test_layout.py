@@ -59,7 +59,7 @@ def test_a_panel_docks_stays_so_in_the_next_run_and_goes_back(driver: Driver, tm
         again.session.options.frozen = True
         again.frame(6)
         assert 200.0 < layout(again).area[0] < 400.0 and again.window()[8:20, 400:].mean() > 180 > 100 > dark
-        again.choose("Window", "standard places of panels")
+        again.choose("Window", "Standard layout")
         again.frame(4)
         assert layout(again).area == (0.0, 30.0, 640.0, 400.0) and layout(again)._drawn["settings"][:2] == (8.0, 30.0)
 
