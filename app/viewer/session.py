@@ -413,6 +413,8 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
+        if way == "off":
+            options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
         options.split, self.held = way, None
 
     def keep_snapshot(self, side: int) -> Snapshot:

@@ -54,10 +54,11 @@ class ViewOptions:
 class Panels:
     """Which windows of the interface are open."""
 
-    settings: bool = True
+    controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
+    settings: bool = False
     expert: bool = False  # whether the settings' panel shows all of them
     lights: bool = False
-    hud: bool = True
+    hud: bool = False
     help: bool = False
     about: bool = False
     log: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Sequence
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -65,10 +66,11 @@ class Viewer(Owner):
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.backend, self.times, native=not wnd.headless)
-        self.controls = Controls(wnd, self.actions, self.display, self.backend)
+        self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
         self.backend.windows = self.actions.appearance.windows
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
+        self._fitted: Target | None = None  # the picture with outline and magnifier, where it does not fill the window
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
@@ -83,17 +85,23 @@ class Viewer(Owner):
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
         self.desktop.watch()
         self.wake()
+        for _ in range(_PASSES):  # so that the first picture has the size that panels leave
+            self._draw_interface(_INSTANT, None)
+            self.backend.end()
+        self._fit()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all but the window."""
         drawn_over = self.outline, self.magnifier
+        fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
         return (
             self.session,
             self.display,
             *self.canvas.textures,
             self.canvas,
+            *fitted,
             *drawn_over,
             self.backend,
         )
@@ -156,15 +164,24 @@ class Viewer(Owner):
 
     def _fit(self) -> None:
         """Follow the size of the window."""
-        size = self.wnd.buffer_size
-        if all(size) and size != self.session.size:
+        size = self._place[2:]
+        if all(self.wnd.buffer_size) and size != self.session.size:
             self._resize(size)
 
-    def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, magnified: bool = False) -> None:
-        """Begin a pass of the interface, `dt` seconds after the last, and make its windows."""
+    @property
+    def _place(self) -> tuple[int, int, int, int]:
+        """The part of the window that the picture takes: left, top, width, height in pixels."""
+        size = self.wnd.buffer_size
+        return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
+
+    def _draw_interface(
+        self, dt: float, cursor: tuple[int, int] | None, magnified: bool = False, picture: moderngl.Texture | None = None
+    ) -> None:
+        """Begin a pass of the interface, `dt` seconds after the last, and make its windows; over a `picture`, if there is one."""
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
         own = not self.controls.looking
-        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, magnified=magnified)
+        paint = None if picture is None else partial(self.backend.background, picture)
+        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, magnified=magnified, paint=paint)
 
     def _tick(self) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
@@ -188,6 +205,16 @@ class Viewer(Owner):
         _free(self.canvas)
         self.canvas = self._canvas(size)
 
+    def _fitted_canvas(self) -> Target:
+        """Return the target of the picture that does not fill the window."""
+        if self._fitted is None or self._fitted.size != self.session.size:
+            if self._fitted is not None:
+                _free(self._fitted)
+            self._fitted = self._canvas(self.session.size)
+            self._fitted.textures[0].swizzle = "RGB1"  # it covers what is below
+            self._fitted.textures[0].filter = moderngl.NEAREST, moderngl.NEAREST
+        return self._fitted
+
     def _note(self, stage: str, start: float) -> None:
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
         if self.session.renderers[0].about["software"]:
@@ -205,16 +232,21 @@ class Viewer(Owner):
             actions.save_screenshot(_pixels(self.canvas))
         window = Screen(self.wnd.fbo, size)
         target = self._canvas(size) if wanted == "window" else window
-        self.copy(self.canvas, target)
+        fills = self.session.size == size
+        picture = target if fills else self._fitted_canvas()
+        self.copy(self.canvas, picture)
         if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(target, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+            self.outline(picture, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         elif actions.editor.mesh is None:
             self.outline.forget()
         magnified = cursor is not None and self.controls.magnifying
         if cursor is not None and magnified:
-            self.magnifier.draw(target, self.canvas.textures[0], cursor)
+            self.magnifier.draw(picture, self.canvas.textures[0], cursor)
         self.controls.restyle()
-        self._draw_interface(dt, cursor, magnified)
+        if not fills:
+            target.use()
+            target.gl.clear(*GREY[0])
+        self._draw_interface(dt, cursor, magnified, None if fills else picture.textures[0])
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)

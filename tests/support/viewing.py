@@ -341,7 +341,7 @@ class Driver:
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
+        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
         actions.messages.lines.clear()
         actions.appearance, actions.saved_as = Appearance(), ""
         self.viewer.interface.layout.restore()
@@ -410,7 +410,7 @@ def viewing(
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source` with settings for fast pictures; closed at the end without saving preferences."""
     if preferences is None:
-        ui: dict[str, object] = {"panels": {"settings": False, "hud": False}}
+        ui: dict[str, object] = {"panels": {"controls": False}}
         preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)

@@ -131,6 +131,7 @@ _COMPARE = (
     Command("Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", enabled="reference_possible"),
 )
 _WINDOW = (
+    Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
     Command("Window", "All settings", "toggle", "F3", "settings"),
     Command("Window", "Lights", "toggle", "F4", "lights"),
     Command("Window", "Times and numbers", "toggle", "F6", "hud"),

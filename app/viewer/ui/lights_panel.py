@@ -12,7 +12,6 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
@@ -141,11 +140,9 @@ class LightsPanel:
         session, editor = self.actions.session, self.actions.editor
         if not self.actions.panels.lights:
             return
-        view = imgui.get_main_viewport()
         draw = imgui.get_background_draw_list()
         for i, lamp in enumerate(editor.lamps):
-            size = view.size.x, view.size.y
-            place = None if lamp.light.directional else on_screen(session.camera, size, lamp.light.position)
+            place = None if lamp.light.directional else self.layout.seen(session.camera, lamp.light.position)
             if place is None:
                 continue
             colour = imgui.get_color_u32(AMBER if lamp.on else _OFF)

@@ -135,3 +135,26 @@ def test_the_settings_panel(driver: Driver) -> None:
     driver.choose("expert settings too")
     driver.frame(2)
     assert driver.actions.panels.expert and "adapt" in {w.label for w in driver.widgets}
+
+
+@pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 2.0), ((1280, 720), 1.5)])
+def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int, int], scale: float) -> None:
+    """The window shows the whole picture, pixel for pixel, right of the panel and below the menus; without the panel it fills the
+    window. A click picks the mesh at that pixel. The first settings are within the panel."""
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.enlarge(scale)
+    driver.resize(size)
+    driver.frame(8)
+    left, top, width, height = driver.viewer._place
+    assert driver.session.size == (width, height) and left >= 0.3 * size[0] and top > 0 and left + width <= size[0]
+    x, y = driver.session.size[0] // 2, driver.session.size[1] // 4
+    assert np.array_equal(driver.window()[top : top + height // 2, left + 8 : left + width], driver.canvas()[: height // 2, 8:])
+    expected = driver.display.mesh_at((x, y))
+    driver.click(left + x, top + y)
+    assert expected is not None and driver.actions.editor.mesh == expected
+    driver.actions.editor.pick_mesh(None)
+    named = [w for w in driver.widgets if w.label.lstrip("#") in ("a", "blend", "buffer")]
+    assert len(named) == 3 and all(w.box[2] < left for w in named)
+    driver.actions.panels.controls = False
+    driver.frame(3)
+    assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
