@@ -420,7 +420,7 @@ class Session(Owner):
     def keep_snapshot(self, side: int) -> Snapshot:
         """Keep the picture of a side as it is now. Raises InputError where there are too many already."""
         if len(self.snapshots) >= MOST:
-            raise InputError(f"there are {MOST} snapshots already; forget one first")
+            raise InputError(f"there are {MOST} snapshots already; delete one first")
         self.draw_whole()
         taken = {snapshot.name for snapshot in self.snapshots}
         name = next(n for n in (f"snapshot {i}" for i in range(1, MOST + 1)) if n not in taken)

@@ -13,6 +13,7 @@ from irrsplat.settings import SETTINGS
 FIRST = ("a", "tolerance", "blend", "exposure")  # settings
 _WIDTH, _SHARE = 276.0, 0.42  # window coordinates at scale 1, and at most this share of the window
 _LEAST = 110.0  # window coordinates at scale 1: names are above widgets that would be narrower
+_GAP = 8.0  # window coordinates between the list of buffers and its name
 _PANELS = (("All settings…", "settings"), ("Lights…", "lights"), ("Times and numbers…", "hud"))
 
 
@@ -55,11 +56,12 @@ class ControlsPanel:
         actions, options = self.actions, self.actions.session.options
         side = actions.side if options.split in ("buffers", "presets") else 0
         label = self.settings.label("buffer")
-        imgui.set_next_item_width(self.settings.room)
+        name = 0.0 if self.settings.stacked else imgui.calc_text_size(label).x + _GAP
+        imgui.set_next_item_width(imgui.get_content_region_avail().x - name)
         if imgui.begin_combo(label, BUFFERS[options.buffers[side]].title, imgui.ComboFlags_.height_largest):
-            for name, buffer in BUFFERS.items():
-                if imgui.selectable(buffer.title, name == options.buffers[side])[0]:
-                    actions.show(name)
+            for one, buffer in BUFFERS.items():
+                if imgui.selectable(buffer.title, one == options.buffers[side])[0]:
+                    actions.show(one)
                 imgui.set_item_tooltip(buffer.help)
             imgui.end_combo()
 

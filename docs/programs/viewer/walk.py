@@ -248,7 +248,7 @@ def repaint(walker: Walker) -> None:
     walker.click_at((0.0, 3.5, 2.8), "the wall")
     editor = walker.viewer.actions.editor
     assert editor.mesh is not None
-    x0, y0, _, y1 = walker.labels.now["reflects"]
+    x0, y0, _, y1 = walker.labels.now["reflectance"]
     walker.drag((x0 + 20.0, 0.5 * (y0 + y1)), (x0 + 90.0, 0.5 * (y0 + y1)), "drag its red")
     walker.rest()
     walker.keep("repaint")
@@ -291,14 +291,15 @@ def measure(walker: Walker) -> None:
 @task("Compare with the published method")
 def compare(walker: Walker) -> None:
     walker.key("ctrl+l", "1", "Tab", "Tab", "j", "j")
-    walker.rest()
+    session = walker.viewer.actions.session
+    walker.until(lambda: len(session.progress) == 2 and all(p.coverage > 0.7 for p in session.progress), "both presets")
 
 
-@task("Compare with the truth")
+@task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
     truths = walker.viewer.actions.session.truths
-    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a truth of some samples")
+    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")

@@ -142,13 +142,13 @@ def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor)
     editor.pick_mesh(BOX)
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
-    driver.drag(driver.find("moved by").at(0.15), driver.find("moved by").at(0.4))
+    driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
     assert editor.object(BOX).offset[0] > 0.0 and len(editor.history.past) == 1
-    driver.drag(driver.find("turned by").at(0.5), driver.find("turned by").at(0.8))
+    driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
     assert editor.object(BOX).turn[1] > 0.0
-    driver.enter(driver.find("glows"), "2")
+    driver.enter(driver.find("emission"), "2")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
-    driver.choose("as loaded")
+    driver.choose("reset")
     assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
     assert len(editor.history.past) == 4
 
@@ -195,7 +195,7 @@ def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -
     driver.resize((760, 640), density=0.125)
     editor.pick_mesh(1)
     driver.frame(4)
-    driver.enter(Widget("color_edit3", "", _third(driver.find("reflects"))), "128")
+    driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
     albedo = editor.object(1).albedo
     assert albedo is not None and albedo[0] == pytest.approx(0.2159, abs=1e-4)
     editor.pick_mesh(None)

@@ -98,7 +98,7 @@ def test_times_and_coverage_in_words() -> None:
     times = {0.2: "about 1 s", 7.6: "about 8 s", 13.0: "about 15 s", 88.0: "about 90 s", 100.0: "about 2 min"}
     assert {seconds: in_words(seconds) for seconds in times} == times
     progress = Progress(0, 20, 3, 0.0)
-    assert coverage_in_words(progress, True) == "a first guess" and coverage_in_words(progress, False) == "a first round"
+    assert coverage_in_words(progress, True) == "first estimate" and coverage_in_words(progress, False) == "first round"
     for coverage, words in ((0.99996, "99.9"), (1.0, "100.0"), (0.437, "43.7")):
         assert coverage_in_words(replace(progress, coverage=coverage), True) == f"coverage {words} %"
 
