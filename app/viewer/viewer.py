@@ -17,7 +17,6 @@ from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.magnifier import Magnifier
 from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
@@ -61,7 +60,7 @@ class Viewer(Owner):
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
-        self.outline, self.magnifier = Outline(wnd.ctx), Magnifier(wnd.ctx)
+        self.outline = Outline(wnd.ctx)
         self.backend = ImguiBackend(wnd.ctx)
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
@@ -70,7 +69,7 @@ class Viewer(Owner):
         self.controls.scale_changed(self.desktop.scale)
         self.backend.windows = self.actions.appearance.windows
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
-        self._fitted: Target | None = None  # the picture with outline and magnifier, where it does not fill the window
+        self._fitted: Target | None = None  # the picture with the outline, where it does not fill the window
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
@@ -94,7 +93,6 @@ class Viewer(Owner):
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all but the window."""
-        drawn_over = self.outline, self.magnifier
         fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
         return (
             self.session,
@@ -102,13 +100,13 @@ class Viewer(Owner):
             *self.canvas.textures,
             self.canvas,
             *fitted,
-            *drawn_over,
+            self.outline,
             self.backend,
         )
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.backend.program, *programs_of(self.display, self.outline, self.magnifier)]
+        return [self.backend.program, *programs_of(self.display, self.outline)]
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
@@ -174,14 +172,12 @@ class Viewer(Owner):
         size = self.wnd.buffer_size
         return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
 
-    def _draw_interface(
-        self, dt: float, cursor: tuple[int, int] | None, magnified: bool = False, picture: moderngl.Texture | None = None
-    ) -> None:
+    def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
         """Begin a pass of the interface, `dt` seconds after the last, and make its windows; over a `picture`, if there is one."""
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
         own = not self.controls.looking
         paint = None if picture is None else partial(self.backend.background, picture)
-        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, magnified=magnified, paint=paint)
+        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, paint=paint)
 
     def _tick(self) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
@@ -239,14 +235,11 @@ class Viewer(Owner):
             self.outline(picture, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         elif actions.editor.mesh is None:
             self.outline.forget()
-        magnified = cursor is not None and self.controls.magnifying
-        if cursor is not None and magnified:
-            self.magnifier.draw(picture, self.canvas.textures[0], cursor)
         self.controls.restyle()
         if not fills:
             target.use()
             target.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, magnified, None if fills else picture.textures[0])
+        self._draw_interface(dt, cursor, None if fills else picture.textures[0])
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)

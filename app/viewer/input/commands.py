@@ -152,7 +152,6 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     menu: tuple(one for one in KEYS if one.menu == menu) for menu in dict.fromkeys(one.menu for one in KEYS)
 }
 
-MAGNIFIER = "U"
 FLYING = (  # what is held, not pressed
     ("right mouse", "hold and move to look"),
     ("W A S D, E Q", "fly; up and down"),
@@ -160,7 +159,6 @@ FLYING = (  # what is held, not pressed
     ("wheel", "nearer to the cursor; right mouse held: speed"),
     ("left mouse", "drag to orbit about a point; or the divider"),
     ("left click", "select an object, or a light while F4 is open"),
-    (MAGNIFIER, "hold: the pixels under the cursor, magnified"),
 )
 
 

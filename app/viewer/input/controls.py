@@ -76,11 +76,6 @@ class Controls:
         """Whether the camera may move in the next frame, though no further event comes."""
         return bool(self.pressed) or self.looking
 
-    @property
-    def magnifying(self) -> bool:
-        """Whether the magnifier's key is down."""
-        return getattr(self.wnd.keys, commands.MAGNIFIER) in self.pressed
-
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
         names = self.wnd.keys

@@ -54,11 +54,10 @@ class Interface:
         inspected: InspectedRecord | None,
         cursor: tuple[int, int] | None,
         own_cursor: bool,
-        magnified: bool = False,
         paint: Callable[[Box], None] | None = None,
     ) -> None:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
-        magnified: the pixels around it are, so that its value stands there. paint: puts the picture below all else."""
+        paint: puts the picture below all else."""
         actions, panels = self.actions, self.actions.panels
         if actions.restoring_layout:
             actions.restoring_layout = False
@@ -92,8 +91,6 @@ class Interface:
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
         self.display.margins = self.layout.margins(panels.settings, panels.hud, panels.hidden)
-        if not panels.hidden and magnified and cursor is not None:
-            self.legends.draw_magnified(cursor)
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
             numbers = panels.hud and not panels.hidden

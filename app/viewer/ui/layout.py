@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from imgui_bundle import imgui
@@ -19,9 +18,7 @@ PANEL_WIDTH = 338.0  # of the panels, window coordinates at scale 1
 _IN_FRONT = 4.0  # how much worse it is to lie behind the numbers than before another panel
 _FREE = 0.35  # of the window's width that must stay free for what stands clear of the panels
 _BAND, _LINE = 80.0, 260.0  # window coordinates at scale 1: height that messages take, and the least width for them
-_COVERED = 0.1  # of a panel: where a new one takes more of it, it is folded
 _LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
-_SIZED = 2  # frames after which a new panel has its size
 WIDGET_WIDTH = 128.0  # of a slider, window coordinates at scale 1
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
 PLAIN = (  # a window without a frame, that cannot be moved and never takes the keyboard
@@ -56,10 +53,6 @@ class Layout:
     _boxes: dict[str, Box] = field(default_factory=dict)  # of the panels in the last frame, and so far in this one
     _drawn: dict[str, Box] = field(default_factory=dict)
     _moved: set[str] = field(default_factory=set)  # panels that are to go to where they stand at first
-    _first: dict[str, tuple[float, float]] = field(default_factory=dict)  # where panels stand at first
-    _folding: set[str] = field(default_factory=set)  # panels that a new one covers: their titles stay
-    _placing: dict[str, int] = field(default_factory=dict)  # frames until a panel is placed once more, when others are folded
-    _ages: dict[str, int] = field(default_factory=dict)  # frames since a panel was opened
     _restoring: int = 0  # frames until all of them are
 
     def start(self, scale: float, hidden: bool, fitted: bool) -> None:
@@ -130,22 +123,13 @@ class Layout:
         user makes it another. numbers: those stand at the right.
         """
         view, (left, top, right, _) = imgui.get_main_viewport(), self.area
-        if name in self._placing:
-            self._placing[name] -= 1
-            if not self._placing[name]:
-                del self._placing[name]
-                self._moved.add(name)
         when = imgui.Cond_.always if name in self._moved else imgui.Cond_.first_use_ever
         self._moved.discard(name)
-        if name in self._folding:
-            imgui.set_next_window_collapsed(True, imgui.Cond_.always)
-            self._folding.discard(name)
         most = max(view.size.y - top - self.legend_height, 40.0)
         least = (120.0, 40.0) if tall else (0.0, 0.0)
         imgui.set_next_window_size_constraints(least, (max(min(2.0 * PANEL_WIDTH * self.scale, view.size.x), 120.0), most))
         if not tall:
-            self._first[name] = self._free_place(name, width * self.scale, height * self.scale, numbers)
-            imgui.set_next_window_pos(self._first[name], when)
+            imgui.set_next_window_pos(self._free_place(name, width * self.scale, height * self.scale, numbers), when)
             return
         imgui.set_next_window_pos((left + MARGIN * self.scale, top), when)
         beside = right - left - 2.0 * MARGIN - (STATISTICS_WIDTH * self.scale + MARGIN if numbers else 0.0)
@@ -193,21 +177,8 @@ class Layout:
         y = max(min(place.y, view.size.y - size.y), min(top, place.y) if place.y >= 0.0 else 0.0)
         if (x, y) != (place.x, place.y):
             imgui.set_window_pos((x, y))
-        box = (x, y, x + size.x, y + size.y)
-        self._ages[name] = self._ages.get(name, 0) + 1 if name in self._boxes else 0
-        if self._ages[name] == _SIZED:
-            self._make_room(name, box)
-        self._drawn[name] = box
+        self._drawn[name] = (x, y, x + size.x, y + size.y)
         return True
-
-    def _make_room(self, name: str, box: Box) -> None:
-        """Fold the panels that a new one covers with its `box`, and place it clear of their titles, where it stands at first."""
-        older = [(other, there) for other, there in self._boxes.items() if self._ages.get(other, 0) > _SIZED]
-        covered = [other for other, there in older if _shared(box, there) > _COVERED * _shared(there, there)]
-        self._folding.update(covered)
-        first = self._first.get(name, (math.inf, 0.0))
-        if covered and max(abs(first[0] - box[0]), abs(first[1] - box[1])) < 2.0:
-            self._placing[name] = 3
 
 
 def _shared(one: Box, other: Box) -> float:
