@@ -325,7 +325,10 @@ class Actions:
         self.say(f"preset {name}", topic="preset")
 
     def trace(self) -> None:
-        """Trace the truth of what is on show in the background, or leave that."""
+        """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
+        if not self.reference_possible:
+            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="truth")
+            return
         self.say(self.session.truths.toggle(self._subject), topic="truth")
 
     def collect_truth(self) -> None:

@@ -449,6 +449,7 @@ class Tracer:
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
+        monkeypatch.setattr(Actions, "reference_possible", True)
         monkeypatch.setattr(background_truth, "COARSE", (30, 50))
         monkeypatch.setattr(background_truth, "SIDES", (2, 2))
 
