@@ -261,7 +261,7 @@ class Settings:
         former="rest",
     )  # fmt: skip
     viewer_quality: float = _declare(
-        0.5, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
+        1.0, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
         "indirect light; 0: off", low=0, high=100, unit="%",
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Everything that the viewer's keys and menus do, without knowing a window: a method an action, by the names that keys.py has."""
+"""All actions of the viewer, without a window: a method for each, by the names in input/commands.py."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import platformdirs
 
 import irrsplat
 from irrsplat.app.viewer import preferences as stored
@@ -18,22 +20,24 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
 from irrsplat.app.viewer.file_watch import FileWatch
-from irrsplat.app.viewer.input.hints import Hints
-from irrsplat.app.viewer.input.keys import Key
+from irrsplat.app.viewer.input.commands import Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
 from irrsplat.app.viewer.show.comparison import flip_is_there
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, restore, saved
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program
+from irrsplat.reference.worker import INSTALL
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
+from irrsplat.settings import preset
 
 _STOPS = 64.0  # the greatest exposure, up and down
+_FINEST = 0.05  # % of estimated error: what refinement can aim at by the menu
 _RING = 12.0  # window coordinates from the middle of a light's ring that a click may be
 
 
@@ -59,7 +63,7 @@ class Actions:
         restore(preferences.ui, session.options, self.panels)
         self.appearance = Appearance.of(preferences.ui)
         self.close_menus = False  # in the next frame
-        self.hints = Hints(preferences.ui.get("hints"))
+        self.restoring_layout = False  # in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
         self.file_watch = FileWatch(session.scene.files)
@@ -68,13 +72,47 @@ class Actions:
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
-        self.leaving: Callable[[], str | None] = lambda: None  # called before another scene comes; what went wrong
+        self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
         preferences.opened(source)
 
-    def press(self, key: Key) -> None:
-        """Do what a key is for; what goes wrong becomes a message."""
-        method = getattr(self, key.action)
-        self.attempt(method if key.argument is None else lambda: method(key.argument))
+    def press(self, command: Command) -> None:
+        """Run an action of the table; what goes wrong becomes a message."""
+        method = getattr(self, command.action)
+        self.attempt(method if command.argument is None else lambda: method(command.argument))
+
+    def can(self, command: Command) -> bool:
+        """Return True if an action can run now."""
+        return not command.enabled or bool(getattr(self, command.enabled))
+
+    @property
+    def selected(self) -> bool:
+        """True if an object or a light is selected."""
+        return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
+
+    @property
+    def has_path(self) -> bool:
+        """True if there is a path to play."""
+        return self.session.path_recorder.path is not None
+
+    @property
+    def has_snapshot(self) -> bool:
+        """True if a snapshot was kept."""
+        return bool(self.session.snapshots)
+
+    @property
+    def is_split(self) -> bool:
+        """True if the view has two sides."""
+        return self.session.options.split != "off"
+
+    @property
+    def flip_possible(self) -> bool:
+        """True if two sides can be compared by FLIP."""
+        return self.is_split and flip_is_there()
+
+    @property
+    def reference_possible(self) -> bool:
+        """True if the path tracer of the extra `reference` is installed."""
+        return find_spec("mitsuba") is not None
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
         """Show a message."""
@@ -90,7 +128,7 @@ class Actions:
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
         preferences.ui = saved(self.session.options, self.panels)
-        preferences.ui |= {"hints": sorted(self.hints.followed), "appearance": asdict(self.appearance)}
+        preferences.ui |= {"appearance": asdict(self.appearance)}
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -200,20 +238,43 @@ class Actions:
         """Whether the overlay or panel of this name is on."""
         return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
 
+    def is_active(self, command: Command) -> bool:
+        """Return True if what an action chooses or switches on is so now."""
+        session, argument = self.session, command.argument
+        options = session.options
+        now = {
+            "show": options.buffers[self.side if options.split != "off" else 0],
+            "use_preset": session.settings(self.side)[0],
+            "use_split": options.split,
+            "compare_by": options.compare if self.is_split else "",
+        }
+        switched = {"headlamp": session.headlamp, "light_colours": self.appearance.light}
+        if command.action == "toggle" and argument is not None:
+            return self.is_on(argument)
+        return argument == now[command.action] if command.action in now else switched.get(command.action, False)
+
+    @property
+    def title(self) -> str:
+        """The name of the scene on show; its folder where the file is called as those of its format are."""
+        name = self.session.scene.name
+        return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
+
     def toggle(self, name: str) -> None:
         """Turn an overlay or a panel on or off."""
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
         if name == "inspect":
             self.session.held = None
-        if name == "help":
-            self.hints.follow("keys")
+
+    def use_split(self, way: Split) -> None:
+        """Split the view in this way."""
+        self.session.split(way)
+        self.say(SPLITS[way], topic="split")
 
     def split(self) -> None:
         """Split the view the next way."""
         ways = [way for way in SPLITS if way != "snapshot" or self.session.snapshots]
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
-        self.session.split(way)
-        self.say(SPLITS[way], topic="split")
+        self.use_split(way)
 
     def snapshot(self) -> None:
         """Keep the picture as it is now."""
@@ -231,6 +292,8 @@ class Actions:
 
     def compare_by(self, way: Compare) -> None:
         """Compare both sides in this way."""
+        if way == "FLIP" and not flip_is_there():
+            raise InputError(f"FLIP needs the extra reference: {INSTALL}")
         options = self.session.options
         options.compare, options.flipping, options.flipped = way, True, False
         self.say(COMPARES[way], topic="split")
@@ -243,6 +306,18 @@ class Actions:
         self.side = self.session.side_at(0)
         self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
 
+    def use_preset(self, name: str) -> None:
+        """Use a preset on the side that keys change."""
+        self.session.use_preset(self.side, name)
+        self.say(f"preset {name}", topic="preset")
+
+    def refine_further(self) -> None:
+        """Halve the estimated error at which refinement ends; from 0, which means no refinement, begin at the default."""
+        now = self.session.settings(self.side)[1].viewer_quality
+        aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
+        self.session.change(self.side, viewer_quality=aim)
+        self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
+
     def swap_preset(self) -> None:
         """Switch between the paper's algorithm and ours, on the side that keys change; each is as it was left."""
         name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
@@ -250,7 +325,10 @@ class Actions:
         self.say(f"preset {name}", topic="preset")
 
     def trace(self) -> None:
-        """Trace the truth of what is on show in the background, or leave that."""
+        """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
+        if not self.reference_possible:
+            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="truth")
+            return
         self.say(self.session.truths.toggle(self._subject), topic="truth")
 
     def collect_truth(self) -> None:
@@ -314,11 +392,21 @@ class Actions:
             editor.aiming = not editor.aiming
             self.say("handles aim" if editor.aiming else "handles move", topic="handles")
 
+    def delete(self) -> None:
+        """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
+        number = self.editor.light
+        if self.editor.mesh is None and number is not None and self.panels.lights:
+            name = self.editor.lamps[number].light.name or f"light {number + 1}"
+            self.editor.delete_light(number)
+            self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
+        else:
+            self.hide_object()
+
     def hide_object(self) -> None:
-        """Hide the picked object."""
+        """Hide the selected object."""
         editor = self.editor
         if editor.mesh is None:
-            self.say("nothing is picked; a click on an object picks it", topic="pick")
+            self.say("nothing is selected; a click on an object selects it", topic="pick")
             return
         name = editor.name(editor.mesh)
         editor.hide(editor.mesh)
@@ -335,11 +423,11 @@ class Actions:
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
-        self._step(self.editor.undo, "undone", "there is nothing to undo")
+        self._step(self.editor.undo, "undone", "nothing to undo")
 
     def redo(self) -> None:
-        """Do again what was undone last."""
-        self._step(self.editor.redo, "done again", "there is nothing to do again")
+        """Redo the change that was undone last."""
+        self._step(self.editor.redo, "redone", "nothing to redo")
 
     def _step(self, go: Callable[[], str], said: str, nothing: str) -> None:
         if self.editor.dragging:
@@ -352,6 +440,13 @@ class Actions:
     def save_dialog(self) -> None:
         """Ask for a name to save the scene under."""
         self.panels.save = True
+
+    def save_again(self) -> None:
+        """Save the scene where it was saved last; the first time, open the dialog."""
+        if self.saved_as:
+            self.save(self.saved_as, overwrite=True)
+        else:
+            self.save_dialog()
 
     @staticmethod
     def scene_path(name: str) -> str:
@@ -370,7 +465,7 @@ class Actions:
         path, scene = Path(self.scene_path(name)), self.session.scene.placed(self.session.origin)
         lost = write_scene(scene, path, overwrite)
         self.editor.saved = self.editor.edit
-        self.panels.save = False
+        self.panels.save, self.saved_as = False, str(path)
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
             self.say(lost)
@@ -395,23 +490,28 @@ class Actions:
     @property
     def typing(self) -> bool:
         """True if a dialog is open, which gets the keyboard."""
-        return self.panels.open or self.panels.save or self.pending is not None
+        return self.panels.open or self.panels.save or self.panels.palette or self.pending is not None
 
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Stop playing, let go of a record, an object and a light, close menus, help and dialogs."""
+        """Close menus, dialogs and messages, stop a path, and deselect record, object and light."""
         self.stop()
         self.close_menus = True
         self.session.held = None
         self.editor.pick_light(None)
         panels = self.panels
-        panels.help = panels.about = panels.log = panels.open = panels.save = False
+        panels.help = panels.about = panels.log = panels.open = panels.save = panels.palette = False
         self.pending = None
+        self.messages.close()
 
-    def about(self) -> None:
-        """Say what this is."""
-        self.panels.about = True
+    def light_colours(self) -> None:
+        """Switch between light and dark colours of the interface."""
+        self.appearance.light = not self.appearance.light
+
+    def restore_layout(self) -> None:
+        """Put all panels where they stand at first."""
+        self.restoring_layout = True
 
     def fullscreen(self) -> None:
         """Switch to fullscreen or back."""
@@ -429,23 +529,24 @@ class Actions:
         self.quitting = True
 
     def screenshot(self) -> None:
-        """Write the window as it is, and every buffer."""
+        """Write the window as it is."""
         self.screenshot_wanted = "window"
 
     def screenshot_bare(self) -> None:
-        """Write the picture without the interface, and every buffer."""
+        """Write the picture without the interface."""
         self.screenshot_wanted = "bare"
 
     def save_screenshot(self, picture: np.ndarray) -> None:
-        """Write the picture (H, W, 3), display values 0..1, as PNG and the left side's buffers as EXR, where the program runs."""
-        name = Path(_stamped("irrsplat", self.session.scene.name, ".png"))
+        """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""
+        folder = Path(platformdirs.user_pictures_path())
 
         def write() -> None:
-            write_picture(name, picture)
-            self.session.frame().save(name.with_suffix(".exr"))
+            folder.mkdir(parents=True, exist_ok=True)
+            path = _stamped(str(folder / "irrsplat"), self.session.scene.name, ".png")
+            write_picture(Path(path), picture)
+            self.say(f"{path} is written")
 
-        if self.attempt(write):
-            self.say(f"{name} and .exr are written to {os.getcwd()}")
+        self.attempt(write)
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
@@ -464,10 +565,8 @@ class Actions:
         self._unless_unsaved(lambda: self._open(source))
 
     def _open(self, source: str) -> None:
-        if problem := self.leaving():
-            self.say(problem, error=True)
         self._load(source, keep_camera=False)
-        self.source, self.bookmarks = source, stored.bookmarks(source)
+        self.source, self.bookmarks, self.saved_as = source, stored.bookmarks(source), ""
         self.preferences.opened(source)
         self.panels.open = False
 

@@ -75,6 +75,11 @@ class Messages:
         self.lines = [m for m in self.lines if not m.error]
         self.version += 1
 
+    def close(self) -> None:
+        """Drop all that is on show."""
+        self.lines = []
+        self.version += 1
+
     def attempt(self, act: Callable[[], object]) -> bool:
         """Call `act`; whether it succeeded. What goes wrong is shown as an error."""
         try:

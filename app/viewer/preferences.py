@@ -1,9 +1,7 @@
-"""What the viewer remembers from one run to the next, in the user's configuration folder: choices and bookmarks, as JSON, and
-pictures of the scenes that were open last."""
+"""Choices and bookmarks of the user, kept as JSON in the configuration folder from one run to the next."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import reprlib
@@ -13,12 +11,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import platformdirs
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.core.files import write_picture, write_text
+from irrsplat.core.files import write_text
 from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene import Camera, bundled
 from irrsplat.settings import PRESETS, SETTINGS, SettingValues, present_name
@@ -26,8 +23,6 @@ from irrsplat.settings import PRESETS, SETTINGS, SettingValues, present_name
 VERSION = 1  # of both files
 RECENT = 10  # scenes
 SIDE = 32768  # pixels: no window is wider or higher
-PICTURE_SIDE = 192  # pixels at most, of a scene's picture
-_PICTURES = "pictures"  # the folder of these, beside both files
 _CHOICES, _BOOKMARKS = "viewer.json", "bookmarks.json"
 
 
@@ -96,33 +91,6 @@ def set_bookmarks(scene_path: str, cameras: Sequence[Camera]) -> str | None:
     kept = [{"name": c.name, **{p: [float(x) for x in getattr(c, p)] for p in points}, "fov": float(c.fov)} for c in cameras]
 
     return _write(_BOOKMARKS, lambda data: {"scenes": {**data.get("scenes", {}), key: kept}})
-
-
-def picture_path(source: str) -> Path:
-    """The PNG that shows what a scene (a path, or a bundled one's name) looked like last; IrrsplatError as `folder`."""
-    named = hashlib.sha256(_key(source, os.path.abspath).encode("utf-8", "surrogatepass")).hexdigest()
-    return folder() / _PICTURES / f"{named[:24]}.png"
-
-
-def keep_picture(source: str, display: np.ndarray, recent: Sequence[str]) -> str | None:
-    """Keep what a scene looks like, display values 0..1 (H, W, 3), at most PICTURE_SIDE pixels a side; and of other scenes those
-    of the `recent` ones alone. None, or one line: why that failed."""
-    step = max(-(-max(display.shape[:2]) // PICTURE_SIDE), 1)
-    height, width = (max(side // step, 1) for side in display.shape[:2])
-    blocks = display[: height * step, : width * step]
-    step_y, step_x = blocks.shape[0] // height, blocks.shape[1] // width
-    small = blocks.reshape(height, step_y, width, step_x, 3).mean((1, 3))
-    try:
-        path = picture_path(source)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_picture(path, small)
-        kept = {path, *map(picture_path, recent)}
-        for other in path.parent.glob("*.png"):
-            if other not in kept:
-                other.unlink(missing_ok=True)
-    except (IrrsplatError, OSError) as error:
-        return _line(error if isinstance(error, IrrsplatError) else f"{path}: cannot write: {error}")
-    return None
 
 
 def _peek(name: str, notices: list[str]) -> dict[str, Any]:

@@ -413,12 +413,14 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
+        if way == "off":
+            options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
         options.split, self.held = way, None
 
     def keep_snapshot(self, side: int) -> Snapshot:
         """Keep the picture of a side as it is now. Raises InputError where there are too many already."""
         if len(self.snapshots) >= MOST:
-            raise InputError(f"there are {MOST} snapshots already; forget one first")
+            raise InputError(f"there are {MOST} snapshots already; delete one first")
         self.draw_whole()
         taken = {snapshot.name for snapshot in self.snapshots}
         name = next(n for n in (f"snapshot {i}" for i in range(1, MOST + 1)) if n not in taken)

@@ -23,9 +23,9 @@ COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
     "FLIP": "FLIP: what an eye sees of it",
 }
 
-SCALES = (0.75, 2.5)  # least and greatest of the interface
+SCALES = (0.75, 2.0)  # least and greatest of the interface
 _SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
-_NOT_SAVED = ("help", "about", "log", "open", "save", "hidden")  # of Panels
+_NOT_SAVED = ("help", "about", "log", "open", "save", "palette", "hidden")  # of Panels
 
 
 @dataclass
@@ -54,15 +54,17 @@ class ViewOptions:
 class Panels:
     """Which windows of the interface are open."""
 
-    settings: bool = True
+    controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
+    settings: bool = False
     expert: bool = False  # whether the settings' panel shows all of them
     lights: bool = False
-    hud: bool = True
+    hud: bool = False
     help: bool = False
     about: bool = False
     log: bool = False
     open: bool = False
     save: bool = False
+    palette: bool = False
     hidden: bool = False
 
 

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Sequence
+from functools import partial
 
 import moderngl
 import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
-from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.magnifier import Magnifier
 from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
@@ -61,16 +60,16 @@ class Viewer(Owner):
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
-        self.outline, self.magnifier = Outline(wnd.ctx), Magnifier(wnd.ctx)
+        self.outline = Outline(wnd.ctx)
         self.backend = ImguiBackend(wnd.ctx)
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.backend, self.times)
-        self.controls = Controls(wnd, self.actions, self.display, self.backend)
+        self.interface = Interface(self.actions, self.display, self.backend, self.times, native=not wnd.headless)
+        self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
         self.backend.windows = self.actions.appearance.windows
-        self.actions.leaving = self._keep_picture
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
+        self._fitted: Target | None = None  # the picture with the outline, where it does not fill the window
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
@@ -85,25 +84,29 @@ class Viewer(Owner):
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
         self.desktop.watch()
         self.wake()
+        for _ in range(_PASSES):  # so that the first picture has the size that panels leave
+            self._draw_interface(_INSTANT, None)
+            self.backend.end()
+        self._fit()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all but the window."""
-        drawn_over = self.outline, self.magnifier
+        fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
         return (
             self.session,
             self.display,
             *self.canvas.textures,
             self.canvas,
-            *drawn_over,
-            self.interface.pictures,
+            *fitted,
+            self.outline,
             self.backend,
         )
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.backend.program, *programs_of(self.display, self.outline, self.magnifier)]
+        return [self.backend.program, *programs_of(self.display, self.outline)]
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
@@ -159,15 +162,22 @@ class Viewer(Owner):
 
     def _fit(self) -> None:
         """Follow the size of the window."""
-        size = self.wnd.buffer_size
-        if all(size) and size != self.session.size:
+        size = self._place[2:]
+        if all(self.wnd.buffer_size) and size != self.session.size:
             self._resize(size)
 
-    def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, magnified: bool = False) -> None:
-        """Begin a pass of the interface, `dt` seconds after the last, and make its windows."""
+    @property
+    def _place(self) -> tuple[int, int, int, int]:
+        """The part of the window that the picture takes: left, top, width, height in pixels."""
+        size = self.wnd.buffer_size
+        return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
+
+    def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
+        """Begin a pass of the interface, `dt` seconds after the last, and make its windows; over a `picture`, if there is one."""
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
         own = not self.controls.looking
-        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, magnified=magnified)
+        paint = None if picture is None else partial(self.backend.background, picture)
+        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, paint=paint)
 
     def _tick(self) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
@@ -191,6 +201,16 @@ class Viewer(Owner):
         _free(self.canvas)
         self.canvas = self._canvas(size)
 
+    def _fitted_canvas(self) -> Target:
+        """Return the target of the picture that does not fill the window."""
+        if self._fitted is None or self._fitted.size != self.session.size:
+            if self._fitted is not None:
+                _free(self._fitted)
+            self._fitted = self._canvas(self.session.size)
+            self._fitted.textures[0].swizzle = "RGB1"  # it covers what is below
+            self._fitted.textures[0].filter = moderngl.NEAREST, moderngl.NEAREST
+        return self._fitted
+
     def _note(self, stage: str, start: float) -> None:
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
         if self.session.renderers[0].about["software"]:
@@ -208,16 +228,18 @@ class Viewer(Owner):
             actions.save_screenshot(_pixels(self.canvas))
         window = Screen(self.wnd.fbo, size)
         target = self._canvas(size) if wanted == "window" else window
-        self.copy(self.canvas, target)
+        fills = self.session.size == size
+        picture = target if fills else self._fitted_canvas()
+        self.copy(self.canvas, picture)
         if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(target, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+            self.outline(picture, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         elif actions.editor.mesh is None:
             self.outline.forget()
-        magnified = cursor is not None and self.controls.magnifying
-        if cursor is not None and magnified:
-            self.magnifier.draw(target, self.canvas.textures[0], cursor)
         self.controls.restyle()
-        self._draw_interface(dt, cursor, magnified)
+        if not fills:
+            target.use()
+            target.gl.clear(*GREY[0])
+        self._draw_interface(dt, cursor, None if fills else picture.textures[0])
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)
@@ -244,7 +266,7 @@ class Viewer(Owner):
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
         no message comes or goes."""
-        if not self.still or now() < self._awake_until:
+        if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
         self.actions.reload_changed_files()
         self.actions.collect_truth()
@@ -275,7 +297,7 @@ class Viewer(Owner):
                 self._take_events()
                 slept = True
             _, dt = timer.next_frame()
-            self.wnd.title = f"{self.session.scene.name} – {TITLE}"
+            self.wnd.title = f"{self.actions.title} – {TITLE}"
             self.wnd.render(timer.time, _SLEEP if slept else dt)
             if not self._closing():
                 self.wnd.swap_buffers()
@@ -288,12 +310,6 @@ class Viewer(Owner):
         # a window's own framebuffer keeps the size that it had at first
         self.ctx.copy_framebuffer(self.ctx.detect_framebuffer(target.gl.glo), picture.gl)
 
-    def _keep_picture(self) -> str | None:
-        """Keep what the scene looks like now, for the list of recent ones; None, or why that failed."""
-        if not self.session.views:
-            return None
-        return stored.keep_picture(self.actions.source, _pixels(self.canvas), self.actions.preferences.recent)
-
     def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
         problem = None
@@ -301,7 +317,6 @@ class Viewer(Owner):
             fullscreen = self.wnd.fullscreen
             self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
-            problem = self._keep_picture() or problem
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
         return problem

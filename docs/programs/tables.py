@@ -1,11 +1,11 @@
-"""Fills the tables of docs/reference.md from settings.py, buffers.py and keys.py: `python docs/programs/tables.py`."""
+"""Fills the tables of docs/reference.md from settings, buffers and the viewer's actions: `python docs/programs/tables.py`."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from irrsplat.app.viewer.input.keys import FLYING, GROUPS
+from irrsplat.app.viewer.input.commands import FLYING, GROUPS
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.settings import PRESETS, SETTINGS
 
@@ -49,9 +49,9 @@ def buffers() -> str:
 def keys() -> str:
     """A row per key of the viewer, those of the buffers in one."""
     rows = [(f"{held}", help) for held, help in FLYING]
-    shown = " ".join(f"`{key.shown}`" for key in GROUPS["buffers"])
-    rows.append((shown, ", ".join(key.help for key in GROUPS["buffers"])))
-    rows += [(f"`{key.shown}`", key.help) for name, group in GROUPS.items() if name != "buffers" for key in group]
+    shown = " ".join(f"`{key.shown}`" for key in GROUPS["View/Buffer"])
+    rows.append((shown, ", ".join(key.title for key in GROUPS["View/Buffer"])))
+    rows += [(f"`{key.shown}`", key.words) for name, group in GROUPS.items() if name != "View/Buffer" for key in group]
     return table(("key", "what"), rows)
 
 

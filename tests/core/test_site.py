@@ -13,7 +13,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import grammar
-from irrsplat.app.viewer.input.keys import FLYING, KEYS
+from irrsplat.app.viewer.input.commands import FLYING, KEYS
 from irrsplat.settings import SETTINGS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -21,8 +21,7 @@ from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.input.hints import HINTS, Hints
-from irrsplat.app.viewer.input.keys import GROUPS, KEYS
+from irrsplat.app.viewer.input.commands import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
@@ -342,11 +341,11 @@ class Driver:
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
+        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
         actions.messages.lines.clear()
-        actions.hints, actions.appearance = Hints(list(HINTS)), Appearance()
+        actions.appearance, actions.saved_as = Appearance(), ""
         self.viewer.interface.layout.restore()
-        self.viewer.interface.dialog.typed = self.viewer.interface.save_dialog.typed = ""
+        self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
         session.carry_headlamp(False)
@@ -411,7 +410,7 @@ def viewing(
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source` with settings for fast pictures; closed at the end without saving preferences."""
     if preferences is None:
-        ui: dict[str, object] = {"panels": {"settings": False, "hud": False}, "hints": list(HINTS)}
+        ui: dict[str, object] = {"panels": {"controls": False}}
         preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)
@@ -428,6 +427,8 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     """The driver as when it was opened, at rest, its context current; what the viewer writes goes to `folder`."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "config"))
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(folder / "pictures"))
     monkeypatch.chdir(folder)
     monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # so that a changed view is at rest sooner
     with driver.wnd.ctx:
@@ -448,6 +449,7 @@ class Tracer:
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
+        monkeypatch.setattr(Actions, "reference_possible", True)
         monkeypatch.setattr(background_truth, "COARSE", (30, 50))
         monkeypatch.setattr(background_truth, "SIDES", (2, 2))
 
@@ -525,7 +527,7 @@ class Tracer:
 def push(driver: Driver, shown: str) -> None:
     """Press the key that a user reads as `shown`."""
     found = next(k for k in KEYS if k.shown == shown)
-    driver.press(found.name, found.ctrl, found.shift)
+    driver.press(found.key, found.ctrl, found.shift)
 
 
 Case = Callable[[Driver, str], None]
@@ -560,4 +562,4 @@ class Cases:
     def check(self) -> None:
         """No key without a check, and none of the same name as another."""
         assert sorted(self.made) == sorted(self.keys)
-        assert len({k.shown for k in KEYS}) == len({(k.name, k.ctrl, k.shift) for k in KEYS}) == len(KEYS)
+        assert len({k.shown for k in KEYS}) == len({(k.key, k.ctrl, k.shift) for k in KEYS}) == len(KEYS)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.input.commands import KEYS
 from irrsplat.scene import bundled
 from tests.app.editing.test_at_random import ACTS, QUICK
 from tests.app.viewer.test_viewer_leaks import LEFT_OUT, Watch, resident
@@ -41,7 +41,7 @@ def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> st
     if draw.random() < 0.25:
         key = KEYS[draw.integers(len(KEYS))]
         if key.action not in LEFT_OUT:
-            driver.press(key.name, key.ctrl, key.shift)
+            driver.press(key.key, key.ctrl, key.shift)
             return key.shown
     if draw.random() < 0.1:
         name = str(draw.choice(["reload", "screenshot", "record", "play"]))

@@ -234,9 +234,9 @@ class Truths(Owner):
         tracing = self._tracing
         if tracing is None:
             complete = self._last is not None and self.complete(self._last)
-            return "" if complete else "truth: waits until the view rests"
+            return "" if complete else "reference: begins when the view is at rest"
         latest = tracing.latest
-        return "truth: " + ("the first samples" if latest is None else latest.progress)
+        return "reference: " + ("the first samples" if latest is None else latest.progress)
 
     def of(self, subject: Subject) -> Truth | None:
         """The truth of this view as far as it is traced; None where it is not."""
@@ -252,10 +252,10 @@ class Truths(Owner):
         self.on = not self.on
         if not self.on:
             self.stop()
-            return "tracing is stopped; what is traced stays"
+            return "tracing is stopped; the traced samples stay"
         self._last = subject
         self._begin(subject)
-        return "the truth of this view is here already" if self._tracing is None else "tracing the truth of this view"
+        return "the reference of this view is complete" if self._tracing is None else "tracing the reference of this view"
 
     def stop(self) -> None:
         """Stop tracing; the path tracer's process ends a moment later."""
@@ -298,7 +298,7 @@ class Truths(Owner):
             self.on = False
             raise tracing.error
         assert tracing.latest is not None
-        say(f"the truth is traced: {tracing.latest.progress}; see the buffers reference and error")
+        say(f"the reference is traced: {tracing.latest.progress}; see the buffers reference and error")
 
     def _take(self, tracing: _Tracing) -> None:
         """Show what a thread has found since the last time."""

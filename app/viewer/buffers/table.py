@@ -54,9 +54,9 @@ BUFFERS: dict[str, ShownBuffer] = {
         DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
         AskingBuffer(
             "asking",
-            "asking",
+            "requests",
             "",
-            "where the examination asks for records",
+            "pixels that request a record",
             texture=lambda view: view.splats.weight,
             components=1,
         ),
@@ -70,7 +70,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         OpacityBuffer(*_channel("opacity"), texture=opacity_texture, components=1),
         SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
         ShareBuffer(*_channel("alpha"), texture=lambda view: view.alpha, components=1, everywhere=True),
-        ReferenceBuffer("reference", "reference", "W/m²", "the path-traced truth of irradiance"),
-        ErrorBuffer("error", "error", "W/m²", "irradiance minus its path-traced truth"),
+        ReferenceBuffer("reference", "reference", "W/m²", "path-traced irradiance"),
+        ErrorBuffer("error", "error", "W/m²", "irradiance minus the path-traced reference"),
     )
 }

@@ -11,7 +11,7 @@ from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed
 from irrsplat.app.viewer.buffers.weight import draw_dim_picture
 from irrsplat.app.viewer.show.screen import Texels
 
-NO_TRUTH = "no truth of this view yet: Y traces it"
+NO_TRUTH = "no reference of this view yet; Y traces it"
 
 
 class ReferenceBuffer(ShownBuffer):
@@ -90,6 +90,6 @@ class ErrorBuffer(ReferenceBuffer):
         truth = source.truth
         if truth is None:
             return Legend(NO_TRUTH)
-        text = f"mean of the channels; in full colour at {100.0 * FULL:g} % of the truth's mean; grey: no surface"
+        text = f"mean of the channels; in full colour at {100.0 * FULL:g} % of the reference's mean; grey: no surface"
         colours = error_colours(np.linspace(-1.0, 1.0, 64))
         return Legend(f"{text}; {truth.about}", f"{-truth.full:.3g}", f"{truth.full:.3g}", self.unit, colours)

@@ -30,7 +30,7 @@ class WeightBuffer(TextureBuffer):
         low, high = weight_range(source.settings)
         threshold = source.settings.threshold
         mark = float(np.log(threshold / low) / np.log(high / low)) if threshold > 0.0 else None
-        text = f"logarithmic; the line is the tolerance {threshold:.3g}, black on the side that asks for records"
+        text = f"logarithmic; the line is the tolerance {threshold:.3g}, black on the side that requests records"
         return Legend(text, f"{low:.3g}", f"{high:.3g}", "", colour_map(), mark)
 
 

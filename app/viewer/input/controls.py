@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 import numpy as np
 from moderngl_window.context.base import BaseWindow, KeyModifiers
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input import keys
+from irrsplat.app.viewer.input import commands
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
@@ -24,10 +25,20 @@ _ALT = (342, 346)  # glfw's numbers of the left and the right key; moderngl-wind
 
 
 class Controls:
-    """Takes the events of `wnd`, in moderngl-window's names and window coordinates."""
+    """Takes the events of `wnd`, in moderngl-window's names and window coordinates.
 
-    def __init__(self, wnd: BaseWindow, actions: Actions, display: Display, backend: ImguiBackend) -> None:
-        self.wnd, self.actions, self.display, self.backend = wnd, actions, display, backend
+    picture: gives the part of the window that the picture takes: left, top, width, height in pixels.
+    """
+
+    def __init__(
+        self,
+        wnd: BaseWindow,
+        actions: Actions,
+        display: Display,
+        backend: ImguiBackend,
+        picture: Callable[[], tuple[int, int, int, int]],
+    ) -> None:
+        self.wnd, self.actions, self.display, self.backend, self.picture = wnd, actions, display, backend, picture
         self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
         self.pace = 1.0  # a factor on the speed
         self.mouse = _NOWHERE
@@ -55,19 +66,15 @@ class Controls:
         """The pixel under the mouse, from the top left; None where the interface has it, or it is captured or outside."""
         if self.backend.wants_mouse or self.looking:
             return None
+        left, top, width, height = self.picture()
         x, y = (int(v * self.wnd.pixel_ratio) for v in self.mouse)
-        width, height = self.wnd.buffer_size
+        x, y = x - left, y - top
         return (x, y) if 0 <= x < width and 0 <= y < height else None
 
     @property
     def active(self) -> bool:
         """Whether the camera may move in the next frame, though no further event comes."""
         return bool(self.pressed) or self.looking
-
-    @property
-    def magnifying(self) -> bool:
-        """Whether the magnifier's key is down."""
-        return getattr(self.wnd.keys, keys.MAGNIFIER) in self.pressed
 
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
@@ -81,12 +88,11 @@ class Controls:
         elif right or up or ahead:
             self.actions.stop()
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
-            self.actions.hints.follow("fly")
 
     @property
     def _per_pixel(self) -> float:
         """Radians that the view turns for a motion of one window coordinate: what is grabbed stays under the mouse."""
-        return float(np.radians(self.session.camera.fov)) / max(self.wnd.height, 1)
+        return float(np.radians(self.session.camera.fov)) * self.wnd.pixel_ratio / max(self.session.size[1], 1)
 
     def _capture(self, on: bool) -> None:
         if self.looking != on:
@@ -95,7 +101,13 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options = self.session.options
-        return options.split != "off" and options.compare == "divided" and abs(x - options.divider * self.wnd.width) <= _GRIP
+        return options.split != "off" and options.compare == "divided" and abs(x - self._divider) <= _GRIP
+
+    @property
+    def _divider(self) -> float:
+        """The place of the divider, window coordinates."""
+        left, _, width, _ = self.picture()
+        return (left + self.session.options.divider * width) / self.wnd.pixel_ratio
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 
@@ -117,7 +129,7 @@ class Controls:
         elif self.backend.wants_keyboard:
             return
         flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
-        found = keys.action(names, key, bool(ctrl), bool(shift))
+        found = commands.of_key(names, key, bool(ctrl), bool(shift))
         if flying and found is not None and found.action != "escape":
             found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
         if found is None or not ctrl:  # a letter pressed with Ctrl does not fly
@@ -144,14 +156,14 @@ class Controls:
         self.backend.mouse_position(x, y)
         self.travelled += abs(dx) + abs(dy)
         if self.dividing:
-            self.session.options.divider = float(np.clip(x / max(self.wnd.width, 1), 0.02, 0.98))
+            left, _, width, _ = self.picture()
+            self.session.options.divider = float(np.clip((x * self.wnd.pixel_ratio - left) / width, 0.02, 0.98))
         elif self.drawing and self.travelled > _CLICK:
             self._draw_line(begin=False)
         elif self.pivot is not None and self.actions.editor.dragging:
             self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
             self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
-            self.actions.hints.follow("orbit")
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
         """A mouse button went down at the position of the last motion event.

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import View
 from irrsplat.renderer import Renderer
@@ -18,8 +20,9 @@ _MOST = 20.0  # stops, up and down: what is darker than that stays dark
 class AutoExposure:
     """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture.
 
-    The first picture that is lit decides at once. After it nothing jumps: the exposure moves by at most _FASTEST, while a view
-    fills only as far as it is off by more than _SLACK, and stays where it is in a view that is all black.
+    The first picture that is lit decides at once. After it nothing jumps: the exposure moves by at most _FASTEST. While a view
+    fills, it moves only as far as it is off by more than _SLACK. It stays in a view that is all black, and while the blend alone
+    changes.
     """
 
     def __init__(self) -> None:
@@ -27,6 +30,9 @@ class AutoExposure:
         self._goal = 0.0
         self._lit = False  # whether any picture has been
         self._view: View | None = None  # the last view that was metered
+        self._inputs: object = None  # of the last view, but for its blend
+        self._blend = math.nan  # of the last view
+        self._held = False  # since the blend has changed, and nothing else
         self._meter: CompositePass | None = None  # that was asked, and has yet to be read
 
     @property
@@ -46,7 +52,8 @@ class AutoExposure:
         if self._meter is meter:  # else it may be freed
             self._read(meter)
         self._meter = None
-        if view is not self._view:
+        self._hold(renderer, view)
+        if view is not self._view and not self._held:
             self._view, self._meter = view, meter
             meter.measure(view.image, view.gbuffer)
         if not self._lit:  # nothing to move from: wait for the reading
@@ -63,6 +70,16 @@ class AutoExposure:
         else:
             step = way * (1.0 - math.exp(-dt / _TIME))
             self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
+
+    def _hold(self, renderer: Renderer, view: View) -> None:
+        """Hold the exposure from a change of the blend on, until something else changes: less light then looks darker."""
+        blend = renderer.settings.blend
+        inputs = view.camera, Identity(renderer.scene), replace(renderer.settings, blend=0.0)
+        if inputs != self._inputs:
+            self._held = False
+        elif blend != self._blend:
+            self._held = self._lit
+        self._inputs, self._blend = inputs, blend
 
     def _read(self, meter: CompositePass) -> None:
         """Take what was measured as the goal; 0 says that nothing is lit."""

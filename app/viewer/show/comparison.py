@@ -110,7 +110,7 @@ class Comparison(Owner):
             return self.flip.legend()
         values, _ = self._values()
         if values is None and self._truth_is_coarse:
-            return Legend("no difference yet: every pixel has its truth in a while; FLIP compares those that have")
+            return Legend("no difference yet: FLIP compares the pixels that have a reference")
         if values is None:
             return Legend("no difference: these two buffers are not numbers of one kind; FLIP compares their pictures")
         buffer = BUFFERS[self.session.buffer(0)]

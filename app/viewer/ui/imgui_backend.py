@@ -204,6 +204,11 @@ class ImguiBackend(Owner):
         self._pictures[texture.glo] = texture
         imgui.image(imgui.ImTextureRef(texture.glo), size, (0, 1), (1, 0))
 
+    def background(self, texture: moderngl.Texture, box: tuple[float, float, float, float]) -> None:
+        """Draw a texture (bottom row first) below all windows. box: left, top, right, bottom in window coordinates."""
+        self._pictures[texture.glo] = texture
+        imgui.get_background_draw_list().add_image(imgui.ImTextureRef(texture.glo), box[:2], box[2:], (0, 1), (1, 0))
+
     def key(self, key: int | str, pressed: bool, keys: type[BaseKeys]) -> None:
         """A key of the window's `keys` (moderngl-window's) went down or up; one that imgui does not know is ignored.
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.buffers.tiles import Margins
+from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.scene.model import Camera
 
 MARGIN = 8.0  # window coordinates around what stands over the picture
 MENU_BAR = 30.0  # window coordinates at scale 1 that the menu bar takes
@@ -17,8 +18,7 @@ PANEL_WIDTH = 338.0  # of the panels, window coordinates at scale 1
 _IN_FRONT = 4.0  # how much worse it is to lie behind the numbers than before another panel
 _FREE = 0.35  # of the window's width that must stay free for what stands clear of the panels
 _BAND, _LINE = 80.0, 260.0  # window coordinates at scale 1: height that messages take, and the least width for them
-_COVERED = 0.1  # of a panel: where a new one takes more of it, it is folded
-_SIZED = 2  # frames after which a new panel has its size
+_LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
 WIDGET_WIDTH = 128.0  # of a slider, window coordinates at scale 1
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
 PLAIN = (  # a window without a frame, that cannot be moved and never takes the keyboard
@@ -37,30 +37,27 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom; window coor
 
 @dataclass
 class Layout:
-    """What windows took in the last frame, window coordinates, for others to keep clear of. scale: of text and widgets.
+    """The room that windows took in the last frame, window coordinates; others keep clear of it. scale: of text and widgets.
 
-    area: what docked panels leave of the window below the menu bar. The picture fills the window all the same; what is over it
-    (numbers, legends, messages) is in the area.
+    area: the part of the window that docked panels and the menu bar leave; numbers, legends and messages are in it. picture: the
+    part that the picture takes, which is the area where it is fitted, and all of the window otherwise.
     """
 
     scale: float = 1.0
     area: Box = (0.0, 0.0, 0.0, 0.0)
+    picture: Box = (0.0, 0.0, 0.0, 0.0)
     legend_height: float = 0.0
     panel_right: float = 0.0  # where the settings' panel ends, while it is not docked
     legend_right: float = 0.0  # where the left side's legend ends
-    hints_height: float = 0.0  # that the line at the bottom takes where it reaches under the statistics
     statistics_size: tuple[float, float] = (0.0, 0.0)
     _boxes: dict[str, Box] = field(default_factory=dict)  # of the panels in the last frame, and so far in this one
     _drawn: dict[str, Box] = field(default_factory=dict)
     _moved: set[str] = field(default_factory=set)  # panels that are to go to where they stand at first
-    _first: dict[str, tuple[float, float]] = field(default_factory=dict)  # where panels stand at first
-    _folding: set[str] = field(default_factory=set)  # panels that a new one covers: their titles stay
-    _placing: dict[str, int] = field(default_factory=dict)  # frames until a panel is placed once more, when others are folded
-    _ages: dict[str, int] = field(default_factory=dict)  # frames since a panel was opened
     _restoring: int = 0  # frames until all of them are
 
-    def start(self, scale: float, hidden: bool) -> None:
-        """Start a frame: let panels dock at the window's edges. hidden: none is drawn; those that are docked stay so."""
+    def start(self, scale: float, hidden: bool, fitted: bool) -> None:
+        """Start a frame: let panels dock at the window's edges. hidden: no panel is drawn; docked panels stay docked. fitted: the
+        picture is fitted into the area, unless that is too small."""
         self.scale, self._boxes, self._drawn = scale, self._drawn, {}
         if self._restoring == 2:
             imgui.internal.clear_ini_settings()
@@ -71,10 +68,30 @@ class Layout:
         ground = imgui.dock_space_over_viewport(0, None, flags | (imgui.DockNodeFlags_.keep_alive_only if hidden else 0))
         view = imgui.get_main_viewport()
         self.area = (0.0, min(MENU_BAR * scale, view.size.y), view.size.x, view.size.y)
+        self.picture = (0.0, 0.0, view.size.x, view.size.y)
         node = imgui.internal.dock_builder_get_central_node(ground)
         if node is not None and not hidden:
             left, top = max(node.pos.x, 0.0), max(node.pos.y, self.area[1])
             self.area = (left, top, max(min(node.pos.x + node.size.x, view.size.x), left), max(node.pos.y + node.size.y, top))
+            if fitted and min(self.area[2] - left, self.area[3] - top) >= _LEAST_PICTURE:
+                self.picture = (left, max(node.pos.y, 0.0), self.area[2], self.area[3])
+
+    @property
+    def picture_size(self) -> tuple[float, float]:
+        """Width and height of the picture, window coordinates."""
+        return self.picture[2] - self.picture[0], self.picture[3] - self.picture[1]
+
+    def seen(self, camera: Camera, point: tuple[float, float, float]) -> tuple[float, float] | None:
+        """Return where a world point is in the window, window coordinates; None behind the eye."""
+        found = on_screen(camera, self.picture_size, point)
+        return None if found is None else (found[0] + self.picture[0], found[1] + self.picture[1])
+
+    def pixels(self, density: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
+        """Return the picture's part of a window of `size` pixels: left, top, width, height. density: pixels per coordinate."""
+        if self.picture[:2] == (0.0, 0.0):  # it fills the window, or nothing was drawn yet
+            return 0, 0, *size
+        left, top, right, bottom = (round(density * x) for x in self.picture)
+        return left, top, max(min(right, size[0]) - left, 1), max(min(bottom, size[1]) - top, 1)
 
     def restore(self) -> None:
         """Put all panels back to where they stand at first, docked nowhere."""
@@ -83,18 +100,20 @@ class Layout:
     def margins(self, panel: bool, numbers: bool, hidden: bool) -> Margins:
         """What docked panels, the settings' `panel`, the `numbers`, the menu bar and the legend take of the window, where they
         are open: so that what fills the picture can stand clear of them. Where that leaves too little, it is the height alone."""
-        view = imgui.get_main_viewport().size
         if hidden:
             return Margins()
-        left, top, right, bottom = self.area
-        right, bottom = view.x - right, view.y - bottom
-        if panel and left < self.panel_right < 0.5 * view.x:
-            left = self.panel_right + MARGIN
+        (x, y), (width, height), view = self.picture[:2], self.picture_size, imgui.get_main_viewport().size
+        left, top = self.area[0] - x, self.area[1] - y
+        right, bottom = self.picture[2] - self.area[2], self.picture[3] - self.area[3]
+        free = left, right
+        if panel and left < self.panel_right - x < 0.5 * width:
+            left = self.panel_right - x + MARGIN
         right += self.statistics_size[0] + 2.0 * MARGIN if numbers else 0.0
-        beside = left > self.legend_right
-        if view.x - max(left, self.legend_right) - right < _FREE * view.x:
-            left, right, beside = self.area[0], view.x - self.area[2], False
-        return Margins(left / view.x, right / view.x, top / view.y, bottom / view.y if beside else self.legend_height / view.y)
+        legend = self.legend_right - x, self.legend_height - (view.y - self.picture[3])
+        beside = left > legend[0]
+        if width - max(left, legend[0]) - right < _FREE * width:
+            (left, right), beside = free, False
+        return Margins(left / width, right / width, top / height, (bottom if beside else legend[1]) / height)
 
     def place_panel(self, name: str, width: float, height: float, tall: bool = False, numbers: bool = False) -> None:
         """Place the next window, the panel of this name, where it stands at first, and keep it above the legends: in the first
@@ -104,22 +123,13 @@ class Layout:
         user makes it another. numbers: those stand at the right.
         """
         view, (left, top, right, _) = imgui.get_main_viewport(), self.area
-        if name in self._placing:
-            self._placing[name] -= 1
-            if not self._placing[name]:
-                del self._placing[name]
-                self._moved.add(name)
         when = imgui.Cond_.always if name in self._moved else imgui.Cond_.first_use_ever
         self._moved.discard(name)
-        if name in self._folding:
-            imgui.set_next_window_collapsed(True, imgui.Cond_.always)
-            self._folding.discard(name)
         most = max(view.size.y - top - self.legend_height, 40.0)
         least = (120.0, 40.0) if tall else (0.0, 0.0)
         imgui.set_next_window_size_constraints(least, (max(min(2.0 * PANEL_WIDTH * self.scale, view.size.x), 120.0), most))
         if not tall:
-            self._first[name] = self._free_place(name, width * self.scale, height * self.scale, numbers)
-            imgui.set_next_window_pos(self._first[name], when)
+            imgui.set_next_window_pos(self._free_place(name, width * self.scale, height * self.scale, numbers), when)
             return
         imgui.set_next_window_pos((left + MARGIN * self.scale, top), when)
         beside = right - left - 2.0 * MARGIN - (STATISTICS_WIDTH * self.scale + MARGIN if numbers else 0.0)
@@ -167,21 +177,8 @@ class Layout:
         y = max(min(place.y, view.size.y - size.y), min(top, place.y) if place.y >= 0.0 else 0.0)
         if (x, y) != (place.x, place.y):
             imgui.set_window_pos((x, y))
-        box = (x, y, x + size.x, y + size.y)
-        self._ages[name] = self._ages.get(name, 0) + 1 if name in self._boxes else 0
-        if self._ages[name] == _SIZED:
-            self._make_room(name, box)
-        self._drawn[name] = box
+        self._drawn[name] = (x, y, x + size.x, y + size.y)
         return True
-
-    def _make_room(self, name: str, box: Box) -> None:
-        """Fold the panels that a new one covers with its `box`, and place it clear of their titles, where it stands at first."""
-        older = [(other, there) for other, there in self._boxes.items() if self._ages.get(other, 0) > _SIZED]
-        covered = [other for other, there in older if _shared(box, there) > _COVERED * _shared(there, there)]
-        self._folding.update(covered)
-        first = self._first.get(name, (math.inf, 0.0))
-        if covered and max(abs(first[0] - box[0]), abs(first[1] - box[1])) < 2.0:
-            self._placing[name] = 3
 
 
 def _shared(one: Box, other: Box) -> float:

@@ -8,7 +8,6 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.magnifier import place
 from irrsplat.app.viewer.show.markers import By, radius_legend
 from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, Layout, in_unit
 from irrsplat.app.viewer.ui.statistics_view import draw_tracing
@@ -31,10 +30,11 @@ class Legends:
         if not session.views:
             return
         view, taken = imgui.get_main_viewport(), 0.0
-        density = session.size[0] / max(view.size.x, 1.0)  # pixels per window coordinate
+        density = session.size[0] / max(self.layout.picture_size[0], 1.0)  # pixels per window coordinate
         first, top, last, bottom = self.layout.area
         for side, region in session.sides():
-            x, width = (region[0] / density, region[2] / density) if region else (0.0, view.size.x)
+            x, width = (region[0] / density, region[2] / density) if region else (0.0, self.layout.picture_size[0])
+            x += self.layout.picture[0]
             left, right = min(max(x, first), last), max(min(x + width, last), first)
             imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
             imgui.set_next_window_bg_alpha(0.72)
@@ -54,21 +54,6 @@ class Legends:
                 self.layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
             imgui.end()
         self.layout.legend_height = taken + 2.0 * MARGIN + view.size.y - bottom
-
-    def draw_magnified(self, cursor: tuple[int, int]) -> None:
-        """Draw the value of the pixel in the middle of the magnifier below that, or above it where there is no room."""
-        session, view = self.actions.session, imgui.get_main_viewport()
-        density = session.size[0] / max(view.size.x, 1.0)  # pixels per window coordinate
-        left, bottom, width, height = place(session.size, cursor)
-        below = (session.size[1] - bottom) / density
-        room = below + 2.0 * imgui.get_text_line_height_with_spacing() < view.size.y
-        at, pivot = (below, 0.0) if room else (below - height / density, 1.0)
-        imgui.set_next_window_pos(((left + width / 2) / density, at), imgui.Cond_.always, (0.5, pivot))
-        imgui.set_next_window_bg_alpha(0.85)
-        imgui.begin("magnified", None, PLAIN | imgui.WindowFlags_.no_inputs)
-        imgui.text(self._value(session.side_at(cursor[0]), cursor) or "no value")
-        imgui.text_disabled(f"pixel {cursor[0]}, {cursor[1]}")
-        imgui.end()
 
     def _value(self, side: int, cursor: tuple[int, int]) -> str:
         """The value at a pixel, in its unit; empty where there is none."""

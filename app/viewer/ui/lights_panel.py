@@ -12,7 +12,6 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
@@ -41,7 +40,7 @@ class LightsPanel:
         actions.panels.lights = bool(opened)
         if shown:
             if not editor.lamps:
-                imgui.text_disabled("the scene has no lights of its own;\nwhat glows and the sky light it")
+                imgui.text_disabled("no lights: emissive surfaces and\nthe sky light the scene")
             for i, lamp in enumerate(editor.lamps):
                 title = lamp.light.name or f"light {i + 1}"
                 if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == editor.light)[0]:
@@ -77,10 +76,10 @@ class LightsPanel:
         lamp = self._placed(lamp)
         lamp = self._coloured(lamp)
         if not lamp.light.directional:
-            if imgui.button("to the eye"):
+            if imgui.button("to camera"):
                 lamp = lamp.moved(actions.session.camera.eye)
             imgui.same_line()
-        if imgui.button("as loaded"):
+        if imgui.button("reset"):
             lamp = Lamp.of(lamp.loaded, lamp.of_sky)
         imgui.same_line()
         if imgui.button("delete"):
@@ -109,10 +108,10 @@ class LightsPanel:
         cutoff, inner = light.spot_cutoff, light.spot_inner
         self._width()
         wider, cutoff = imgui.slider_float("cone", cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
-        imgui.set_item_tooltip("half its angle, where it ends")
+        imgui.set_item_tooltip("half angle of the cone, where the light ends")
         self._width()
-        softer, inner = imgui.slider_float("full inside", inner, 0.0, cutoff, "%.1f°")
-        imgui.set_item_tooltip("half the angle inside which it is as bright as in the middle")
+        softer, inner = imgui.slider_float("inner cone", inner, 0.0, cutoff, "%.1f°")
+        imgui.set_item_tooltip("half angle of full intensity")
         return lamp.coned(cutoff, inner) if wider or softer else lamp
 
     def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
@@ -141,11 +140,9 @@ class LightsPanel:
         session, editor = self.actions.session, self.actions.editor
         if not self.actions.panels.lights:
             return
-        view = imgui.get_main_viewport()
         draw = imgui.get_background_draw_list()
         for i, lamp in enumerate(editor.lamps):
-            size = view.size.x, view.size.y
-            place = None if lamp.light.directional else on_screen(session.camera, size, lamp.light.position)
+            place = None if lamp.light.directional else self.layout.seen(session.camera, lamp.light.position)
             if place is None:
                 continue
             colour = imgui.get_color_u32(AMBER if lamp.on else _OFF)

@@ -57,6 +57,14 @@ class SettingsPanel:
         self.actions, self.layout = actions, layout
         self._drafts: dict[str, float | int] = {}
         self._typed: tuple[str, float | int] | None = None  # the setting whose number is being typed, and how it stands
+        self.room = 0.0  # for a setting's widgets, where another panel draws some; window coordinates
+        self.stacked = False  # whether names are above their widgets
+        self._sought = ""  # the setting that is scrolled to
+
+    def show(self, name: str) -> None:
+        """Open the panel with all settings, at the one of this name."""
+        self.actions.panels.settings = self.actions.panels.expert = True
+        self._sought = name
 
     def draw(self) -> None:
         """Draw it where it is open."""
@@ -70,8 +78,8 @@ class SettingsPanel:
         actions.panels.settings = bool(opened)
         if shown:
             if actions.session.options.split == "presets":
-                self._sides()
-            self._presets()
+                self.draw_sides()
+            self.draw_presets()
             _, actions.panels.expert = imgui.checkbox("expert settings too", actions.panels.expert)
             for stage, first in _STAGES.items():
                 self._stage(stage, first)
@@ -86,46 +94,53 @@ class SettingsPanel:
             for d in SETTINGS.values()
             if d.stage == stage and (expert or d.name in BASIC or getattr(settings, d.name) != getattr(base, d.name))
         ]
+        if any(d.name == self._sought for d in shown):
+            imgui.set_next_item_open(True)
         title = stage if expert else f"{stage}##basic"  # each has its own state
         if shown and imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open if first or not expert else 0):
             for declaration in shown:
-                self._setting(declaration)
+                self.draw_setting(declaration)
 
-    def _sides(self) -> None:
+    def draw_sides(self) -> None:
         imgui.text("side")
         for side, word in enumerate(("left", "right")):
             imgui.same_line()
             if imgui.radio_button(word, self.actions.side == side):
                 self.actions.side = side
 
-    def _presets(self) -> None:
+    def draw_presets(self) -> None:
         actions = self.actions
         name, settings = actions.session.settings(actions.side)
         base = preset(name)
         changed = any(getattr(settings, key) != getattr(base, key) for key in SETTINGS)
-        shown = name + (" (changed)" if changed else "")
+        shown = name + "*" * changed
         arrow = imgui.get_frame_height() + 2.0 * imgui.get_style().frame_padding.x
-        imgui.set_next_item_width(max(self._width, imgui.calc_text_size(shown).x + arrow))
-        if imgui.begin_combo("preset", shown):
+        label = self.label("preset")
+        imgui.set_next_item_width(self.room or max(self._width, imgui.calc_text_size(shown).x + arrow))
+        if imgui.begin_combo(label, shown):
             for one in PRESETS:
                 if imgui.selectable(one, one == name)[0]:
                     self._drafts.clear()
                     actions.attempt(lambda one=one: actions.session.use_preset(actions.side, one))  # type: ignore[misc]
             imgui.end_combo()
-        imgui.set_item_tooltip("all settings at once; paper: the algorithm as published (M switches to it and back)")
+        imgui.set_item_tooltip("all settings at once (*: some differ); paper: the algorithm as published (M: to it and back)")
 
     @property
     def _width(self) -> float:
         """Of a setting's widgets together, window coordinates."""
-        return _WIDTH * self.layout.scale
+        return self.room or _WIDTH * self.layout.scale
 
-    def _setting(self, declaration: Declaration) -> None:
+    def draw_setting(self, declaration: Declaration) -> None:
         """Draw one line: the widget, its name, and an arrow back to the preset's value where it differs."""
         d, actions = declaration, self.actions
         chosen, settings = actions.session.settings(actions.side)
         value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
         idle = why_idle(d.name, settings)
         imgui.push_id(d.name)
+        if d.name == self._sought:
+            imgui.set_scroll_here_y()
+            imgui.set_keyboard_focus_here()
+            self._sought = ""
         if idle is not None:
             imgui.push_style_var(imgui.StyleVar_.alpha, _IDLE * imgui.get_style().alpha)
         imgui.begin_group()
@@ -155,13 +170,19 @@ class SettingsPanel:
 
     def _widget(self, d: Declaration, value: Value, base: Value) -> Value:
         """Draw a setting's widget; the value as the user leaves it."""
-        label = d.name.replace("_", " ")
+        label = self.label(d.name.replace("_", " "))
         if d.kind == "bool":
             return imgui.checkbox(label, bool(value))[1]
         imgui.set_next_item_width(self._width)
         if d.kind == "choice":
             return d.choices[imgui.combo(label, d.choices.index(str(value)), list(d.choices))[1]]
         return self._number_or_word(d, label, value, base) if d.word else self._slider(d, label, value, base, self._width)
+
+    def label(self, name: str) -> str:
+        """Return the label of a widget; a name above it is drawn here."""
+        if self.stacked:
+            imgui.text_unformatted(name)
+        return f"##{name}" if self.stacked else name
 
     def _number_or_word(self, d: Declaration, label: str, value: Value, base: Value) -> Value:
         """Draw a box for the setting's word beside the slider, which shows what the word stands for while it is chosen."""
@@ -181,13 +202,14 @@ class SettingsPanel:
 
     def _slider(self, d: Declaration, label: str, value: Value, base: Value, width: float) -> Value:
         """Draw the number, and a slider beside it; one whose change costs much gives its new value only when it is let go of."""
-        typed = self._number(d, value)
-        if typed is not None:
-            self._drafts.pop(d.name, None)
-            return typed
-        gap = imgui.get_style().item_inner_spacing.x
-        imgui.same_line(0.0, gap)
-        imgui.set_next_item_width(max(width - self._number_width - gap, 20.0))
+        gap, wide = imgui.get_style().item_inner_spacing.x, width >= 1.6 * self._number_width
+        if wide:
+            typed = self._number(d, value)
+            if typed is not None:
+                self._drafts.pop(d.name, None)
+                return typed
+            imgui.same_line(0.0, gap)
+        imgui.set_next_item_width(max(width - self._number_width - gap, 20.0) if wide else width)
         low, high = _SPANS.get(d.name, (d.low or 0, d.high or 0))
         draft = self._drafts.get(d.name, float(value) if d.kind == "float" else int(value))
         flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0

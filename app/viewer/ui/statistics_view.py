@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.input.commands import COMMANDS
 from irrsplat.app.viewer.show.remaining_time import in_words
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, STATISTICS_WIDTH, Layout, accent
@@ -18,6 +18,7 @@ _INNER = 190.0  # width of plot and table
 _PLOT_HEIGHT = 40.0
 _PLOT_MS = 100.0  # milliseconds that the plot shows at least
 _MEAN = 20  # frames that the rate is the mean of
+_FORESEEN = 120.0  # seconds: a longer estimate of the time that is left is not reliable
 _KEPT = 30  # frames that a stage's row stays after it ran
 
 
@@ -48,17 +49,17 @@ class StatisticsView:
         for side, progress in enumerate(session.progress):
             imgui.separator()
             self._side(side, progress)
-        if session.remaining.seconds is not None:
-            imgui.text_colored(accent(), f"refining, {in_words(session.remaining.seconds)} left")
+        if (left := session.remaining.seconds) is not None and left < _FORESEEN:
+            imgui.text_colored(accent(), f"filling, {in_words(left)} left")
         took = imgui.get_window_size()
         self._others = imgui.get_cursor_pos().y + imgui.get_style().window_padding.y - self._stages_height
         self.layout.statistics_size = (took.x, took.y)
         imgui.end()
 
     def _height(self, scale: float) -> float:
-        """The height that the window may take: down to the hints, and in a narrow one to the legend."""
+        """The height that the window may take: in a narrow one down to the legend."""
         _, top, right, bottom = self.layout.area
-        end = bottom - MARGIN - self.layout.hints_height
+        end = bottom - MARGIN
         if right - MARGIN - STATISTICS_WIDTH * scale < self.layout.legend_right:
             end = min(end, imgui.get_main_viewport().size.y - self.layout.legend_height)
         return end - top
@@ -67,8 +68,9 @@ class StatisticsView:
         frames, work, scale = self.times.frames, self.times.work, self.layout.scale
         recent = list(frames)[-_MEAN:]
         mean, last = sum(recent) / max(len(recent), 1), work[-1] if work else 0.0
-        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / max(mean, 1e-3):.0f} fps"
-        imgui.text(f"{rate}, {last:.0f} ms a tick")
+        known = len(recent) == _MEAN  # a mean of fewer frames is no rate
+        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / max(mean, 1e-3):.0f} fps" if known else "starting"
+        imgui.text(f"{rate}, last frame {last:.0f} ms")
         most = max(max(frames, default=0.0), _PLOT_MS)
         plot = np.array(work, "f4") if work else np.zeros(1, "f4")
         imgui.plot_lines("##ticks", plot, 0, f"0..{most:.0f} ms", 0.0, most, (_INNER * scale, _PLOT_HEIGHT * scale))
@@ -80,7 +82,7 @@ class StatisticsView:
         for action in ("step", "clear"):
             imgui.same_line()
             if imgui.small_button(action):
-                actions.press(next(k for k in KEYS if k.action == action))
+                actions.press(next(k for k in COMMANDS if k.action == action))
         if options.frozen:
             imgui.same_line()
             imgui.text_colored(accent(), "frozen")
@@ -123,15 +125,15 @@ class StatisticsView:
         if progress.surface < 1.0:
             imgui.text_colored(accent(), f"surface cache {100.0 * progress.surface:.0f} %")
         if progress.stale:
-            imgui.text_colored(accent(), f"{progress.stale} to be gathered again")
+            imgui.text_colored(accent(), f"{progress.stale} to be refreshed")
         if progress.full:
-            imgui.text_colored(accent(), "this view needs more: raise max_records")
+            imgui.text_colored(accent(), "max_records is reached: raise it")
 
 
 def coverage_in_words(progress: Progress, filled: bool) -> str:
     """How much of the view is served; filled: a guess stands where it is not."""
     if progress.coverage == 0.0:  # of the first round it is known only when that ends
-        return "a first guess" if filled else "a first round"
+        return "first estimate" if filled else "first round"
     return f"coverage {math.floor(1000.0 * progress.coverage) / 10.0:.1f} %"  # 100 only where it is
 
 

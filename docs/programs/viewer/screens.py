@@ -13,7 +13,6 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.input.hints import HINTS
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -25,7 +24,7 @@ LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
 PLAIN = ("alpha", "opacity", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
-# complete is enough: the way to 0.5 % takes minutes, and so few records are there that each can be seen; long ticks, since
+# complete is enough: the way to 1 % takes minutes, and so few records are there that each can be seen; long ticks, since
 # nobody waits for a frame
 SETTINGS: SettingValues = {"viewer_quality": 0.0, "viewer_samples": 16, "budget": 1000.0}
 
@@ -65,8 +64,7 @@ def keep(viewer: Viewer, name: str, settle: bool = True) -> None:
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
-    hints = [] if take is whole else list(HINTS)  # they are part of the window as it opens
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS, ui={"hints": hints}), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -81,9 +79,7 @@ def whole(viewer: Viewer) -> None:
         viewer.frame(DT)
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
-    for hint in HINTS:
-        actions.hints.follow(hint)
-    actions.panels.settings = False
+    actions.panels.controls = False
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
@@ -96,14 +92,13 @@ def whole(viewer: Viewer) -> None:
     keep(viewer, "viewer/split_buffers")
     options.buffers[0] = "irradiance"
     actions.session.split("presets")
-    actions.panels.hud = False
     keep(viewer, "viewer/split_presets")
 
 
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer, or show nothing of this scene."""
     actions = viewer.actions
-    actions.panels.settings = actions.panels.hud = False
+    actions.panels.controls = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth and name not in PLAIN):
         if name == "asking":  # something must be left to ask for: two rounds only
@@ -122,7 +117,7 @@ def sky(viewer: Viewer) -> None:
     """What shines by itself: in this scene, the sky."""
     actions = viewer.actions
     actions.session.change(0, bounces=0)
-    actions.panels.settings = actions.panels.hud = False
+    actions.panels.controls = False
     actions.session.options.buffers[0] = "emission"
     keep(viewer, "buffers/emission")
 

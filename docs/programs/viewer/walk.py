@@ -20,7 +20,6 @@ from imgui_bundle import imgui
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -37,9 +36,9 @@ LABELLED = (
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
 
-What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
-moving the mouse over something is one where that is the point. `python docs/programs/viewer/walk.py` does all of it by xdotool
-in a real window of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
+Each task has the number of actions that it takes. A key, a click, a drag and a typed text are one action each.
+`python docs/programs/viewer/walk.py` does each task by xdotool in a window of {width}×{height} pixels on a virtual display,
+checks the result, and writes this page.
 
 {rows}
 """
@@ -190,7 +189,7 @@ class Walker:
 
     def seen(self, point: tuple[float, float, float]) -> tuple[float, float]:
         """Where in the window a point of the scene is."""
-        found = on_screen(self.viewer.actions.session.camera, SIZE, point)
+        found = self.viewer.interface.layout.seen(self.viewer.actions.session.camera, point)
         assert found is not None, f"{point} is not in view"
         return found
 
@@ -223,11 +222,11 @@ def open_scene(walker: Walker) -> None:
 
 @task("Fly through it")
 def fly(walker: Walker) -> None:
-    walker.click("Scene", "cornell")
+    walker.click("File", "cornell")
     walker.until(lambda: walker.viewer.actions.source == "cornell", "the scene")
     before = walker.viewer.actions.session.camera
     walker.hold("w", 0.8)
-    x, y = SIZE[0] / 2, SIZE[1] / 2
+    x, y = 0.7 * SIZE[0], 0.5 * SIZE[1]
     walker.drag((x, y), (x + 60.0, y + 20.0), "drag with the right button: look", button=3)
     assert walker.viewer.actions.session.camera != before
     walker.key("Home")
@@ -249,7 +248,7 @@ def repaint(walker: Walker) -> None:
     walker.click_at((0.0, 3.5, 2.8), "the wall")
     editor = walker.viewer.actions.editor
     assert editor.mesh is not None
-    x0, y0, _, y1 = walker.labels.now["reflects"]
+    x0, y0, _, y1 = walker.labels.now["reflectance"]
     walker.drag((x0 + 20.0, 0.5 * (y0 + y1)), (x0 + 90.0, 0.5 * (y0 + y1)), "drag its red")
     walker.rest()
     walker.keep("repaint")
@@ -282,7 +281,7 @@ def move(walker: Walker) -> None:
 @task("Measure light on the floor, in lux")
 def measure(walker: Walker) -> None:
     walker.key("F4")
-    walker.click("Show", "light (false colours)")
+    walker.click("buffer", "light (false colours)")
     walker.key("ctrl+l")
     walker.drag(walker.seen((2.4, 0.0, 0.5)), walker.seen((0.3, 0.0, 0.5)), "drag a line over the floor")
     walker.rest()
@@ -292,15 +291,16 @@ def measure(walker: Walker) -> None:
 @task("Compare with the published method")
 def compare(walker: Walker) -> None:
     walker.key("ctrl+l", "1", "Tab", "Tab", "j", "j")
-    walker.rest()
+    session = walker.viewer.actions.session
+    walker.until(lambda: len(session.progress) == 2 and all(p.coverage > 0.7 for p in session.progress), "both presets")
 
 
-@task("Compare with the truth")
+@task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
     truths = walker.viewer.actions.session.truths
-    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a truth of some samples")
-    walker.click("Show", "error")
+    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a reference of some samples")
+    walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")
     walker.key("y")
@@ -312,6 +312,17 @@ def save(walker: Walker) -> None:
     walker.click("save")
     walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
+
+
+@task("Find a command by words")
+def palette(walker: Walker) -> None:
+    walker.key("ctrl+p")
+    walker.type("wireframe")
+    walker.wait(3)
+    walker.keep("palette")
+    walker.key("Return")
+    walker.wait(3)
+    assert walker.viewer.actions.session.options.wire
 
 
 def in_words(count: int) -> str:
@@ -331,6 +342,7 @@ def main() -> None:
         wnd = open_window(SIZE)
         wnd.position = (0, 0)
         viewer = Viewer(wnd, irrsplat.load("cornell"), "cornell", Preferences())
+        viewer.interface.files.native = False  # the desktop's dialogs differ from one desktop to the next
         walker = Walker(viewer, labels)
         walker.rest()
         for number, (title, do) in enumerate(TASKS, start=1):

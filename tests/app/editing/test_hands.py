@@ -44,7 +44,7 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_the_menu(driver: Driv
     """The wall behind it is seen then, and the converged view is covered."""
     editor = driver.actions.editor
     push(driver, "Backspace")
-    assert "nothing is picked" in driver.said and not editor.changed
+    assert "nothing is selected" in driver.said and not editor.changed
     editor.pick_mesh(BOX)
     push(driver, "O")
     assert editor.turning and driver.said.endswith("handles turn")
@@ -57,7 +57,7 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_the_menu(driver: Driv
     driver.settle()
     assert driver.display.mesh_at(here) == WALLS and driver.session.progress[0].coverage == 1.0
     driver.session.options.frozen = True
-    for item, hidden in (("show box", []), ("undo: box: show", [BOX]), ("redo: box: show", [])):
+    for item, hidden in (("Show box", []), ("Undo: box: show", [BOX]), ("Redo: box: show", [])):
         driver.choose("Edit", item)
         assert editor.hidden == hidden
 
@@ -74,11 +74,11 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
     for expected in (states[1], states[0], states[0]):
         push(driver, "Ctrl+Z")
         assert editor.edit == expected
-    assert driver.said.endswith("there is nothing to undo") and driver.session.scene.meshes is editor.loaded.meshes
+    assert driver.said.endswith("nothing to undo") and driver.session.scene.meshes is editor.loaded.meshes
     for key, expected in (("Ctrl+Y", states[1]), ("Ctrl+Shift+Z", states[2]), ("Ctrl+Y", states[2])):
         push(driver, key)
         assert editor.edit == expected
-    assert driver.said.endswith("there is nothing to do again")
+    assert driver.said.endswith("nothing to redo")
     assert not driver.session.options.points and driver.session.truths.traced is None, "the keys without Ctrl are others"
 
 
@@ -86,10 +86,12 @@ def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> N
     """And overwritten only when asked."""
     push(driver, "Ctrl+S")
     driver.frame(2)
-    assert driver.viewer.interface.save_dialog.typed == "room-2.scene"
+    assert driver.viewer.interface.files.typed == "room-2.scene"
     driver.choose("save")
     assert not driver.actions.panels.save and "room-2.scene is written" in driver.said
     push(driver, "Ctrl+S")
+    assert not driver.actions.panels.save, "saved where it was saved"
+    push(driver, "Ctrl+Shift+S")
     driver.frame(2)
     assert driver.find("overwrite").kind == "button"
     push(driver, "Esc")
@@ -140,13 +142,13 @@ def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor)
     editor.pick_mesh(BOX)
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
-    driver.drag(driver.find("moved by").at(0.15), driver.find("moved by").at(0.4))
+    driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
     assert editor.object(BOX).offset[0] > 0.0 and len(editor.history.past) == 1
-    driver.drag(driver.find("turned by").at(0.5), driver.find("turned by").at(0.8))
+    driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
     assert editor.object(BOX).turn[1] > 0.0
-    driver.enter(driver.find("glows"), "2")
+    driver.enter(driver.find("emission"), "2")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
-    driver.choose("as loaded")
+    driver.choose("reset")
     assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
     assert len(editor.history.past) == 4
 
@@ -193,7 +195,7 @@ def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -
     driver.resize((760, 640), density=0.125)
     editor.pick_mesh(1)
     driver.frame(4)
-    driver.enter(Widget("color_edit3", "", _third(driver.find("reflects"))), "128")
+    driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
     albedo = editor.object(1).albedo
     assert albedo is not None and albedo[0] == pytest.approx(0.2159, abs=1e-4)
     editor.pick_mesh(None)

@@ -82,7 +82,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
     push(driver, "Y")
     tracer.begin(driver)
     source, before = driver.session.source(0), driver.canvas()
-    assert driver.session.truths.traced == 0.25 and driver.session.truths.progress == "truth: the first samples"
+    assert driver.session.truths.traced == 0.25 and driver.session.truths.progress == "reference: the first samples"
     assert NO_TRUTH in BUFFERS["error"].legend(source).text
     assert (np.ptp(before, axis=-1) == 0).all() and 0 < before.max() < 128 and before.std() > 1.0
     tracer.finish(driver)
@@ -125,7 +125,7 @@ def test_tracing_follows_the_view_and_goes_on_where_it_was(driver: Driver, monke
         driver.actions.go(replace(corner, fov=fov))
         driver.frame()
         assert truths.traced is None, "the view moves"
-    assert "waits until the view rests" in truths.progress
+    assert "begins when the view is at rest" in truths.progress
     second = tracer.wait(driver)
     assert second.subject.camera.fov == 52.0 and here(driver) is second
     driver.actions.go(home)

@@ -132,7 +132,10 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     assert driver.session.scene.name == "other" and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert driver.session.settings(0)[1].a == 0.7
     assert driver.actions.preferences.recent[:2] == [str(other), str(room)] and driver.actions.bookmarks == []
-    driver.choose("Scene", str(room))
+    driver.resize((640, 480), density=0.25)
+    driver.choose("File", "Open recent")
+    driver.frame(2)
+    driver.choose(next(w.label.split("##")[0] for w in driver.widgets if w.label.endswith(f"##{room}")))
     assert driver.session.scene.name == "room" and [b.name for b in driver.actions.bookmarks] == ["bookmark 1"]
 
 

@@ -12,16 +12,17 @@ from PIL import Image
 from irrsplat.app.grammar import parse
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import on_screen
-from irrsplat.app.viewer.input.keys import BUFFER_KEYS, GROUPS
+from irrsplat.app.viewer.input.commands import GROUPS
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
-TOGETHER = "Home", "End", "P", "N"  # with F, R and Delete
-OTHER = "B", "F5", "F11", "I", "J", "K", "Y", "\\", "Ctrl+L", "Ctrl+O"  # in other tests of the viewer
-LISTED = [name for name in GROUPS if name != "lights and objects"]  # those are in tests/app/editing
+BUFFERS_BY_KEY = GROUPS["View/Buffer"]
+TOGETHER = "Home", "End", "P"  # with F and R
+OTHER = "B", "F5", "F11", "I", "J", "K", "Y", "\\", *(f"Ctrl+{key}" for key in ("L", "O", "P", "S", "Shift+S"))  # elsewhere
+LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
 case = CASES.case
 
@@ -33,12 +34,12 @@ def test_every_key_has_its_case() -> None:
 @pytest.mark.parametrize("group", LISTED)
 def test_a_key_does_its_action(driver: Driver, group: str) -> None:
     """One key after the other, from home. No key leads to an error."""
-    if group == "camera":
+    if group == "View/Camera":
         driver.resize((80, 60))
         driver.settle()
     for key in GROUPS[group]:
         if key.shown in CASES.keys:
-            driver.session.options.frozen = group == "camera"  # new views would take a while
+            driver.session.options.frozen = group == "View/Camera"  # new views would take a while
             driver.actions.messages.lines.clear()
             CASES.run(driver, key.shown, moving=(key.shown,))
             driver.press("HOME")
@@ -120,10 +121,10 @@ def record_and_play(driver: Driver, shown: str) -> None:
 # ---- buffers, overlays, cache ----------------------------------------------------------------------------------------------
 
 
-@case(*(key.shown for key in BUFFER_KEYS))
+@case(*(key.shown for key in BUFFERS_BY_KEY))
 def show_buffer(driver: Driver, shown: str) -> None:
     """Another picture, and nothing else is drawn again; a message has the title."""
-    name = next(str(k.argument) for k in BUFFER_KEYS if k.shown == shown)
+    name = next(str(k.argument) for k in BUFFERS_BY_KEY if k.shown == shown)
     push(driver, "2" if name == "image" else "1")
     canvas = driver.canvas()
     push(driver, shown)
@@ -169,13 +170,16 @@ def freeze(driver: Driver, shown: str) -> None:
     assert cache.count > count and session.progress[0].coverage == 1.0
 
 
-@case("Delete")
+@case("N")
 def step_and_clear(driver: Driver, shown: str) -> None:
-    """Delete leaves no record. N freezes the cache, and each press gathers one whole round."""
+    """Without records, N freezes the cache, and each press gathers one whole round. Delete leaves the cache as it is."""
     session, counts = driver.session, list[int]()
-    for turn, key in enumerate(("Delete", "N", "N")):
+    before = session.renderers[0].cache.count
+    push(driver, "Delete")
+    assert session.renderers[0].cache.count == before and "nothing is selected" in driver.said
+    for turn, act in enumerate((driver.actions.clear, driver.actions.step, driver.actions.step)):
         session.options.frozen = True
-        push(driver, key)
+        act()
         driver.frame(10)
         assert session.options.frozen and session.progress[0].round == turn
         counts.append(session.renderers[0].cache.count)
@@ -275,13 +279,13 @@ def hide(driver: Driver, shown: str) -> None:
 
 @case("F12", "Ctrl+F12")
 def screenshot(driver: Driver, shown: str) -> None:
-    """The PNG is the window with its interface, or the picture below it, to the pixel. There is an EXR of the same name."""
-    before = set(Path().glob("irrsplat-room-*.png"))
+    """The PNG in the pictures folder is the picture, or the window with its interface, to the pixel."""
+    folder = Path("pictures").absolute()
+    before = set(folder.glob("irrsplat-room-*.png"))
     push(driver, shown)
-    (file,) = set(Path().glob("irrsplat-room-*.png")) - before
+    (file,) = set(folder.glob("irrsplat-room-*.png")) - before
     picture = np.asarray(Image.open(file).convert("RGB"))
-    assert np.array_equal(picture, driver.window() if shown == "F12" else driver.canvas()) and str(file) in driver.said
-    assert file.with_suffix(".exr").exists()
+    assert np.array_equal(picture, driver.canvas() if shown == "F12" else driver.window()) and str(file) in driver.said
 
 
 @case("Ctrl+Q")
@@ -291,8 +295,7 @@ def quits(driver: Driver, shown: str) -> None:
     driver.wnd.is_closing = driver.actions.quitting = False
 
 
-@case("Esc")
-def escape(driver: Driver, shown: str) -> None:
+def test_escape(driver: Driver) -> None:
     """It lets go of the mouse, of a panel and of what plays, and never quits."""
     for key in ("R", "R", "P"):
         push(driver, key)
@@ -301,8 +304,9 @@ def escape(driver: Driver, shown: str) -> None:
     driver.button(True, 2)
     driver.actions.panels.help = True
     assert driver.wnd.mouse_exclusivity
+    driver.actions.say("something is wrong", error=True)
     for _ in range(3):
-        push(driver, shown)
-    assert not driver.wnd.mouse_exclusivity and not driver.actions.panels.help and not driver.wnd.is_closing
+        push(driver, "Esc")
+    assert not driver.said and not driver.wnd.mouse_exclusivity and not driver.actions.panels.help and not driver.wnd.is_closing
     assert driver.session.path_recorder.playing is None
     driver.button(False, 2)

@@ -92,10 +92,10 @@ def test_a_slider_is_dragged(panel: Driver) -> None:
 
 
 def test_presets_are_in_the_list_and_in_the_menu(panel: Driver) -> None:
-    for way, name in (("Preset", "preview"), ("preset", "default")):
+    for way, name, prefix in (("Render", "preview", "Preset "), ("preset", "default", "")):
         panel.choose(way)
-        assert PRESETS.keys() <= shown(panel)
-        panel.choose(name)
+        assert {prefix + name for name in PRESETS} <= shown(panel)
+        panel.choose(prefix + name)
         assert panel.session.settings(0)[0] == name
 
 
@@ -130,21 +130,22 @@ def test_the_menus(driver: Driver) -> None:
     """Each buffer is in one, overlays toggle, cameras and bookmarks are gone to, the view is split."""
     options, session = driver.session.options, driver.session
     options.frozen = True
-    driver.choose("Show")
+    driver.resize((760, 900), density=0.25)
+    driver.choose("View", "Buffer")
     assert {buffer.title for buffer in BUFFERS.values()} <= shown(driver)
     driver.choose(BUFFERS["light"].title)
     assert options.buffers[0] == "light"
-    driver.choose("Over it", "wireframe")
+    driver.choose("View", "Wireframe")
     assert options.wire
     corner = session.scene.camera("corner")
-    driver.choose("Camera", "corner")
+    driver.choose("View", "Camera", "corner")
     assert session.camera == corner
-    driver.choose("Camera", "keep the camera as a bookmark of this scene")
-    driver.choose("Camera", "back to the first camera")
+    driver.choose("View", "Camera", "Add bookmark")
+    driver.choose("View", "Camera", "First camera")
     assert session.camera == session.scene.camera()
-    driver.choose("Camera", "bookmark 1", "go there")
+    driver.choose("View", "Camera", "bookmark 1", "Go to")
     assert session.camera.eye == corner.eye
-    driver.choose("Camera", "bookmark 1", "forget it")
+    driver.choose("View", "Camera", "bookmark 1", "Delete")
     assert driver.actions.bookmarks == []
 
 
@@ -162,12 +163,12 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     driver.settle()
     assert light().color == pytest.approx(np.array(loaded.color) / 2) and light().position == loaded.position
     assert driver.canvas().mean() < canvas.mean()
-    driver.choose("to the eye")
+    driver.choose("to camera")
     assert light().position == driver.session.camera.eye
     driver.click(*driver.find("on").at(0.2))
     driver.settle()
     assert light().color == (0.0, 0.0, 0.0)
     assert not driver.canvas()[100:900].any(), "but for the legend"
-    driver.choose("as loaded")
+    driver.choose("reset")
     driver.settle()
     assert light() == loaded and np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0

@@ -12,7 +12,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
-from irrsplat.app.viewer.ui.layout import AMBER
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
 from irrsplat.scene.model import Light
 
 _gizmo = imguizmo.im_guizmo
@@ -25,8 +25,8 @@ _NOISE = 1e-6  # of the scene's diagonal
 class Handles:
     """Draws them over the picture, below all windows, and moves by them what is picked."""
 
-    def __init__(self, actions: Actions) -> None:
-        self.actions = actions
+    def __init__(self, actions: Actions, layout: Layout) -> None:
+        self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
         """Draw them where something is picked; a drag changes the edit as it goes."""
@@ -36,20 +36,19 @@ class Handles:
             editor.handles_used = editor.dragging = False
             return
         turning = editor.turning if editor.mesh is not None else self._sun is not None
-        view = imgui.get_main_viewport()
-        camera = self.actions.session.camera
+        camera, (width, height) = self.actions.session.camera, self.layout.picture_size
         _gizmo.begin_frame()
         _gizmo.set_drawlist(imgui.get_background_draw_list())
         _gizmo.set_orthographic(False)
         _gizmo.allow_axis_flip(False)
         _gizmo.set_gizmo_size_clip_space(_SIZE)
-        _gizmo.set_rect(view.pos.x, view.pos.y, view.size.x, view.size.y)
+        _gizmo.set_rect(*self.layout.picture[:2], width, height)
         placed = _matrix16(matrix)
         if (sun := self._sun) is not None:
             self._draw_arrow(sun.light)
         changed = _gizmo.manipulate(
             _matrix16(camera.view_from_world),
-            _matrix16(camera.clip_from_view(view.size.x / max(view.size.y, 1.0), _NEAR, _FAR)),
+            _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR)),
             _gizmo.OPERATION.rotate if turning else _gizmo.OPERATION.translate,
             _gizmo.MODE.world,
             placed,
@@ -96,11 +95,10 @@ class Handles:
 
     def _draw_arrow(self, light: Light) -> None:
         """Draw an arrow from where a directional light comes to its handles."""
-        view, session = imgui.get_main_viewport(), self.actions.session
-        size, end = (view.size.x, view.size.y), np.asarray(self._middle())
+        session, end = self.actions.session, np.asarray(self._middle())
         depth = float(session.camera.axes[2] @ (np.asarray(session.camera.eye) - end))
         towards = np.asarray(light.position) / np.linalg.norm(light.position)
-        tip, start = (on_screen(session.camera, size, _vector(p)) for p in (end, end + _ARROW * depth * towards))
+        tip, start = (self.layout.seen(session.camera, _vector(p)) for p in (end, end + _ARROW * depth * towards))
         if tip is None or start is None:
             return
         draw = imgui.get_background_draw_list()

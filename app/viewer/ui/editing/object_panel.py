@@ -1,4 +1,4 @@
-"""The panel of the picked object: where it stands, its colour and its glow, as numbers."""
+"""The panel of the picked object: place, reflectance and emission, as numbers."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ObjectPanel:
                 actions.hide_object()
             else:
                 imgui.same_line()
-                if imgui.button("as loaded"):
+                if imgui.button("reset"):
                     after = AS_LOADED
                 if after != edit:
                     actions.attempt(lambda: editor.set_object(number, after))
@@ -62,13 +62,13 @@ class ObjectPanel:
         """The edit, with what the widgets of its place have changed."""
         self._width()
         moved, offset = imgui.drag_float3(
-            "moved by", list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
+            "translation", list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
         )
-        imgui.set_item_tooltip("metres from where it was loaded")
+        imgui.set_item_tooltip("metres from its place in the file")
         if moved:
             edit = replace(edit, offset=_vector(offset))
         self._width()
-        turned, turn = imgui.drag_float3("turned by", list(edit.turn), 0.5, 0, 0, "%.1f")
+        turned, turn = imgui.drag_float3("rotation", list(edit.turn), 0.5, 0, 0, "%.1f")
         imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
         return replace(edit, turn=_vector(turn)) if turned else edit
 
@@ -77,7 +77,7 @@ class ObjectPanel:
         material = mesh.material
         if mesh.colors is None and not material.unlit:
             self._width()
-            changed, albedo = edit_colour("reflects", edit.albedo or material.albedo)
+            changed, albedo = edit_colour("reflectance", edit.albedo or material.albedo)
             imgui.set_item_tooltip("diffuse reflectance as an sRGB colour; multiplies the texture where there is one")
             if changed:
                 edit = replace(edit, albedo=albedo)
@@ -85,14 +85,14 @@ class ObjectPanel:
         least = _DARKEST if needs_emission(material) else 0.0
         brightest = max(emission)
         self._width()
-        changed, strength = imgui.slider_float("glows", brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic)
+        changed, strength = imgui.slider_float("emission", brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic)
         imgui.set_item_tooltip("emitted radiance, W/(m² sr), of the strongest channel")
         tint = _vector([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
         if changed:
             edit = replace(edit, emission=_vector([c * max(strength, least) for c in tint]))
         if brightest > 0.0:
             self._width()
-            changed, tint = edit_colour("glow's colour", tint)
+            changed, tint = edit_colour("emission colour", tint)
             if changed and max(tint) > 0.0:
                 edit = replace(edit, emission=_vector([c * brightest for c in tint]))
         return edit
@@ -108,11 +108,11 @@ def describe_material(mesh: Mesh) -> str:
     """A mesh's material in a few words."""
     material = mesh.material
     words = ["unlit"] if material.unlit else []
-    words += ["shines"] if any(material.emission) else []
-    words += ["a texture"] if material.albedo_texture is not None else []
-    words += ["a normal map"] if material.normal_texture is not None else []
-    words += ["colours at vertices"] if mesh.colors is not None else []
-    words += ["lets light through"] if material.filters else ["cut out"] if material.alpha_mode == "mask" else []
+    words += ["emissive"] if any(material.emission) else []
+    words += ["texture"] if material.albedo_texture is not None else []
+    words += ["normal map"] if material.normal_texture is not None else []
+    words += ["vertex colours"] if mesh.colors is not None else []
+    words += ["transparent"] if material.filters else ["alpha mask"] if material.alpha_mode == "mask" else []
     return ", ".join(words) or "plain"
 
 

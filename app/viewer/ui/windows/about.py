@@ -8,24 +8,6 @@ from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.ui.layout import DIALOG
 
-PAGES = {  # of docs/, and what they are about
-    "tutorial/index.md": "how the picture comes about, with exercises",
-    "viewer.md": "this window",
-    "how-to/ten-tasks.md": "what people do here, key by key",
-    "reference.md": "all buffers, settings, presets and keys",
-    "scene-format.md": "scenes, lights and paths",
-    "command-line.md": "the other commands",
-    "baking.md": "light for other programs",
-    "python.md": "programs",
-    "about/techniques.md": "what each technique is worth",
-    "measurements.md": "measured errors and times",
-    "about/trust.md": "what can be relied on",
-    "about/comparison.md": "other renderers beside this one",
-    "about/glossary.md": "the field's words",
-    "METHOD.md": "the mathematics",
-    "ARCHITECTURE.md": "the code",
-}
-
 
 def draw_about(actions: Actions) -> None:
     """Draw the window, where it is open."""

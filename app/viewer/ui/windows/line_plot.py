@@ -9,7 +9,6 @@ from imgui_bundle import imgui, implot
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.input.measuring_line import Point
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
@@ -56,11 +55,11 @@ class LinePlot:
 
     def _line(self) -> None:
         """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
-        session, view = self.actions.session, imgui.get_main_viewport().size
+        session = self.actions.session
         draw, line = imgui.get_background_draw_list(), session.line
         ends = [point for point in (line.start, line.end) if point is not None]
         marks = [*ends, *([] if self._marked is None else [self._marked])]
-        places = [on_screen(session.camera, (view.x, view.y), point) for point in marks]
+        places = [self.layout.seen(session.camera, point) for point in marks]
         first = places[: len(ends)]
         if len(first) == 2 and first[0] is not None and first[1] is not None:
             draw.add_line(first[0], first[1], imgui.get_color_u32(_SHADE), 4.0)

@@ -1,18 +1,16 @@
-"""The first minute: hints that go, the time that is left, a coverage that is true, and what to do outside of the scene."""
+"""The first minute: menus, palette, the time that is left, a coverage that is true, and what to do outside of the scene."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
-from irrsplat.app.viewer.input.hints import HINTS, Hints
-from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.input.commands import COMMANDS, MENUS
 from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work, in_words
 from irrsplat.app.viewer.ui.statistics_view import coverage_in_words
-from irrsplat.app.viewer.ui.windows.about import PAGES
-from irrsplat.core import paths
 from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera
 from tests.support.viewing import LEFT, RIGHT, Driver, push
@@ -23,8 +21,8 @@ def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, mo
     monkeypatch.setattr(type(driver.actions), "trace", lambda self: None)  # takes minutes
     driver.actions.open("furnace")
     assert not driver.session.views
-    for key in KEYS:
-        if key.action not in ("quit", "fullscreen"):
+    for key in COMMANDS:
+        if key.action not in ("quit", "fullscreen", "light_colours"):
             driver.actions.press(key)
     for button in (LEFT, RIGHT):
         driver.button(True, button)
@@ -33,45 +31,49 @@ def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, mo
     assert not driver.session.views and "there is no picture of this scene yet" in told
 
 
-def test_each_hint_goes_once_it_is_followed(driver: Driver) -> None:
-    """By the mouse and the keys that it names, not by others; and it is remembered."""
-    hints = driver.actions.hints = Hints()
-    push(driver, "B")
-    assert hints.followed == set()
-    driver.move(200, 120)
-    driver.button(True, RIGHT)
-    driver.down("W")
-    driver.frame(2)
-    driver.up("W")
-    driver.button(False, RIGHT)
-    assert hints.followed == {"fly"} and HINTS["fly"] not in hints.line
-    assert driver.actions.save_preferences(None, False) is None
-    assert Hints(driver.actions.preferences.ui["hints"]).followed == {"fly"}
-    driver.drag((200, 120), (220, 120))
-    push(driver, "F1")
-    assert hints.followed == set(HINTS) and hints.line == ""
-    wrong: list[object] = [None, "fly", 7, {"fly": 1}, [["fly"], {}, None], ["walk"]]
-    assert all(Hints(damaged).followed == set() for damaged in wrong)
-
-
-def test_menus_open_the_keys_the_pages_the_log_and_what_this_is(driver: Driver) -> None:
+def test_menus_open_the_keys_the_log_and_what_this_is(driver: Driver) -> None:
+    """Also where the interface is twice as large as the window is made for: no title is cut off at 640 pixels."""
     driver.resize((640, 400), density=0.25)
     driver.frame(2)
-    for menu, item, panel in (("Help", "all keys", "help"), ("Help", "about irrsplat", "about"), ("Window", "messages", "log")):
+    for menu, item, panel in (("Help", "Keys", "help"), ("Help", "About irrsplat", "about"), ("Window", "Messages", "log")):
         driver.choose(menu, item)
         assert getattr(driver.actions.panels, panel), item
         push(driver, "Esc")
         assert not getattr(driver.actions.panels, panel), item
-    driver.actions.enlarge(2.5)
+    driver.actions.enlarge(2.0)
     driver.frame(6)
-    assert max(w.box[2] for w in driver.widgets if w.kind == "begin_menu") <= 640
-    driver.choose("More")  # has the menus that the bar lacks
-    driver.click(*driver.find("Compare", header=True).at())
-    assert [w for w in driver.widgets if w.kind == "menu_item"]
+    assert [w.label for w in driver.widgets if w.kind == "begin_menu" and w.box[2] <= 640] == list(MENUS)
+
+
+def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None:
+    """The palette finds an action by its name, so that no two may share one; `enabled` is a property of the actions."""
+    names = [(one.menu, one.title) for one in COMMANDS if not (one.action == "redo" and one.shift)]
+    assert len(set(names)) == len(names)
+    for one in COMMANDS:
+        assert callable(getattr(driver.actions, one.action)) and one.menu.split("/")[0] in MENUS
+        assert driver.actions.can(one) in (True, False) and driver.actions.is_active(one) in (True, False)
+
+
+@pytest.mark.parametrize(("typed", "found"), [
+    ("wireframe", lambda driver: driver.session.options.wire),
+    ("preset preview", lambda driver: driver.session.settings(0)[0] == "preview"),
+    ("setting radius max", lambda driver: driver.actions.panels.expert and driver.actions.panels.settings),
+    ("open furnace", lambda driver: driver.actions.source == "furnace"),
+])  # fmt: skip
+def test_the_palette_finds_actions_settings_and_scenes(driver: Driver, typed: str, found: Callable[[Driver], bool]) -> None:
+    """Words are typed, and Enter runs the first entry. Esc closes the palette."""
+    driver.session.options.frozen = True
+    driver.resize((640, 400), density=0.25)
+    assert not found(driver)
+    push(driver, "Ctrl+P")
+    driver.frame(3)
+    driver.type(typed)
+    driver.press("ENTER")
+    driver.frame(2)
+    assert found(driver) and not driver.actions.panels.palette
+    push(driver, "Ctrl+P")
     push(driver, "Esc")
-    docs = paths.folder("scenes").parent / "docs"
-    assert {page.name for page in docs.glob("*.md")} <= set(PAGES)
-    assert all((docs / page).is_file() for page in PAGES)
+    assert not driver.actions.panels.palette
 
 
 @pytest.mark.parametrize(("works", "seconds"), [
@@ -96,7 +98,7 @@ def test_times_and_coverage_in_words() -> None:
     times = {0.2: "about 1 s", 7.6: "about 8 s", 13.0: "about 15 s", 88.0: "about 90 s", 100.0: "about 2 min"}
     assert {seconds: in_words(seconds) for seconds in times} == times
     progress = Progress(0, 20, 3, 0.0)
-    assert coverage_in_words(progress, True) == "a first guess" and coverage_in_words(progress, False) == "a first round"
+    assert coverage_in_words(progress, True) == "first estimate" and coverage_in_words(progress, False) == "first round"
     for coverage, words in ((0.99996, "99.9"), (1.0, "100.0"), (0.437, "43.7")):
         assert coverage_in_words(replace(progress, coverage=coverage), True) == f"coverage {words} %"
 

@@ -59,33 +59,25 @@ def test_a_panel_docks_stays_so_in_the_next_run_and_goes_back(driver: Driver, tm
         again.session.options.frozen = True
         again.frame(6)
         assert 200.0 < layout(again).area[0] < 400.0 and again.window()[8:20, 400:].mean() > 180 > 100 > dark
-        again.choose("Window", "standard places of panels")
+        again.choose("Window", "Standard layout")
         again.frame(4)
         assert layout(again).area == (0.0, 30.0, 640.0, 400.0) and layout(again)._drawn["settings"][:2] == (8.0, 30.0)
 
 
-def test_panels_stand_beside_each_other_or_fold(driver: Driver) -> None:
-    """At 1000 x 640 an object's panel covers neither settings, lights nor numbers. At 640 x 400 a new panel folds those below."""
+def test_panels_stand_beside_each_other(driver: Driver) -> None:
+    """At 1000 x 640 an object's panel covers neither settings, lights nor numbers."""
     panels = driver.actions.panels
     driver.session.options.frozen = panels.settings = panels.hud = True
-    for size in (SIZE, (640, 400)):
-        driver.resize(size, density=0.25)
-        layout(driver).restore()
-        driver.frame(6)
-        panels.lights = True
-        driver.frame(8)
-        settings, lights = layout(driver)._drawn["settings"], layout(driver)._drawn["lights"]
-        assert not overlap(settings, lights) and lights[3] - lights[1] > 100
-        assert (settings[3] - settings[1] < 40) == (size != SIZE)
-        if size == SIZE:
-            driver.actions.editor.pick_mesh(2)
-            driver.frame(4)
-            width, height = layout(driver).statistics_size
-            boxes = [*layout(driver)._drawn.values(), (SIZE[0] - width - 8.0, 30.0, float(SIZE[0]), 30.0 + height)]
-            assert len(boxes) == 4 and not [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if overlap(a, b)]
-            driver.actions.editor.pick_mesh(None)
-        panels.lights = False
-        driver.frame(2)
+    driver.resize(SIZE, density=0.25)
+    layout(driver).restore()
+    driver.frame(6)
+    panels.lights = True
+    driver.frame(8)
+    driver.actions.editor.pick_mesh(2)
+    driver.frame(4)
+    width, height = layout(driver).statistics_size
+    boxes = [*layout(driver)._drawn.values(), (SIZE[0] - width - 8.0, 30.0, float(SIZE[0]), 30.0 + height)]
+    assert len(boxes) == 4 and not [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if overlap(a, b)]
 
 
 def test_what_changes_nothing_says_why(driver: Driver) -> None:
@@ -135,3 +127,26 @@ def test_the_settings_panel(driver: Driver) -> None:
     driver.choose("expert settings too")
     driver.frame(2)
     assert driver.actions.panels.expert and "adapt" in {w.label for w in driver.widgets}
+
+
+@pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 2.0), ((1280, 720), 1.5)])
+def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int, int], scale: float) -> None:
+    """The window shows the whole picture, pixel for pixel, right of the panel and below the menus; without the panel it fills the
+    window. A click picks the mesh at that pixel. The first settings are within the panel."""
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.enlarge(scale)
+    driver.resize(size)
+    driver.frame(8)
+    left, top, width, height = driver.viewer._place
+    assert driver.session.size == (width, height) and left >= 0.3 * size[0] and top > 0 and left + width <= size[0]
+    x, y = driver.session.size[0] // 2, driver.session.size[1] // 4
+    assert np.array_equal(driver.window()[top : top + height // 2, left + 8 : left + width], driver.canvas()[: height // 2, 8:])
+    expected = driver.display.mesh_at((x, y))
+    driver.click(left + x, top + y)
+    assert expected is not None and driver.actions.editor.mesh == expected
+    driver.actions.editor.pick_mesh(None)
+    named = [w for w in driver.widgets if w.label.lstrip("#") in ("a", "blend", "buffer")]
+    assert len(named) == 3 and all(w.box[2] < left for w in named)
+    driver.actions.panels.controls = False
+    driver.frame(3)
+    assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])

@@ -1,0 +1,171 @@
+"""The table of all actions of the viewer: menus, keys, the command palette, F1 and docs/reference.md are made from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.view_options import COMPARES, SPLITS
+from irrsplat.settings import PRESETS
+
+
+@dataclass(frozen=True)
+class Command:
+    """One action of the user.
+
+    menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions, called with `argument`, if any.
+    key: the name of a key as moderngl-window has it, "" for none; ctrl, shift: pressed with Ctrl or Shift.
+    enabled: a property of Actions that is True while the action can run; "" for always. help: further words.
+    section: True if a line divides it from the entry above.
+    """
+
+    menu: str
+    title: str
+    action: str
+    key: str = ""
+    argument: str | None = None
+    ctrl: bool = False
+    shift: bool = False
+    help: str = ""
+    enabled: str = ""
+    section: bool = False
+
+    @property
+    def shown(self) -> str:
+        """The key as a user reads it, such as ``Ctrl+F12``; "" where there is none."""
+        name = self.key.removeprefix("NUMBER_")
+        word = _WORDS.get(self.key, name.title() if len(name) > 3 else name)
+        return "Ctrl+" * self.ctrl + "Shift+" * self.shift + word
+
+    @property
+    def words(self) -> str:
+        """The title and the help in one line."""
+        return f"{self.title}: {self.help}" if self.help else self.title
+
+
+MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
+_WORDS = {
+    "LEFT_BRACKET": "[",
+    "RIGHT_BRACKET": "]",
+    "BACKSLASH": "\\",
+    "MINUS": "-",
+    "EQUAL": "=",
+    "ESCAPE": "Esc",
+    "TAB": "Tab",
+    "END": "End",
+}
+_NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
+_BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
+_FILE = (
+    Command("File", "Open…", "open_dialog", "O", ctrl=True, help="a scene or a path"),
+    Command("File", "Reload", "reload", "F5", help="scene and shaders"),
+    Command("File", "Save", "save_again", "S", ctrl=True, section=True),
+    Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
+    Command("File", "Save picture", "screenshot_bare", "F12", help="a PNG in the pictures folder", section=True),
+    Command("File", "Save window", "screenshot", "F12", ctrl=True, help="the same with the interface"),
+    Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
+)
+_EDIT = (
+    Command("Edit", "Undo", "undo", "Z", ctrl=True),
+    Command("Edit", "Redo", "redo", "Y", ctrl=True),
+    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True),
+    Command("Edit", "Delete", "delete", "DELETE", help="the selected light; a selected object is hidden", section=True),
+    Command("Edit", "Hide", "hide_object", "BACKSPACE", help="the selected object"),
+    Command("Edit", "Rotate or move", "turn_handles", "O", help="what the handles do; they aim a spot", enabled="selected"),
+    Command("Edit", "Add a point light", "add_light", argument="point", section=True),
+    Command("Edit", "Add a spot light", "add_light", argument="spot"),
+    Command("Edit", "Add a directional light", "add_light", argument="directional"),
+    Command("Edit", "Deselect", "escape", "ESCAPE", help="closes menus, dialogs and messages, stops a path", section=True),
+)
+_VIEW = (
+    *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
+    Command("View/Camera", "First camera", "home", "HOME"),
+    Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
+    Command("View/Camera", "Selected object", "frame_selected", "F", help="or the whole scene"),
+    Command("View/Camera", "Headlamp", "headlamp", "H", help="a light at the camera without shadows"),
+    Command("View/Camera", "Add bookmark", "bookmark", "B", section=True),
+    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C"),
+    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
+    Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
+    Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
+    Command("View", "Record points", "toggle", "Z", "points", section=True),
+    Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
+    Command("View", "Record normals", "toggle", "V", "normals"),
+    Command("View", "Colour records by age", "toggle", "G", "by_age", help="instead of by radius"),
+    Command("View", "Surface cache points", "toggle", "L", "sites"),
+    Command("View", "Wireframe", "toggle", "T", "wire"),
+    Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
+    Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it, or click both ends"),
+    Command("View", "Darker", "darker", "LEFT_BRACKET", help="half a stop", section=True),
+    Command("View", "Brighter", "brighter", "RIGHT_BRACKET", help="half a stop"),
+    Command("View", "Automatic exposure", "auto_exposure", "BACKSLASH"),
+)
+_RENDER = (
+    *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
+    Command("Render", "Preset paper and back", "swap_preset", "M"),
+    Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
+    Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
+    Command("Render", "Gather one round", "step", "N", help="and freeze the cache"),
+    Command("Render", "Clear cache", "clear"),
+)
+_COMPARE = (
+    *(
+        Command("Compare", title.capitalize(), "use_split", argument=way, enabled="has_snapshot" if way == "snapshot" else "")
+        for way, title in SPLITS.items()
+    ),
+    Command("Compare", "Next split", "split", "TAB", help="two buffers, two presets, a snapshot"),
+    *(
+        Command(
+            "Compare",
+            title[0].upper() + title[1:],
+            "compare_by",
+            argument=way,
+            enabled="flip_possible" if way == "FLIP" else "is_split",
+            section=way == "divided",
+        )
+        for way, title in COMPARES.items()
+    ),
+    Command("Compare", "Next comparison", "compare", "J"),
+    Command("Compare", "Other side", "flip", "SPACE"),
+    Command("Compare", "Keep snapshot", "snapshot", "K", section=True),
+    Command("Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", enabled="reference_possible"),
+)
+_WINDOW = (
+    Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
+    Command("Window", "All settings", "toggle", "F3", "settings"),
+    Command("Window", "Lights", "toggle", "F4", "lights"),
+    Command("Window", "Times and numbers", "toggle", "F6", "hud"),
+    Command("Window", "Interface", "toggle", "F2", "hidden", help="hide or show all of it"),
+    Command("Window", "Messages", "toggle", argument="log"),
+    Command("Window", "Fullscreen", "fullscreen", "F11", section=True),
+    Command("Window", "Light colours", "light_colours"),
+    Command("Window", "Standard layout", "restore_layout", help="of the panels"),
+)
+_HELP = (
+    Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),
+    Command("Help", "Keys", "toggle", "F1", "help"),
+    Command("Help", "About irrsplat", "toggle", argument="about"),
+)
+COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
+KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)
+GROUPS: dict[str, tuple[Command, ...]] = {
+    menu: tuple(one for one in KEYS if one.menu == menu) for menu in dict.fromkeys(one.menu for one in KEYS)
+}
+
+FLYING = (  # what is held, not pressed
+    ("right mouse", "hold and move to look"),
+    ("W A S D, E Q", "fly; up and down"),
+    ("Shift, Alt", "fast, slow; no shortcut works in flight"),
+    ("wheel", "nearer to the cursor; right mouse held: speed"),
+    ("left mouse", "drag to orbit about a point; or the divider"),
+    ("left click", "select an object, or a light while F4 is open"),
+)
+
+
+def of_key(keys: object, key: object, ctrl: bool, shift: bool = False) -> Command | None:
+    """Return the action of the window's key number `key`, with Ctrl and Shift or without; None where there is none.
+
+    keys: moderngl-window's names of the keys.
+    """
+    found = [one for one in KEYS if one.ctrl == ctrl and getattr(keys, one.key, None) == key and (shift or not one.shift)]
+    return max(found, key=lambda one: one.shift, default=None)
