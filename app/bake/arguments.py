@@ -1,4 +1,4 @@
-"""The flags of `irrsplat bake` that are its own."""
+"""Flags of `irrsplat bake`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KINDS = ("lightmap", "vertices", "probes")
 
 
 def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: Callable[[str], int]) -> None:
-    """Add them. number, whole: readers of a finite number, and of a whole one above 0."""
+    """Add the bake flags. number, whole: parsers of a finite number and of a positive whole number."""
     add = parser.add_argument
     add("-o", "--output", metavar="OUT", required=True, help="a .glb; of probes a .json or .npz")
     add("--to", choices=KINDS, default="lightmap", help="what the light is baked into (default: lightmap)")

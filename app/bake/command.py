@@ -1,4 +1,4 @@
-"""`irrsplat bake`: light into files for other programs, and in a few lines what came of it."""
+"""`irrsplat bake`: bake light into files for other programs and print a short summary."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from irrsplat.app.bake.vertices import VertexLight
     from irrsplat.scene.model import Scene
 
-_OWN = {  # flags that only one kind of bake has, and their names where they are handed on
+_OWN = {  # flags of a single kind of bake, and their parameter names
     "lightmap": {"form": "form", "size": "size", "texel_samples": "texel_samples"},
     "vertices": {"cut": "cut", "most": "most"},
     "probes": {"grid": "grid"},
@@ -33,7 +33,7 @@ _ENDINGS = {"lightmap": (".glb",), "vertices": (".glb",), "probes": (".json", ".
 
 
 def check(args: argparse.Namespace) -> None:
-    """Raises InputError for what is wrong with the command line, as far as that can be said before the scene is there."""
+    """Raise InputError for errors on the command line that show before the scene is loaded."""
     settings.preset(args.preset, **args.values)
     for kind, own in _OWN.items():
         for name in own:
@@ -56,7 +56,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def run(scene: Scene, args: argparse.Namespace) -> int:
-    """Bake, write, and say what came of it; the exit status."""
+    """Bake, write the files and print a summary; return the exit status."""
     for notice in scene.notices:
         say(f"notice: {notice}")
     start = time.perf_counter()
@@ -86,7 +86,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _outputs(args: argparse.Namespace) -> list[str]:
-    """All files that are written, the one of -o first."""
+    """Return all files of the bake, the file of -o first."""
     more = (".png", ".exr") if args.to == "lightmap" else ()
     return [args.output, *(str(Path(args.output).with_suffix(ending)) for ending in more)]
 
@@ -149,7 +149,7 @@ def _checked(made: Lightmap | VertexLight, args: argparse.Namespace, line: Any) 
 
 
 def _lines(told: dict[str, Any], seconds: float, checked: Checked | None) -> Iterator[str]:
-    """What is printed."""
+    """Yield the lines of the summary."""
     if "texels" in told:
         yield (
             f"lightmap    {told['texels']} x {told['texels']} texels, {told['used']:.0%} used by {told['charts']:,} charts, "
