@@ -1,4 +1,4 @@
-"""Mitsuba among the peers: its own path tracer, and the one of `verify`, which has its intersections from Mitsuba."""
+"""Mitsuba as a peer: its path tracer, and the path tracer of `verify`, which uses Mitsuba's intersections."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ _PROCESS = "from irrsplat.reference.trace_points import main; main()"
 def measure_path(
     scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
 ) -> Iterator[Series]:
-    """By Mitsuba's own integrator."""
+    """Measure Mitsuba's own integrator."""
     yield _traced("Mitsuba", "path", (60, 140, 60), scene, bounces, views[0], tell)
 
 
 def measure_joined(
     scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
 ) -> Iterator[Series]:
-    """By the integrator of `verify`, which joins every vertex to what each lamp shines on."""
+    """Measure the integrator of `verify`, with next-event estimation at every vertex."""
     yield _traced("Mitsuba, lamps joined", "joined", (130, 80, 160), scene, bounces, views[0], tell)
 
 
 def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int | All, view: JudgedView, tell: Tell) -> Series:
-    """A path tracer's measurements, by more and more samples; of a further view they are the same, since it keeps nothing."""
+    """Return a path tracer's measurements with growing sample counts; further views are the same, as it keeps no data."""
     tell(name)
     answer = worker.call(
         _PROCESS,

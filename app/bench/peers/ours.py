@@ -1,4 +1,4 @@
-"""irrsplat among the peers, with the settings of `verify --curve`."""
+"""irrsplat as a peer, with the settings of `verify --curve`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from irrsplat.settings import All
 
 
 def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell) -> Iterator[Series]:
-    """From an empty cache, then the further view with the records kept."""
+    """Measure from an empty cache, then the further view with the kept records."""
     import irrsplat
 
     first, second = views
