@@ -1,4 +1,4 @@
-"""`irrsplat bench`: the times."""
+"""`irrsplat bench`: benchmarks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from irrsplat.core.errors import InputError
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat bench`."""
+    """Add the flags of `irrsplat bench`."""
     parser = commands.add_parser(
         "bench",
         help="time it against the algorithm as published, and against others",
@@ -48,13 +48,13 @@ def add(commands: Any) -> None:
 def _peers() -> str:
     try:
         from irrsplat.app.bench.peers.table import others
-    except ModuleNotFoundError:  # the other commands work without the benchmark
+    except ModuleNotFoundError:  # other commands work without the benchmark
         return "other renderers"
     return others()
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat bench`: the times."""
+    """Run `irrsplat bench`."""
     if args.json is not None:
         from irrsplat.core.files import check_file
 

@@ -10,7 +10,7 @@ from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat measure`."""
+    """Add the flags of `irrsplat measure`."""
     parser = commands.add_parser(
         "measure",
         help="irradiance or illuminance on a plane, without a camera",
@@ -59,7 +59,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat measure`: light on a plane or at points."""
+    """Run `irrsplat measure`."""
     from irrsplat.app.commands.work import measure as measuring
 
     measuring.check(args)

@@ -1,4 +1,4 @@
-"""The error of a rendering: the truth of a view, by a path tracer or a fine gather, and a fresh rendering compared with it."""
+"""Error of a rendering: a view's reference from a path tracer or a fine gather, compared with a fresh rendering."""
 
 from __future__ import annotations
 
@@ -19,15 +19,17 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera, Scene
 
-GATHERED, SECONDS = 1000, 60.0  # of --truth gather: pixels, and the time after which fewer must do
+GATHERED, SECONDS = 1000, 60.0  # of --truth gather: pixels, and the time limit after which fewer suffice
 
-Tell = Callable[[float, str], None]  # takes the share done, 0..1, and words
+Tell = Callable[[float, str], None]  # takes the completed share 0..1 and a message
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A rendering's `records`, its wall time to full coverage in `seconds`, and its errors as `reference.traced.compare` has
-    them, None where there is no light; rmse: without the truth's own noise. values: what was set on top of the `preset`."""
+    """Records of a rendering, wall time to full coverage in `seconds`, and errors as in `reference.traced.compare`.
+
+    The errors are None without light; rmse excludes the reference's own noise. values: settings on top of the `preset`.
+    """
 
     preset: str
     values: SettingValues
@@ -38,19 +40,19 @@ class Measured:
     seconds: float
 
 
-# Renders with a renderer of its own, by preset, settings on top of it and progress (the share of the pixels that are served, and
-# words); raises KeyboardInterrupt where the user ended it.
+# Renders with a new renderer, by preset, settings on top of it and progress (share of covered pixels, and a message); raises
+# KeyboardInterrupt if the user interrupts.
 Measure = Callable[[str, SettingValues, Tell], Measured]
 
 
 def silent(share: float, words: str) -> None:
-    """Progress where nobody watches."""
+    """Ignore progress."""
 
 
 def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Traced, str]:
-    """The path-traced truth of what the command line `args` asks for, and in words where it came from.
+    """Return the path-traced reference for the command line `args`, and its origin in words.
 
-    Raises InputError where no pixel can be compared, IrrsplatError where nothing can be traced here.
+    Raises InputError without comparable pixels, IrrsplatError without a path tracer.
     """
     start = time.perf_counter()
     was_traced: list[float] = []
@@ -72,7 +74,7 @@ def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Tr
 
 
 def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
-    """The renderer's own fine gather of one bounce at random pixels; raises InputError where no pixel can be compared."""
+    """Return the renderer's fine gather of one bounce at random pixels; raise InputError without comparable pixels."""
     from irrsplat.indirect import paper_scan
     from irrsplat.reference import fine_gather
 
@@ -85,9 +87,9 @@ def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
 
 
 def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measure:
-    """The function that measures renderings, of the size and view that the command line `args` asks for, by the truth it names.
+    """Return the function that measures renderings for the size, view and reference of the command line `args`.
 
-    tell: progress while that truth is made.
+    tell: progress while the reference is made.
     """
     import irrsplat
 
@@ -110,7 +112,7 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
 
 
 def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callable[[Frame], dict[str, float | None]]:
-    """The function that returns the errors of a frame."""
+    """Return the function that computes the errors of a frame."""
     if args.truth == "trace":
         traced_truth, _ = trace(scene, camera, args, tell)
         return lambda frame: compare(frame, traced_truth)
@@ -123,7 +125,7 @@ def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callabl
 
 
 def in_flags(preset: str, values: SettingValues) -> str:
-    """A preset and settings as flags of the command line."""
+    """Return a preset and settings as flags of the command line."""
     words = [f"--preset {preset}"]
     for name, value in values.items():
         word = ("on" if value else "off") if isinstance(value, bool) else f"{value:.4g}" if isinstance(value, float) else value
@@ -132,5 +134,5 @@ def in_flags(preset: str, values: SettingValues) -> str:
 
 
 def percent(share: float | None, sign: str = "") -> str:
-    """A share in percent, or that there is no light to have a share of."""
+    """Return a share in percent, or "no light" for None."""
     return "no light" if share is None else f"{100.0 * share:{sign}.2f} %"
