@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             command = grammar.COMMANDS[args.command]
             _check_scenes(args, mistakes)
             command.check_files(args, mistakes)
-            mistakes.tell()
+            mistakes.raise_all()
             status = command.run(args)
             sys.stdout.flush()
             return status

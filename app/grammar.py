@@ -38,7 +38,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     line, for all errors; SystemExit(0) after --help and --version.
     """
     args, mistakes = read(argv)
-    mistakes.tell()
+    mistakes.raise_all()
     return args
 
 

@@ -45,9 +45,9 @@ class Checked:
         """One line for the terminal."""
         if self.rmse is None or self.net is None or self.bias is None:
             return f"checked     {self.count} {self.what}: there is no light"
-        told = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
-        told += f"bias {self.bias:+.1%}"
-        return told + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
+        text = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
+        text += f"bias {self.bias:+.1%}"
+        return text + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +87,10 @@ def check(
     halves, direct, everywhere = found["halves"], np.float32(0.0), np.ones(number, bool)
     if len(found["direct"]):
         direct = found["direct"].reshape(number, -1, 3).mean(1)
-    told, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
+    error, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
     indirect = errors(some.indirect, halves.mean(0))["rmse"]
     return Checked(
-        number, made.checks, 2 * side * side, told["rmse"], _net(told["rmse"], own), told["bias"],
+        number, made.checks, 2 * side * side, error["rmse"], _net(error["rmse"], own), error["bias"],
         _net(indirect, noise(halves, everywhere)),
     )  # fmt: skip
 
@@ -135,7 +135,7 @@ def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np
     corner = np.stack([at[1], at[0]], axis=1)  # top left corner of each texel
     points = corner[:, None] + np.stack([x, y], axis=1)
     flat = made.charts.corners
-    texel, triangle = _beside(flat.min(1), flat.max(1), corner)
+    texel, triangle = _candidates(flat.min(1), flat.max(1), corner)
     a, b, c = (flat[triangle, None, k] for k in range(3))
     p, second, third = points[texel] - a, b - a, c - a
     area = _cross(second, third)
@@ -151,7 +151,7 @@ def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np
     return found.position, found.mapped, found.front
 
 
-def _beside(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return candidate pairs: indices of texels `corner` (N, 2) and of triangles with bounds `low` to `high` (F, 2) that may
     overlap.
     """

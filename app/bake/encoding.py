@@ -151,16 +151,16 @@ def _pieces(made: Lightmap, bright: np.ndarray, own: np.ndarray, steep: np.ndarr
         most[some] = np.maximum.reduceat(light.max(0), first)
         least = np.minimum.reduceat(light.min(0), first)
         floor = own[chart[some]]
-        wanted = np.zeros(len(cut.of), bool)
-        wanted[some] = (most[some] > floor) & (np.maximum(least, floor / _STEP) < most[some] / _STEP)
+        too_steep = np.zeros(len(cut.of), bool)
+        too_steep[some] = (most[some] > floor) & (np.maximum(least, floor / _STEP) < most[some] / _STEP)
         edges, flat = cut.edges(made.receivers), _corners(made, cut)
         longest = edges.longest
         each = np.arange(len(longest))
-        wanted &= np.linalg.norm(flat[each, (longest + 1) % 3] - flat[each, longest], axis=1) > _SHORT
-        if turn == _ROUNDS - 1 or not wanted.any() or len(cut.of) > _MOST:
+        too_steep &= np.linalg.norm(flat[each, (longest + 1) % 3] - flat[each, longest], axis=1) > _SHORT
+        if turn == _ROUNDS - 1 or not too_steep.any() or len(cut.of) > _MOST:
             break
         marked = np.zeros(len(edges.ends), bool)
-        marked[edges.of_face[each, longest][wanted]] = True
+        marked[edges.of_face[each, longest][too_steep]] = True
         cut = cut.divided(edges, edges.conforming(marked))
     return cut, most
 

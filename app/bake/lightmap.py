@@ -96,21 +96,21 @@ def bake_lightmap(
     check_type("what a lightmap is baked of", scene, Scene)
     if not 16 <= size <= MOST or texel_samples < 1:
         raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {texel_samples}")
-    told = on_bake or (lambda share, words: None)
-    told(0.0, "unwrapping")
+    notify = on_bake or (lambda share, words: None)
+    notify(0.0, "unwrapping")
     receivers = Receivers.of(scene, ctx)
     charts = unwrap(receivers, size)
     with PlaceLight(receivers.scene, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
         try:
-            return _baked(receivers, charts, chartist, lights, light, texel_samples, told)
+            return _baked(receivers, charts, chartist, lights, light, texel_samples, notify)
         finally:
             if lights.ctx is ctx:
                 chartist.release()
 
 
 def _baked(
-    receivers: Receivers, charts: Charts, chartist: Chartist, lights: PlaceLight, light: Light, samples: int, told: OnBake
+    receivers: Receivers, charts: Charts, chartist: Chartist, lights: PlaceLight, light: Light, samples: int, notify: OnBake
 ) -> Lightmap:
     scene, texel = receivers.scene, _texel(receivers, charts)
     triangle, u, v = chartist.nearest()
@@ -118,7 +118,7 @@ def _baked(
     all_of_them = places(receivers, triangle, u, v)
     unseen = hidden(scene, all_of_them)
     lit = all_of_them.but(unseen)
-    gathered = lights.gathered(lit, texel, lambda share, words: told(0.1 + 0.7 * share, words))
+    gathered = lights.gathered(lit, texel, lambda share, words: notify(0.1 + 0.7 * share, words))
     lit = lit.but(~gathered.served)
 
     from scipy import ndimage
@@ -128,7 +128,7 @@ def _baked(
     sums = {name: np.zeros((*lit.seen.shape, 3)) for name in ("direct", "reflected", "albedo", "emission")}
     count = np.zeros(lit.seen.shape)
     for number, (x, y) in enumerate(offsets):
-        told(0.8 + 0.2 * number / len(offsets), "lamps and textures")
+        notify(0.8 + 0.2 * number / len(offsets), "lamps and textures")
         some = lit if number == 0 else places(receivers, *_where(chartist.at(x, y), lit.seen))
         if number and beside.any():
             some = some.but(_hidden_at(scene, some, beside))
@@ -195,8 +195,8 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
     """Return the bytes of the .glb of `Lightmap.save`."""
     encoding = encoding or Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
-    told = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
-    glb = Glb({"irrsplat": told | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
+    about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
+    glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
     worn = []  # texture reference of each picture
     for i, picture in enumerate(encoding.pictures):

@@ -92,7 +92,7 @@ class Probes:
         Raises InputError for another ending, IrrsplatError for a failed write.
         """
         target = Path(path)
-        told = {
+        about = {
             "format": "irrsplat probes",
             "version": _FORMAT,
             "unit": "W/m2",
@@ -105,11 +105,11 @@ class Probes:
         }
         if target.suffix.lower() == ".json":
             arrays = {"valid": self.valid.ravel().astype(int).tolist(), "coefficients": _rounded(self.coefficients)}
-            files.write_text(target, files.json_text(told | arrays, None) + "\n")
+            files.write_text(target, files.json_text(about | arrays, None) + "\n")
         elif target.suffix.lower() == ".npz":
             data = io.BytesIO()
             np.savez_compressed(data, coefficients=self.coefficients.astype(np.float32), valid=self.valid,
-                                origin=self.origin, step=self.step, about=np.array(files.json_text(told, None)))  # fmt: skip
+                                origin=self.origin, step=self.step, about=np.array(files.json_text(about, None)))  # fmt: skip
             files.write_bytes(target, data.getvalue())
         else:
             raise InputError(f"probes are written as {' or '.join(ENDINGS)}; give -o a name that ends so", str(path) or "''")
@@ -150,8 +150,8 @@ def bake_probes(
     with LightMeter(scene, preset, ctx, **values) as meter:
         for first in range(0, len(places), _BATCH):
             some = places[first : first + _BATCH]
-            told = None if on_bake is None else partial(_tell, on_bake, first, len(some), len(places))
-            readings = meter.measure(np.repeat(some, len(directions), axis=0), np.tile(directions, (len(some), 1)), told)
+            notify = None if on_bake is None else partial(_notify, on_bake, first, len(some), len(places))
+            readings = meter.measure(np.repeat(some, len(directions), axis=0), np.tile(directions, (len(some), 1)), notify)
             light = readings.total.reshape(len(some), len(directions), 3)
             found[first : first + len(some)] = np.einsum("kd,ndc->nkc", solve, light)
             blocked = (readings.status != Status.OK).reshape(len(some), -1).mean(1)
@@ -163,7 +163,7 @@ def bake_probes(
     return Probes(low + 0.5 * step, step, (x, y, z), found.reshape(z, y, x, 9, 3), valid.reshape(z, y, x))
 
 
-def _tell(on_bake: OnBake, first: int, some: int, whole: int, share: float) -> None:
+def _notify(on_bake: OnBake, first: int, some: int, whole: int, share: float) -> None:
     on_bake((first + share * some) / whole, f"{whole} probes")
 
 

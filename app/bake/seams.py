@@ -27,17 +27,17 @@ def filled(values: np.ndarray, known: np.ndarray, position: np.ndarray, chart: n
     found = np.where(known[..., None], values, 0.0)
     if not known.any():
         return found
-    wanted = (chart >= 0) & ~known
-    if wanted.any():
+    missing = (chart >= 0) & ~known
+    if missing.any():
         # Charts are offset by more than the scene's size: other charts' points are used only as a last resort
         apart = 10.0 * np.ptp(position[chart >= 0], axis=0).max() + 1.0
         places = np.dstack([position, apart * chart[..., None]]).astype(float)
-        distance, near = cKDTree(places[known]).query(places[wanted], k=_NEIGHBOURS)
+        distance, near = cKDTree(places[known]).query(places[missing], k=_NEIGHBOURS)
         distance, near = distance.reshape(-1, _NEIGHBOURS), near.reshape(-1, _NEIGHBOURS)
         there = np.isfinite(distance)  # fewer points than neighbours
         share = np.where(there, 1.0 / np.maximum(distance, 1e-9), 0.0)
         light = values[known][np.where(there, near, 0)]
-        found[wanted] = (share[..., None] * light).sum(1) / share.sum(1)[:, None]
+        found[missing] = (share[..., None] * light).sum(1) / share.sum(1)[:, None]
     nearest = ndimage.distance_transform_edt(chart < 0, return_distances=False, return_indices=True)
     result: np.ndarray = found[tuple(nearest)]
     return result

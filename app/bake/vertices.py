@@ -83,7 +83,7 @@ def bake_vertices(
     check_type("what vertex colours are baked of", scene, Scene)
     if not cut > 0.0:
         raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
-    told = on_bake or (lambda share, words: None)
+    notify = on_bake or (lambda share, words: None)
     receivers = Receivers.of(scene, ctx)
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
@@ -95,20 +95,20 @@ def bake_vertices(
         fine = np.zeros(0, np.int64)  # edges with a sufficiently exact midpoint
         marked = np.ones(1, bool)
         for _ in range(_ROUNDS):
-            told(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
+            notify(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
             edges = pieces.edges(receivers)
             long = edges.length > side * _LONGEST
-            (asked,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
-            marked, tried = long.copy(), found.at(edges.root[asked], edges.middle[asked])
-            marked[asked] = _off(known, tried, edges.ends[asked], cut, _DIM * found.mean)
-            fine = np.concatenate([fine, edges.keys[asked][~marked[asked]]])
+            (tested,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
+            marked, tried = long.copy(), found.at(edges.root[tested], edges.middle[tested])
+            marked[tested] = _off(known, tried, edges.ends[tested], cut, _DIM * found.mean)
+            fine = np.concatenate([fine, edges.keys[tested][~marked[tested]]])
             marked = edges.conforming(marked)
             if not marked.any() or len(pieces.root) + marked.sum() > most:
                 break
             at = np.full(len(marked), -1)
-            at[asked] = np.arange(len(asked))
+            at[tested] = np.arange(len(tested))
             (rest,) = np.nonzero(marked & (at < 0))
-            at[rest] = len(asked) + np.arange(len(rest))
+            at[rest] = len(tested) + np.arange(len(rest))
             tried = tried.and_(found.at(edges.root[rest], edges.middle[rest]))
             pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
         complete = not marked.any()
@@ -247,8 +247,8 @@ def glb_of(made: VertexLight) -> bytes:
     # Reflection only: light in the vertices and colours in the material; with emission, radiance in the vertices
     colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * _tints(made))
     strength = limit_of(colours.max(1)) or 1.0
-    told = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
-    glb = Glb({"irrsplat": told}, receivers.origin)
+    about = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
+    glb = Glb({"irrsplat": about}, receivers.origin)
     glb.use("KHR_materials_unlit")
     normals, positions = blended(surfaces.normals), blended(surfaces.positions)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)

@@ -68,36 +68,36 @@ class Timing:
     rounds: list[tuple[int, dict[str, float]]]
 
 
-def measure(renderer: Renderer, tell: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
-    """Yield the cases of one renderer from its scene's first camera; tell: called with progress messages."""
+def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
+    """Yield the cases of one renderer from its scene's first camera; notify: called with progress messages."""
     scene, camera = renderer.scene, renderer.scene.camera()
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
 
     def result(case: str, timings: list[Timing], seen: Camera) -> tuple[Run, Timing]:
         memory = {"process": _mib(machine.peak_memory()), "gpu": _mib(machine.gpu_memory(renderer))}
-        tell(f"{name}: error of {case}")
+        notify(f"{name}: error of {case}")
         found = _run(renderer, case, timings, memory, error(renderer, seen)), middle(timings)
         machine.forget_peak()  # the reference's peak does not belong to the next case
         return found
 
-    tell(f"{name}: compiling, and a first run that does not count")
+    notify(f"{name}: compiling, and a first run that does not count")
     machine.forget_peak()
     warm_up(renderer, camera)
-    tell(f"{name}: empty")
+    notify(f"{name}: empty")
     empty = from_records(renderer, camera)
     kept = records_of(renderer)
     yield result("empty", empty, camera)
-    tell(f"{name}: warm")
+    notify(f"{name}: warm")
     yield result("warm", from_records(renderer, camera, kept), camera)
-    tell(f"{name}: moved")
+    notify(f"{name}: moved")
     yield result("moved", from_records(renderer, turned_camera, kept), turned_camera)
     if scene.lights:
-        tell(f"{name}: light")
+        notify(f"{name}: light")
         _restore(renderer, kept)
         renderer.converge(camera)
         yield result("light", relit(renderer, camera), camera)
         renderer.relight(scene.lights)
-    tell("")
+    notify("")
 
 
 def warm_up(renderer: Renderer, camera: Camera) -> None:

@@ -112,7 +112,7 @@ def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) ->
         for camera, following in pairwise(cameras):
             ms.append(1e3 * (time.perf_counter() - start))
             places, own = Places.seen(renderer, following).put_where(Places.seen(renderer, camera))
-            then, there = _said(renderer, places, splat, textures)
+            then, there = _luminance(renderer, places, splat, textures)
             start = time.perf_counter()
             frame = renderer.render(following, gather=not frozen, buffers=("irradiance", "depth"))
             now = frame.irradiance @ LUMINANCE
@@ -128,7 +128,7 @@ def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) ->
     return Flicker(renderer.scene.name, case, rms, share, float(np.median(ms)), renderer.cache.count)
 
 
-def _said(
+def _luminance(
     renderer: Renderer, places: Places, splat: SplatPass, textures: Sequence[moderngl.Texture]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the luminance (H, W) of the records' irradiance at these points in their camera's view, and its coverage."""

@@ -90,7 +90,7 @@ def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dic
     """Measure every scene, print a table, and return its rows for JSON."""
     out(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
     out(LEGEND)
-    found = [flicker for scene in scenes for flicker in measure(scene, size, preset, tell=doing)]
+    found = [flicker for scene in scenes for flicker in measure(scene, size, preset, notify=doing)]
     out("\n".join(table(found)))
     return [asdict(flicker) for flicker in found]
 
@@ -113,27 +113,27 @@ def measure(
     size: tuple[int, int],
     preset: str = "default",
     frames: int | None = None,
-    tell: Callable[[str], object] = lambda words: None,
+    notify: Callable[[str], object] = lambda words: None,
 ) -> Iterator[Flicker]:
     """Yield the flights "first", "second" and "settled" through `scene` in views of `size`.
 
-    tell: called with progress messages.
+    notify: called with progress messages.
     """
     path = route(scene)
     cameras = [path.camera(t) for t in np.linspace(0.0, path.frames - 1, frames or FRAMES)]
     with Renderer(scene, size, preset, tile_size=0) as renderer:
-        tell(f"{scene.name}: compiling, and the surface cache")
+        notify(f"{scene.name}: compiling, and the surface cache")
         renderer.converge(cameras[0])
         renderer.forget(lights=False)
         for case in ("first", "second"):
-            tell(f"{scene.name}: {case} flight")
+            notify(f"{scene.name}: {case} flight")
             yield _flight(case, renderer, cameras, TICK)
-        tell(f"{scene.name}: gathering along the way")
+        notify(f"{scene.name}: gathering along the way")
         for camera in cameras:
             renderer.converge(camera)
-        tell(f"{scene.name}: settled flight")
+        notify(f"{scene.name}: settled flight")
         yield _flight("settled", renderer, cameras, None)
-    tell("")
+    notify("")
 
 
 def _flight(case: str, renderer: Renderer, cameras: Sequence[Camera], seconds: float | None) -> Flicker:

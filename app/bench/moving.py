@@ -122,14 +122,14 @@ def carry(renderer: Renderer, case: Case, frames: int = FRAMES) -> Iterator[tupl
         yield frame, view, progress, 1e3 * (time.perf_counter() - start)
 
 
-def measure(case: Case, scene: Scene, clock: Clock, tell: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
-    """Yield the compared frames of a case with a frame budget by this clock; tell: called with progress messages."""
+def measure(case: Case, scene: Scene, clock: Clock, notify: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
+    """Yield the compared frames of a case with a frame budget by this clock; notify: called with progress messages."""
     truths: dict[int, Frame] = {}
     for frame in range(EVERY, FRAMES + 1, EVERY):
-        tell(f"{case.name}: truth of frame {frame}")
+        notify(f"{case.name}: truth of frame {frame}")
         with Renderer(at(scene, case, frame / FRAMES), SIZE) as fresh:
             truths[frame] = fresh.render()
-    tell(f"{case.name}: carrying")
+    notify(f"{case.name}: carrying")
     with use_clock(clock), Renderer(scene, SIZE) as renderer:
         renderer.render()
         for frame, view, progress, milliseconds in carry(renderer, case):

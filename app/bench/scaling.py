@@ -78,10 +78,10 @@ def run(args: Namespace) -> int:
     counts, sides = QUICK if args.quick else (TRIANGLES, SIDES)
     plan = [(count, sides[0]) for count in counts] + [(OWN, side) for side in sides]
     rows: list[Row] = []
-    with progress() as told:
-        tell = told or silent
+    with progress() as line:
+        notify = line or silent
         for k, (count, side) in enumerate(plan):
-            tell(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
+            notify(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
             rows.append(_apart(count, side))
     out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
     by_triangles, by_pixels = rows[: len(counts)], rows[len(counts) :]
@@ -157,8 +157,8 @@ def _apart(triangles: int, side: int) -> Row:
     command = [sys.executable, "-m", "irrsplat.app.bench.scaling", str(triangles), str(side)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {said}")
+        last_line = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {last_line}")
     values = json.loads(done.stdout.splitlines()[-1])
     return Row(**values | {"size": tuple(values["size"])})
 

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene, rendering.camera(args, scene))
     flights.check_still(flight, "render it without filling one")
-    lost.tell(scene, flight, args.size, args.turntable is not None)
+    lost.warn(scene, flight, args.size, args.turntable is not None)
     if args.on is not None:
         return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
@@ -104,10 +104,10 @@ def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
     """Print the coverage of a flight; return the exit status. Raise IrrsplatError if one of the `outputs` failed."""
     from irrsplat.app.film import fill as filling
 
-    outputs.tell()
+    outputs.raise_failures()
     if done.interrupted:
         return fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
-    filling.tell(done)
+    filling.warn(done)
     return 0
 
 

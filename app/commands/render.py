@@ -173,7 +173,7 @@ def run(args: argparse.Namespace) -> int:
         flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
-        lost.tell(scene, flight, args.size, args.turntable is not None)
+        lost.warn(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
     # direct light alone requires whole views
@@ -197,9 +197,9 @@ def run(args: argparse.Namespace) -> int:
                 how = {"frozen": keeps, "resume": args.resume, "kept": kept}
                 done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
             else:
-                wanted = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
+                needed_buffers = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
-                frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
+                frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         pngs = [path for path in args.output if path.lower().endswith(".png")]
@@ -216,7 +216,7 @@ def run(args: argparse.Namespace) -> int:
         if flight is not None and made is not None and complete:
             made.write(flight, outputs)
     if keeps:
-        frozen.tell([frame.stats] if flight is None else done)
+        frozen.warn([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
     unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
@@ -244,7 +244,7 @@ def _render_on(
         say(f"notice: {notice}")
     outputs = Outputs()
     done, complete = cluster.render(args, job, flight, buffers, files, outputs)
-    frozen.tell(done)
+    frozen.warn(done)
     if made is not None and complete:
         made.write(flight, outputs)
     return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
@@ -259,7 +259,7 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
     Raises IrrsplatError if one of the `outputs` failed.
     """
     rendering.write_stats(args, stats, outputs)
-    outputs.tell()
+    outputs.raise_failures()
     if stats.get("interrupted"):
         return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True) and "uncovered" not in stats:
@@ -281,7 +281,7 @@ def _so_far(flight: Flight, written: int, resumes: bool) -> str:
 def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:
     """Finish a path with the frames `done`, as _end_of_render. interrupted: progress in words; None for a complete path."""
     rendering.write_stats(args, {"frames": done}, outputs)
-    outputs.tell()
+    outputs.raise_failures()
     if interrupted is not None:
         return fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):

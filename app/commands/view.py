@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.viewer import viewer
 
     size = tuple(args.size) if args.size else None
-    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
-    if said is not None:
-        say(f"notice: {said}")
+    closing_notice = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
+    if closing_notice is not None:
+        say(f"notice: {closing_notice}")
     return 0
 
 

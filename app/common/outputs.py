@@ -27,7 +27,7 @@ def twins(outputs: Sequence[str], others: Iterable[tuple[str, str | None]]) -> l
 
 
 class Outputs:
-    """Writer of independent files that collects failures; `tell` raises them at the end."""
+    """Writer of independent files that collects failures; `raise_failures` raises them at the end."""
 
     def __init__(self) -> None:
         self.failures: dict[str, IrrsplatError] = {}
@@ -55,7 +55,7 @@ class Outputs:
             return True
         return False
 
-    def tell(self) -> None:
+    def raise_failures(self) -> None:
         """Raise an error with every failed file, if any."""
         errors = list(self.failures.values())
         if len(errors) == 1:

@@ -40,14 +40,14 @@ class Mistakes:
         except InputError as error:
             self.add(str(error))
 
-    def tell(self) -> None:
+    def raise_all(self) -> None:
         """Raise InputError, one line with all errors; do nothing without errors."""
         if not self.found:
             return
         several = len(self.found) > 1
         numbered = "; ".join(f"({i}) {message}" for i, message in enumerate(self.found, 1))
-        said = f"{len(self.found)} mistakes: {numbered}" if several else self.found[0]
-        raise InputError(f"{said}; see {self.page}" if self.page else said)
+        text = f"{len(self.found)} mistakes: {numbered}" if several else self.found[0]
+        raise InputError(f"{text}; see {self.page}" if self.page else text)
 
 
 class Parser(argparse.ArgumentParser):
@@ -71,7 +71,7 @@ class Parser(argparse.ArgumentParser):
             names = message.removeprefix(begin).split(", ")
             message = "; ".join(self._missing(action) for action in self._actions if argparse._get_action_name(action) in names)
         self._wrong(message)
-        self.mistakes.tell()
+        self.mistakes.raise_all()
         raise AssertionError("there is a mistake to tell")
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
@@ -189,8 +189,8 @@ class Parser(argparse.ArgumentParser):
         if action.nargs == argparse.PARSER:
             words = f"there is no command '{value}'{did_you_mean(str(value), names)}; the commands are {', '.join(names)}"
             raise argparse.ArgumentError(None, words)
-        said = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
-        raise argparse.ArgumentError(action if action.option_strings else None, said)
+        text = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
+        raise argparse.ArgumentError(action if action.option_strings else None, text)
 
 
 def _completing() -> bool:

@@ -60,7 +60,7 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
         crew, send = Crew(client), _sender(client, start)
         try:
             tasks = [_task(client, work.fill, send, job, part) for part in split(flight.numbers, workers)]
-            for part in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are filled"):
+            for part in _with_progress(crew.collected(tasks), len(tasks), line, "parts of the flight are filled"):
                 parts.append(part)
         except KeyboardInterrupt:
             return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
@@ -85,16 +85,16 @@ def render(
 ) -> tuple[list[Statistics], bool]:
     """Render the frames of a flight remotely from the frozen cache and write them here; as frames.render."""
     done: dict[int, Statistics] = {}
-    wanted = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
-    if not wanted:
+    pending = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
+    if not pending:
         return [], True
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
         crew, send = Crew(client), _sender(client, records)
         more = {"outputs": flight.outputs, "buffers": buffers, "files": files, "drawn_by": _one_driver(crew)}
-        tasks = [_task(client, work.render, send, job, numbers, **more) for numbers in runs(wanted, _PARTS * workers)]
+        tasks = [_task(client, work.render, send, job, numbers, **more) for numbers in runs(pending, _PARTS * workers)]
         try:
-            for rendered in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
+            for rendered in _with_progress(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
                 _write(rendered, flight, outputs, args.resume)
                 done |= {stats["frame"]: stats for stats in rendered.stats}
         except KeyboardInterrupt:
@@ -181,7 +181,7 @@ def _waiting_for(what: str) -> Iterator[None]:
         doing("")
 
 
-def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:
+def _with_progress(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:
     """Yield the results as they arrive, with progress."""
     for done, result in enumerate(results, 1):
         if line is not None:

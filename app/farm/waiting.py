@@ -148,10 +148,10 @@ class Crew:
         for _ in range(_ROUNDS):
             with suppress(TimeoutError):
                 self._client.wait_for_workers(1, timeout=_ALONE)
-            asked = {worker: submit(self._client, question, workers=[worker]) for worker in self.well()}
-            if not asked:
+            queries = {worker: submit(self._client, question, workers=[worker]) for worker in self.well()}
+            if not queries:
                 raise failed or _alone()
-            awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in asked.items()}
+            awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in queries.items()}
             found, begun = dict[str, Any](), time.monotonic()
             try:
                 while awaited:
@@ -165,11 +165,11 @@ class Crew:
                     there, late = self.well(), time.monotonic() - begun > _SILENT
                     for one in [one for one, worker in awaited.items() if late or worker not in there]:
                         worker = awaited.pop(one)
-                        _drop(self._client, {one: asked[worker]})
+                        _drop(self._client, {one: queries[worker]})
                         if late:
                             self.leave_out(worker, f"no answer for {_SILENT:g} s")
             finally:
-                _drop(self._client, {one: asked[worker] for one, worker in awaited.items()})
+                _drop(self._client, {one: queries[worker] for one, worker in awaited.items()})
             if found:
                 return found
         raise failed or IrrsplatError("--on: workers die as soon as they are to draw; their logs say more")
@@ -184,13 +184,13 @@ class Crew:
     def _signs(self) -> dict[str, float]:
         """Return the last heartbeat of each worker by the scheduler's clock; raise IrrsplatError without a scheduler."""
         try:
-            asked = _begun(self._client, self._client.scheduler.identity(n_workers=-1))
+            identity = _begun(self._client, self._client.scheduler.identity(n_workers=-1))
         except AttributeError as error:  # a client without a connection has None as its scheduler
             raise _lost() from error
         try:
-            return {worker: float(known["last_seen"]) for worker, known in asked.result(_ALONE)["workers"].items()}
+            return {worker: float(known["last_seen"]) for worker, known in identity.result(_ALONE)["workers"].items()}
         except (threads.CancelledError, TimeoutError, OSError) as error:
-            asked.cancel()
+            identity.cancel()
             raise _lost() from error
 
 

@@ -129,7 +129,7 @@ def render(
             written = Outputs()
             flight = Flight(job.path, numbers, tuple(names))
             stats, _ = frames.render(renderer, flight, buffers, False, None, written, files, frozen=True)
-            written.tell()
+            written.raise_failures()
             found = {(number, i): _read(File(numbered(name, number))) for number in numbers for i, name in enumerate(names)}
         return Rendered(stats, found)
 

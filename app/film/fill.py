@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
-from irrsplat.app.film.frames import OnRound, told
+from irrsplat.app.film.frames import OnRound, frame_callback
 
 if TYPE_CHECKING:
     from irrsplat.app.film.flight import Flight
@@ -54,7 +54,7 @@ def fill(
                 camera = flight.path.camera(number)
                 if flown == 1 or renderer.coverage(camera) < found[number]:
                     lost += 1
-                    show = told(on_round, words, i, len(flight.numbers))
+                    show = frame_callback(on_round, words, i, len(flight.numbers))
                     _, stats = renderer.converge(camera, show)
                     if stats["interrupted"]:
                         raise KeyboardInterrupt
@@ -87,7 +87,7 @@ def statistics(done: Filled, records: int) -> dict[str, object]:
     return {"records": records, "passes": done.passes, "evicted": done.evicted, "frames": frames}
 
 
-def tell(done: Filled) -> None:
+def warn(done: Filled) -> None:
     """Print missing coverage, if any."""
     if done.evicted:
         say(f"notice: the flight needs more records than there may be, {done.evicted} had to go; raise --max-records")

@@ -47,8 +47,8 @@ def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
     path = _path(args, scene, camera)
     start, stop = _span(args)
     if max(start + 1, stop or 0) > path.frames:
-        wanted, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
-        raise InputError(f"--frames {wanted}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
+        span, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
+        raise InputError(f"--frames {span}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
     path.motions.check(scene, path.frames)
     return Flight(path, range(start, path.frames if stop is None else stop))
 

@@ -28,7 +28,7 @@ class OnRound(Protocol):
     def __call__(self, state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None: ...
 
 
-def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
+def frame_callback(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
     """Return a callback for the rounds of one frame, `words`, after `done` of `count` frames; None for None."""
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
@@ -75,14 +75,14 @@ def render(
     motions = flight.path.motions
     loaded = renderer.scene if motions else None
     try:
-        wanted = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
-        wanted = {number: patterns for number, patterns in wanted.items() if patterns}
-        if frozen and wanted:
+        pending = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
+        pending = {number: patterns for number, patterns in pending.items() if patterns}
+        if frozen and pending:
             exposure = metered(renderer, flight, files)
-        elif wanted and flight.numbers[0] not in wanted:
+        elif pending and flight.numbers[0] not in pending:
             exposure = metered(renderer, flight, files, flight.numbers[0], gather=True)
-        for i, (number, patterns) in enumerate(wanted.items()):
-            show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(wanted))
+        for i, (number, patterns) in enumerate(pending.items()):
+            show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(pending))
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
             camera = flight.path.camera(number)

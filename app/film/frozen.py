@@ -23,7 +23,7 @@ def check(args: argparse.Namespace) -> None:
         raise InputError("--quality gathers records, and --cache-mode frozen lets none be gathered; leave one of them out")
 
 
-def tell(done: Sequence[Statistics]) -> None:
+def warn(done: Sequence[Statistics]) -> None:
     """Print the number of these pictures with uncovered pixels, if any."""
     bare = [uncovered for stats in done if (uncovered := stats.get("uncovered", 0))]
     if bare:

@@ -22,7 +22,7 @@ _AROUND, _FEW = 200, 0.3  # directions around an eye; share of them that counts 
 _FRONT, _BACK = 1, 2
 
 
-def tell(scene: Scene, flight: Flight, size: Sequence[int], turntable: bool) -> None:
+def warn(scene: Scene, flight: Flight, size: Sequence[int], turntable: bool) -> None:
     """Print the number of frames that show nothing or only back faces, if any.
 
     size: (width, height) of a frame. turntable: True for a turntable, for the remedy.

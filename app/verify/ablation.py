@@ -53,12 +53,12 @@ def measured(
     """
     steps = len(chosen) + len(CURVE) + 2
     done: list[Measured] = []
-    with progress() as told:
-        tell = told or silent
-        measure = measurer(scene, camera, args, tell)
+    with progress() as line:
+        notify = line or silent
+        measure = measurer(scene, camera, args, notify)
 
         def render(name: str, values: SettingValues) -> Measured:
-            done.append(measure(name, values, lambda part, words: tell(min(len(done) + part, steps) / steps, words)))
+            done.append(measure(name, values, lambda part, words: notify(min(len(done) + part, steps) / steps, words)))
             return done[-1]
 
         whole = render(args.preset, args.values)

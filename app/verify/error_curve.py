@@ -68,13 +68,13 @@ def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Me
     names = list(dict.fromkeys((args.preset, "paper")))
     plan = [(name, values) for name in names for values in points(name, args.values)]
     curves: dict[str, list[Measured]] = {name: [] for name in names}
-    with progress() as told:
-        tell = told or silent
-        measure = measurer(scene, camera, args, tell)
+    with progress() as line:
+        notify = line or silent
+        measure = measurer(scene, camera, args, notify)
         for k, (name, values) in enumerate(plan):
 
             def show(share: float, words: str, k: int = k) -> None:
-                tell((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
+                notify((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
 
             curves[name].append(measure(name, values, show))
     return curves

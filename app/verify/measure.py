@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 GATHERED, SECONDS = 1000, 60.0  # of --truth gather: pixels, and the time limit after which fewer suffice
 
-Tell = Callable[[float, str], None]  # takes the completed share 0..1 and a message
+Notify = Callable[[float, str], None]  # takes the completed share 0..1 and a message
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Measured:
 
 # Renders with a new renderer, by preset, settings on top of it and progress (share of covered pixels, and a message); raises
 # KeyboardInterrupt if the user interrupts.
-Measure = Callable[[str, SettingValues, Tell], Measured]
+Measure = Callable[[str, SettingValues, Notify], Measured]
 
 
 def silent(share: float, words: str) -> None:
     """Ignore progress."""
 
 
-def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Traced, str]:
+def trace(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> tuple[Traced, str]:
     """Return the path-traced reference for the command line `args`, and its origin in words.
 
     Raises InputError without comparable pixels, IrrsplatError without a path tracer.
@@ -59,7 +59,7 @@ def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Tr
 
     def show(share: float) -> None:
         was_traced[:] = [share]
-        tell(share, "tracing the truth")
+        notify(share, "tracing the truth")
 
     bounces = preset(args.preset, **args.values).bounces
     try:
@@ -86,18 +86,18 @@ def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
     return truth
 
 
-def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measure:
+def measurer(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> Measure:
     """Return the function that measures renderings for the size, view and reference of the command line `args`.
 
-    tell: progress while the reference is made.
+    notify: progress while the reference is made.
     """
     import irrsplat
 
-    size, judge = tuple(args.size), _judge(scene, camera, args, tell)
+    size, judge = tuple(args.size), _judge(scene, camera, args, notify)
 
-    def measure(preset: str, values: SettingValues, tell: Tell) -> Measured:
+    def measure(preset: str, values: SettingValues, notify: Notify) -> Measured:
         with irrsplat.Renderer(scene, size=size, preset=preset, tile_size=0, **values) as renderer:
-            frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"{now.records} records"))
+            frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"{now.records} records"))
         stats = frame.stats
         if stats.get("interrupted"):
             raise KeyboardInterrupt
@@ -111,15 +111,15 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
     return measure
 
 
-def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callable[[Frame], dict[str, float | None]]:
+def _judge(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> Callable[[Frame], dict[str, float | None]]:
     """Return the function that computes the errors of a frame."""
     if args.truth == "trace":
-        traced_truth, _ = trace(scene, camera, args, tell)
+        traced_truth, _ = trace(scene, camera, args, notify)
         return lambda frame: compare(frame, traced_truth)
     import irrsplat
 
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
-        tell(0.0, "gathering the truth")
+        notify(0.0, "gathering the truth")
         truth = gather(renderer, camera)
     return lambda frame: errors(frame.irradiance[tuple(truth.pixels.T)], truth.irradiance)
 

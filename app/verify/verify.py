@@ -90,10 +90,10 @@ def check(args: Namespace) -> None:
 
 def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
     width, height = args.size
-    with progress() as told:
-        tell = told or silent
-        truth, origin = trace(scene, camera, args, tell)
-        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    with progress() as line:
+        notify = line or silent
+        truth, origin = trace(scene, camera, args, notify)
+        frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"rendering: {now.records} records"))
     found = compare(frame, truth)
     mixed = args.values.get("blend", 0.5) != 0.5  # direct against indirect light: the reference has both at full weight
     radiance = frame.direct + frame.indirect + frame.emission if mixed else frame.image
@@ -128,9 +128,9 @@ def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Name
     """Compare with a fine gather at random pixels: it shows the errors of placement and interpolation alone."""
     from irrsplat.reference import fine_gather
 
-    with progress() as told:
-        tell = told or silent
-        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    with progress() as line:
+        notify = line or silent
+        frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"rendering: {now.records} records"))
     truth = gather(renderer, camera)
     E = frame.irradiance[tuple(truth.pixels.T)]
     rows = [

@@ -46,7 +46,7 @@ def hessian(E: object, p: np.ndarray, step: float = 2e-3) -> np.ndarray:
     return np.stack([np.stack([own[0], mixed], -1), np.stack([mixed, own[1]], -1)], -2)
 
 
-def said(found: Gathered) -> np.ndarray:
+def record_hessian(found: Gathered) -> np.ndarray:
     """Return the Hessian (N, 2, 2) of records with upward normals, along x and z."""
     along = found.axis[:, [0, 2]]
     across = np.stack([-along[:, 1], along[:, 0]], 1)
@@ -66,11 +66,11 @@ def test_hessian_of_a_lamp(ctx: moderngl.Context, emitter: str) -> None:
     truth = hessian(lambda q: polygon_vector(corners, q) @ UP, p)
     lit = Lit(ctx, under(corners))
     found = {side: lit.gather(sites(p, n), side, KIND) for side in (16, 32, 64, 128)}
-    off = {side: float(np.median(relative(said(one), truth))) for side, one in found.items()}
+    off = {side: float(np.median(relative(record_hessian(one), truth))) for side, one in found.items()}
     assert off[64] < 0.1 and off[64] < 0.7 * off[32] < 0.5 * off[16] and off[128] < 0.7 * off[64], off
-    assert np.quantile(relative(said(found[64]), truth), 0.9) < 0.25
+    assert np.quantile(relative(record_hessian(found[64]), truth), 0.9) < 0.25
     # no part is missing or counted twice
-    assert (said(found[64]) * truth).sum() / (truth**2).sum() == pytest.approx(1.0, abs=0.03)
+    assert (record_hessian(found[64]) * truth).sum() / (truth**2).sum() == pytest.approx(1.0, abs=0.03)
 
 
 def test_hessian_behind_a_board(ctx: moderngl.Context) -> None:
@@ -83,7 +83,7 @@ def test_hessian_behind_a_board(ctx: moderngl.Context) -> None:
     lit = Lit(ctx, replace(occluder.world(), meshes=(*occluder.world().meshes, floor(8.0, -8.0, material(0.0)))))
     for p, sides in ((inside, (32, 64, 128)), (occluder.places()[0], (64,))):
         truth = hessian(lambda q: occluder.vector(q) @ UP, p)
-        off = {side: float(np.median(relative(said(lit.gather(sites(p, UP), side, KIND)), truth))) for side in sides}
+        off = {side: float(np.median(relative(record_hessian(lit.gather(sites(p, UP), side, KIND)), truth))) for side in sides}
         if p is inside:
             assert off[128] < 0.02 and off[128] < 0.4 * off[64] < 0.4 * off[32], off
         assert off[64] < 0.25, off

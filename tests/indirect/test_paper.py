@@ -35,17 +35,17 @@ def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
     return paper_scan.Seen(position, normal, normal, depth > 0.0), depth
 
 
-class Teller:
+class StandInRecorder:
     """Stand-in for the Recorder with E = 1 and a given radius; it stores the requested sites."""
 
     stopped = False
 
     def __init__(self, radius: Any) -> None:
-        self.radius, self.asked = radius, []  # type: ignore[var-annotated]
+        self.radius, self.requested = radius, []  # type: ignore[var-annotated]
 
     def __call__(self, site: Sites) -> np.ndarray:
-        self.asked.append(site.position[0])
-        return np.array([1.0, 1.0, 1.0, self.radius(len(self.asked))], "f4")
+        self.requested.append(site.position[0])
+        return np.array([1.0, 1.0, 1.0, self.radius(len(self.requested))], "f4")
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_record_serves_its_neighbours_at_once() -> None:
     """With one large radius the traversal is greedy: it equals a plain loop over pixels in scan order."""
     seen, _ = view()
     settings = preset("paper", a=0.6)
-    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), Teller(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
+    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), StandInRecorder(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
     weight, expected = np.zeros(seen.mask.shape), []
     for row, column in np.argwhere(seen.mask):
         if weight[row, column] >= settings.threshold:

@@ -80,16 +80,16 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         part = (share[hit] * albedo[hit].mean(-1))[:, None]
         true = part * gathered(renderer, places)
 
-        def said(E: np.ndarray) -> np.ndarray:
+        def reflected(E: np.ndarray) -> np.ndarray:
             return part * (weights[hit][..., None] * E[values[hit]]).sum(1)
 
         E = surface.result.irradiance
-        assert said(E).sum() == pytest.approx(true.sum(), rel=0.04)
+        assert reflected(E).sum() == pytest.approx(true.sum(), rel=0.04)
         alone, used = np.zeros_like(E), np.unique(values[hit])
         alone[used] = gathered(renderer, replace(surface.records.sites(used), frame_rotation=None))
         small = np.ptp(renderer.world.geometry.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
-        assert said(alone).sum() < 0.94 * true.sum() and said(alone)[small].sum() < 0.75 * true[small].sum()
-        assert said(E)[small].sum() > 0.82 * true[small].sum()
+        assert reflected(alone).sum() < 0.94 * true.sum() and reflected(alone)[small].sum() < 0.75 * true[small].sum()
+        assert reflected(E)[small].sum() > 0.82 * true[small].sum()
 
 
 def test_hits_are_drawn_by_their_weights() -> None:

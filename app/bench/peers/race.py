@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
-from irrsplat.app.bench.peers.table import PEERS, Tell, others
+from irrsplat.app.bench.peers.table import PEERS, Notify, others
 from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core import files
@@ -75,12 +75,12 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[st
 
 
 def measured(
-    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
     """Yield the series of every peer; an absent peer has an empty series with the reason."""
     for peer in PEERS:
         try:
-            yield from peer.measure(scene, size, bounces, views, tell)
+            yield from peer.measure(scene, size, bounces, views, notify)
         except IrrsplatError as error:
             if not peer.package:
                 raise
@@ -105,23 +105,23 @@ def report(title: str, found: Sequence[Series]) -> Iterator[str]:
 def verdict(found: Sequence[Series]) -> Iterator[str]:
     """Yield each peer's time to the target and for an equally good further view, with its ratio to the first peer's."""
     for words, further in ((f"to {TARGET:.0%} relative RMSE", False), ("a further view as good", True)):
-        told = []
+        parts = []
         base: float | None = None
         for series in found:
             if not series.measurements:
                 continue
             name, time_to_target = series.measurements[0].system, reached(series, further)
             if time_to_target is None:
-                told.append(f"{name} does not get there ({min(one.rmse for one in series.measurements):.1%} at best)")
+                parts.append(f"{name} does not get there ({min(one.rmse for one in series.measurements):.1%} at best)")
                 continue
             seconds, was_measured = time_to_target
             if base is None and series is found[0]:
                 base = seconds
-                told.append(f"{name} {seconds:.3f} s")
+                parts.append(f"{name} {seconds:.3f} s")
             else:
                 times = "" if base is None else f", {seconds / base:,.1f} times as long"
-                told.append(f"{name} {'' if was_measured else 'by 1/√samples some '}{seconds:,.2f} s{times}")
-        yield f"{words}: {'; '.join(told)}"
+                parts.append(f"{name} {'' if was_measured else 'by 1/√samples some '}{seconds:,.2f} s{times}")
+        yield f"{words}: {'; '.join(parts)}"
 
 
 def reached(series: Series, further: bool = False) -> tuple[float, bool] | None:

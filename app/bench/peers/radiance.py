@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Measurement, Series, fastest_first
 from irrsplat.app.bench.peers.radiance_scene import meshes, text, write_obj
-from irrsplat.app.bench.peers.table import Tell
+from irrsplat.app.bench.peers.table import Notify
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
@@ -36,12 +36,14 @@ QUALITIES: tuple[tuple[float, int, int], ...] = (
 _EXACT = ("-ds", "0", "-dt", "0", "-dc", "1", "-dj", "0", "-dr", "0", "-ss", "0", "-lr", "64", "-lw", "1e-7")
 
 
-def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell) -> Iterator[Series]:
+def measure(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
+) -> Iterator[Series]:
     """Yield two series: the pass that fills the ambient file, and a second pass."""
     first, second = views
     most = vertices(bounces)
     with tempfile.TemporaryDirectory(prefix="irrsplat-") as folder:
-        tell("Radiance: compiling the scene")
+        notify("Radiance: compiling the scene")
         it = Rtrace(scene, Path(folder), CPUS)
         plain = [min((it.irradiance(v.position, v.normal, 0) for _ in range(2)), key=lambda found: found[1]) for v in views]
         prepared = ", ".join(f"{program} {seconds:.2f} s" for program, seconds in it.seconds.items())
@@ -52,7 +54,7 @@ def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequ
             it.forget()
             found: list[tuple[float, float]] = []
             for v, (direct, base) in ((first, plain[0]), (first, plain[0]), (second, plain[1])):
-                tell(f"Radiance, -aa {quality[0]:g} -ad {quality[1]} -as {quality[2]}: pass {len(found) + 1}")
+                notify(f"Radiance, -aa {quality[0]:g} -ad {quality[1]} -as {quality[2]}: pass {len(found) + 1}")
                 E, seconds = it.irradiance(v.position, v.normal, most, quality)
                 found.append((max(seconds - base, 1e-3), v.error(E - direct)))
             words = "-aa {:g} -ad {} -as {}".format(*quality)

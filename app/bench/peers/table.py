@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
     from irrsplat.settings import All
 
-Tell = Callable[[str], object]  # called with progress messages
+Notify = Callable[[str], object]  # called with progress messages
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Peer:
     """Renderer of the comparison.
 
     name: in tables and messages. function: its measurement as module:function in this folder. It takes scene, size, bounces,
-    views and a Tell, and yields a Series per line of the plot, or raises IrrsplatError. package: required Python package, or
+    views and a Notify, and yields a Series per line of the plot, or raises IrrsplatError. package: required Python package, or
     "". note: a line below the title of the table, or "".
     """
 
@@ -36,11 +36,11 @@ class Peer:
         return not self.package or importlib.util.find_spec(self.package) is not None
 
     def measure(
-        self, scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+        self, scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
     ) -> Iterator[Series]:
         """Yield the series of its function."""
         module, function = self.function.split(":")
-        found: Iterator[Series] = getattr(import_module(f"{__package__}.{module}"), function)(scene, size, bounces, views, tell)
+        found: Iterator[Series] = getattr(import_module(f"{__package__}.{module}"), function)(scene, size, bounces, views, notify)
         return found
 
 

@@ -88,9 +88,9 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         outputs.write(args.output, write)
     if args.stats is not None:
         outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
-    for told in _told(summary, grid, along):
-        (say if args.output == _STDOUT else out)(told)
-    outputs.tell()
+    for text in _summary_lines(summary, grid, along):
+        (say if args.output == _STDOUT else out)(text)
+    outputs.raise_failures()
     return 0
 
 
@@ -181,7 +181,7 @@ def _rows(table: _Table, form: str) -> Iterator[list[str]]:
         yield [*(exact.format(v) for v in place), *shown, Status(status).word]
 
 
-def _told(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
+def _summary_lines(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
     """Yield the lines of the summary."""
     unit = "lux" if summary["unit"] == "lux" else "W/m²"
     if grid is not None:
