@@ -128,7 +128,7 @@ def _baked(
     sums = {name: np.zeros((*lit.seen.shape, 3)) for name in ("direct", "reflected", "albedo", "emission")}
     count = np.zeros(lit.seen.shape)
     for number, (x, y) in enumerate(offsets):
-        notify(0.8 + 0.2 * number / len(offsets), "lamps and textures")
+        notify(0.8 + 0.2 * number / len(offsets), "lights and textures")
         some = lit if number == 0 else places(receivers, *_where(chartist.at(x, y), lit.seen))
         if number and beside.any():
             some = some.but(_hidden_at(scene, some, beside))

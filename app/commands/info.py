@@ -11,7 +11,7 @@ from irrsplat.app.commands.shared.command import Command
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat info`."""
-    parser = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
+    parser = commands.add_parser("info", help="what is in a scene", description="Print the contents of a scene.")
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
     flags.add_loading(parser)
 
@@ -26,8 +26,8 @@ def run(args: argparse.Namespace) -> int:
 
 def add_doctor(commands: Any) -> None:
     """Add `irrsplat doctor`, which has no flags."""
-    words = "what OpenGL there is here, and what mends it"
-    commands.add_parser("doctor", help=words, description="Say what OpenGL there is here, and what mends it.")
+    words = "the OpenGL of this machine, and remedies for its faults"
+    commands.add_parser("doctor", help=words, description="Print the OpenGL of this machine, and remedies for its faults.")
 
 
 def run_doctor(args: argparse.Namespace) -> int:

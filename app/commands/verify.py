@@ -17,8 +17,8 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat verify`."""
     parser = commands.add_parser(
         "verify",
-        help="hold a rendering against a path tracer",
-        description="Render a scene and tell how far its indirect light is from a path tracer's.",
+        help="compare a rendering with a path tracer",
+        description="Render a scene and print the error of its indirect light against a path tracer.",
         epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
         "cache folder, or in the one that IRRSPLAT_CACHE names.",
     )

@@ -72,7 +72,7 @@ def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
 def check_still(flight: Flight, why: str) -> None:
     """Raise InputError if meshes or lights move along the path. why: the consequence, in words."""
     if flight.path.motions:
-        raise InputError(f"along this path meshes or lamps move, and a cache holds the light of one moment; {why}")
+        raise InputError(f"along this path meshes or lights move, and a cache holds the light of one moment; {why}")
 
 
 def _path(args: argparse.Namespace, scene: Scene, camera: Camera) -> Path:
