@@ -1,1 +1,1 @@
-"""The programs on top of the core: the command line and the benchmark. Installed as `irrsplat.app`."""
+"""Programs on top of the core: the command line and the benchmark. Installed as `irrsplat.app`."""

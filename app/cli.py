@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The command line: one command of app/grammar.py, with one line for whatever goes wrong."""
+"""Entry point of the command line: run a command of app/grammar.py and report each error in one line."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line `argv` (default: sys.argv) and return the exit status, as in docs/command-line.md."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # it was closed
+        if getattr(sys, name) is None:  # closed stream
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
-    if argv is None:  # threads of numpy's OpenBLAS wait asleep: by default they keep cores busy that software OpenGL needs
+    if argv is None:  # without it, waiting OpenBLAS threads occupy cores that software OpenGL needs
         os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # 2⁴ clock cycles; read when numpy is loaded
     try:
         with _quiet_libraries(debug), _ended_as_by_ctrl_c():
-            if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
+            if "_ARGCOMPLETE" in os.environ:  # a shell requests completions
                 completion.answer(grammar.build())
             args, mistakes = grammar.read(sys.argv[1:] if argv is None else argv)
             command = grammar.COMMANDS[args.command]
             _check_scenes(args, mistakes)
             command.check_files(args, mistakes)
-            mistakes.tell()
+            mistakes.raise_all()
             status = command.run(args)
             sys.stdout.flush()
             return status
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail(str(error), 1)
     except KeyboardInterrupt as interrupted:
         return fail(str(interrupted) or "interrupted; nothing more was written", INTERRUPTED)
-    except BrokenPipeError:  # `irrsplat info | head`: the reader has seen enough
+    except BrokenPipeError:  # `irrsplat info | head`: the reader closed the pipe
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -75,7 +75,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _check_scenes(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` which scenes are not there."""
+    """Add missing scenes to `mistakes`."""
     scenes = args.scenes if hasattr(args, "scenes") else [getattr(args, "scene", None)]
     for scene in scenes:
         if scene is not None:
@@ -87,7 +87,7 @@ def _check_scenes(args: argparse.Namespace, mistakes: Mistakes) -> None:
 
 @contextmanager
 def _quiet_libraries(debug: bool) -> Iterator[None]:
-    """Keep the warnings of libraries off stderr, which has one line for an error and nothing else."""
+    """Keep library warnings off stderr, which has one line per error."""
     with warnings.catch_warnings():
         if not debug:
             warnings.simplefilter("ignore")
@@ -97,14 +97,14 @@ def _quiet_libraries(debug: bool) -> Iterator[None]:
 
 @contextmanager
 def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """While this lasts, a request to end (SIGTERM) does what Ctrl-C does, which writes the last whole round."""
+    """Treat SIGTERM as Ctrl-C, which writes the last complete round."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     try:
         before = signal.signal(signal.SIGTERM, interrupt)
-    except ValueError:  # not in the main thread, which is the only one that may
+    except ValueError:  # only the main thread may set handlers
         yield
         return
     try:

@@ -1,4 +1,4 @@
-"""The command line's grammar: the commands, and how their flags are read."""
+"""Grammar of the command line: commands, and parsing of their flags."""
 
 from __future__ import annotations
 
@@ -32,19 +32,21 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The checked command line: `command`, its arguments, `loading` where there is a scene, and `values`, the
-    settings given by flag, where there are flags of settings.
+    """Return the checked command line.
 
-    Raises InputError, one line, for all that is wrong with it; SystemExit(0) after --help and --version.
+    It has `command`, its arguments, `loading` for a scene, and `values`, the settings given by flag. Raises InputError, one
+    line, for all errors; SystemExit(0) after --help and --version.
     """
     args, mistakes = read(argv)
-    mistakes.tell()
+    mistakes.raise_all()
     return args
 
 
 def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
-    """The same, and what is wrong with it instead of an error; a flag with a wrong value has None. Raises InputError only where
-    no command can be made out."""
+    """Return the command line and its mistakes; an invalid flag has the value None.
+
+    Raises InputError only if no command is recognizable.
+    """
     mistakes = Mistakes()
     top = build(mistakes)
     args, rest = top.parse_known_args(list(_spelled_out(argv)))
@@ -68,7 +70,7 @@ def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
 
 
 def build(mistakes: Mistakes | None = None) -> Parser:
-    """The whole grammar; what is wrong with a command line goes to `mistakes`."""
+    """Return the complete grammar; it adds errors of a command line to `mistakes`."""
     top = Parser(mistakes, prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action=_Version, help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
@@ -79,7 +81,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
 
 
 def _share(mistakes: Mistakes, parser: Parser) -> None:
-    """Let what is wrong with the words of all commands in `parser`, and of those in these, go to `mistakes`."""
+    """Collect the errors of `parser` and its subparsers in `mistakes`."""
     parser.mistakes = mistakes
     for action in parser._actions:
         if isinstance(action.choices, dict):
@@ -88,7 +90,7 @@ def _share(mistakes: Mistakes, parser: Parser) -> None:
 
 
 def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
-    """`argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE behind one for its value."""
+    """Yield `argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE after it for its value."""
     switches = {flag for d in SETTINGS.values() if d.kind == "bool" for flag in d.flags}
     for i, word in enumerate(argv):
         if word == "--":
@@ -101,7 +103,7 @@ def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
 
 
 class _Version(argparse.Action):
-    """Prints the version; it is looked up only when asked for."""
+    """Action that prints the version; the version is looked up on demand."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
         super().__init__(option_strings, dest, nargs=0, **options)

@@ -1,6 +1,6 @@
-"""Light as other programs take it: lightmaps, vertex colours and probes, for `irrsplat bake` and for programs in Python.
+"""Baked lighting for other programs: lightmaps, vertex colours and probes, for `irrsplat bake` and for Python programs.
 
-`bake_lightmap`, `bake_vertices` and `bake_probes` take a scene and return values with a `save`.
+`bake_lightmap`, `bake_vertices` and `bake_probes` take a scene and return values with a `save` method.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _FROM = {"bake_lightmap": "lightmap", "bake_probes": "probes", "bake_vertices": 
 
 
 def __getattr__(name: str) -> object:
-    """The three, imported when they are first asked for: the command line's flags need none of them."""
+    """Import a bake function at its first use: the command line's flags need none of them."""
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_FROM[name]}"), name)

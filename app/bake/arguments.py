@@ -1,4 +1,4 @@
-"""The flags of `irrsplat bake` that are its own."""
+"""Flags of `irrsplat bake`."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ KINDS = ("lightmap", "vertices", "probes")
 
 
 def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: Callable[[str], int]) -> None:
-    """Add them. number, whole: readers of a finite number, and of a whole one above 0."""
+    """Add the bake flags. number, whole: parsers of a finite number and of a positive whole number."""
     add = parser.add_argument
     add("-o", "--output", metavar="OUT", required=True, help="a .glb; of probes a .json or .npz")
     add("--to", choices=KINDS, default="lightmap", help="what the light is baked into (default: lightmap)")
-    words = "all, or indirect: all but what comes straight from lamps (default: all)"
+    words = "all, or indirect: without direct light (default: all)"
     add("--light", choices=("all", "indirect"), default="all", help=words)
     words = (
         "of a lightmap: black materials that emit the map, for any program; or the scene's own materials and a map of W/m² apart"
     )
     add("--form", choices=("radiance", "irradiance"), help=f"{words} (default: radiance)")
     add("--size", type=whole, metavar="N", help="texels along a lightmap's side (default: 1024)")
-    words = "points of a texel at which lamps and textures are looked at (default: 8)"
+    words = "points per texel at which lights and textures are sampled (default: 8)"
     add("--texel-samples", type=whole, metavar="N", help=words)
     words = "of vertex colours: how far an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)"
     add("--cut", type=number, metavar="X", help=words)
     add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default: 200000)")
     add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of the scene)")
-    words = "hold so many texels or vertices against a path tracer, and say how far off they are"
+    words = "compare N texels or vertices with a path tracer, and print the errors"
     add("--check", type=whole, metavar="N", help=words)
     add("--stats", metavar="FILE.json", help="write sizes, records, times, the errors of --check and settings to this file")

@@ -1,4 +1,4 @@
-"""How far a bake is from a path tracer, at some of its points."""
+"""Comparison of baked irradiance with a path-traced reference at random points."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ from irrsplat.reference.truth import errors, noise, side_of, vertices
 if TYPE_CHECKING:
     from irrsplat.app.bake.vertices import VertexLight
 
-SAMPLES = 2048  # rays of each kind a point, as `irrsplat verify` has them
-_WITHIN = 16  # points of a texel that shadows are looked at
-_PAIRS = 20_000_000  # of texels and triangles that are tried at once
+SAMPLES = 2048  # rays per point and kind, as in `irrsplat verify`
+_WITHIN = 16  # points per texel for shadow sampling
+_PAIRS = 20_000_000  # texel-triangle pairs tested at once
 
 
 @dataclass(frozen=True)
 class Checked:
-    """The errors of a bake's irradiance at `count` points (`what`: texels, vertices) against a path tracer's, which used so many
-    `samples`; rmse and bias as truth.errors has them, over the truth's mean; net: the rmse without the truth's own noise.
-    indirect: the net rmse of the indirect part alone. None in the dark."""
+    """Errors of baked irradiance at `count` points against a path-traced reference.
+
+    what: "texels" or "vertices". samples: reference samples per point. rmse, bias: relative to the reference's mean, as in
+    truth.errors. net: the rmse without the reference's own noise. indirect: the net rmse of the indirect part alone. The
+    errors are None in the dark.
+    """
 
     count: int
     what: str
@@ -39,18 +42,20 @@ class Checked:
 
     @property
     def words(self) -> str:
-        """One line that says so."""
+        """One line for the terminal."""
         if self.rmse is None or self.net is None or self.bias is None:
             return f"checked     {self.count} {self.what}: there is no light"
-        told = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
-        told += f"bias {self.bias:+.1%}"
-        return told + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
+        text = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
+        text += f"bias {self.bias:+.1%}"
+        return text + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
 
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Some of a bake's points: positions, mapped and geometric normals, (N, 3) each; `shadowed`, the same of points at which
-    lamps are looked at, as many to each; and what was baked there, (N, 3) W/m²."""
+    """Points of a bake: positions, mapped and geometric normals, (N, 3) each.
+
+    shadowed: points for direct light, equally many per point. irradiance, indirect: baked values (N, 3) in W/m².
+    """
 
     points: tuple[np.ndarray, np.ndarray, np.ndarray]
     shadowed: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -65,11 +70,11 @@ def check(
     progress: Callable[[float], object] | None = None,
     seed: int = 0,
 ) -> Checked:
-    """The errors of a bake at `count` of its points drawn at random: texels of a lightmap that lie within a chart with all around
-    them, or vertices, by the area that each one stands for.
+    """Return the errors of a bake at `count` random points.
 
-    bounces: the setting that it was baked with. Light of lamps is compared as the mean over a texel, all else at its middle.
-    Raises InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
+    Texels are drawn from the interior of charts, vertices in proportion to their area. bounces: the bake's setting. Direct
+    light is compared as the mean over a texel, indirect light at its centre. Raises InputError without comparable points,
+    IrrsplatError without a path tracer (the extra `reference`).
     """
     worker.require()
     random = np.random.default_rng(seed)
@@ -82,10 +87,10 @@ def check(
     halves, direct, everywhere = found["halves"], np.float32(0.0), np.ones(number, bool)
     if len(found["direct"]):
         direct = found["direct"].reshape(number, -1, 3).mean(1)
-    told, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
+    error, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
     indirect = errors(some.indirect, halves.mean(0))["rmse"]
     return Checked(
-        number, made.checks, 2 * side * side, told["rmse"], _net(told["rmse"], own), told["bias"],
+        number, made.checks, 2 * side * side, error["rmse"], _net(error["rmse"], own), error["bias"],
         _net(indirect, noise(halves, everywhere)),
     )  # fmt: skip
 
@@ -97,7 +102,7 @@ def _none() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _texels(made: Lightmap, count: int, random: np.random.Generator) -> _Sample:
     from scipy import ndimage
 
-    # of hidden texels and those at rims nobody knows a truth: they hold what filtering wants of them
+    # Hidden texels and chart rims have no reference: they hold values for bilinear filtering
     inner = ndimage.binary_erosion(made.lit.seen, np.ones((3, 3)))
     same = ndimage.minimum_filter(made.owner, 3) == ndimage.maximum_filter(made.owner, 3)
     rows, columns = np.nonzero(inner & same)
@@ -109,7 +114,7 @@ def _texels(made: Lightmap, count: int, random: np.random.Generator) -> _Sample:
 
 
 def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sample:
-    # as often as their share of the surfaces: vertices crowd at contacts and shadows' edges, which are small and hard
+    # Area weighting: vertices crowd at contacts and shadow edges, which are small and difficult
     area = np.zeros(len(made.lit))
     faces = made.cut.faces
     np.add.at(area, faces, triangle_areas(made.cut.positions(made.receivers)[faces])[:, None])
@@ -120,33 +125,36 @@ def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sa
 
 
 def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, mapped and geometric normals, (N·16, 3) each, of a regular grid of points in the texels `at` (rows, columns): on
-    the surface itself, since beside a curved one its own shadow would count."""
+    """Return positions, mapped and geometric normals, (N·16, 3) each, on a regular grid in the texels `at` (rows, columns).
+
+    The points lie on the surface itself: next to a curved surface, its own shadow would count.
+    """
     side = math.isqrt(_WITHIN)
     steps = (np.arange(side) + 0.5) / side
     x, y = (v.ravel() for v in np.meshgrid(steps, steps))
-    corner = np.stack([at[1], at[0]], axis=1)  # of the texels, at their top left
+    corner = np.stack([at[1], at[0]], axis=1)  # top left corner of each texel
     points = corner[:, None] + np.stack([x, y], axis=1)
     flat = made.charts.corners
-    texel, triangle = _beside(flat.min(1), flat.max(1), corner)
+    texel, triangle = _candidates(flat.min(1), flat.max(1), corner)
     a, b, c = (flat[triangle, None, k] for k in range(3))
     p, second, third = points[texel] - a, b - a, c - a
     area = _cross(second, third)
     area = np.where(np.abs(area) > 1e-12, area, np.inf)
     u, v = _cross(p, third) / area, _cross(second, p) / area
-    within = np.where(np.isinf(area), -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))  # at least 0 in the triangle
+    within = np.where(np.isinf(area), -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))  # at least 0 inside the triangle
     number = texel[:, None] * _WITHIN + np.arange(_WITHIN)
     order = np.lexsort((within.ravel(), number.ravel()))
-    chosen = order[np.flatnonzero(np.diff(number.ravel()[order], append=-1))]  # the best one for each point
+    chosen = order[np.flatnonzero(np.diff(number.ravel()[order], append=-1))]  # the best triangle for each point
     u, v = (np.maximum(share.ravel()[chosen], 0.0) for share in (u, v))
     whole = np.maximum(u + v, 1.0)
     found = made.receivers.surfaces.at(triangle[chosen // _WITHIN], u / whole, v / whole)
     return found.position, found.mapped, found.front
 
 
-def _beside(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The pairs of a texel, by its top left corner (N, 2), and a triangle from `low` to `high`, (F, 2), that may have common
-    points: the numbers of both."""
+def _candidates(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return candidate pairs: indices of texels `corner` (N, 2) and of triangles with bounds `low` to `high` (F, 2) that may
+    overlap.
+    """
     step = max(_PAIRS // max(len(low), 1), 1)
     found = []
     for first in range(0, len(corner), step):
@@ -157,7 +165,7 @@ def _beside(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.n
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(...) the areas that vectors (..., 2) span."""
+    """Return the areas (...) spanned by vectors (..., 2)."""
     found: np.ndarray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return found
 

@@ -1,4 +1,4 @@
-"""`irrsplat bake`: light into files for other programs, and in a few lines what came of it."""
+"""`irrsplat bake`: bake light into files for other programs and print a short summary."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from irrsplat.app.bake.vertices import VertexLight
     from irrsplat.scene.model import Scene
 
-_OWN = {  # flags that only one kind of bake has, and their names where they are handed on
+_OWN = {  # flags of a single kind of bake, and their parameter names
     "lightmap": {"form": "form", "size": "size", "texel_samples": "texel_samples"},
     "vertices": {"cut": "cut", "most": "most"},
     "probes": {"grid": "grid"},
@@ -33,7 +33,7 @@ _ENDINGS = {"lightmap": (".glb",), "vertices": (".glb",), "probes": (".json", ".
 
 
 def check(args: argparse.Namespace) -> None:
-    """Raises InputError for what is wrong with the command line, as far as that can be said before the scene is there."""
+    """Raise InputError for errors on the command line that show before the scene is loaded."""
     settings.preset(args.preset, **args.values)
     for kind, own in _OWN.items():
         for name in own:
@@ -56,7 +56,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def run(scene: Scene, args: argparse.Namespace) -> int:
-    """Bake, write, and say what came of it; the exit status."""
+    """Bake, write the files and print a summary; return the exit status."""
     for notice in scene.notices:
         say(f"notice: {notice}")
     start = time.perf_counter()
@@ -71,22 +71,22 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
     outputs.write(args.output, save)
     for path in _outputs(args)[1:] if not outputs.failures else ():
         wrote(path)
-    told = _TOLD[args.to](made)
+    summary = _SUMMARIES[args.to](made)
     if args.stats is not None:
-        stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **told,
+        stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **summary,
                  "check": None if checked is None else asdict(checked), "preset": args.preset,
                  "settings": vars(settings.preset(args.preset, **args.values))}  # fmt: skip
         outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
-    if not told.get("converged", True):
+    if not summary.get("converged", True):
         say("notice: stopped before every place was served; raise --max-rounds or --a")
-    for words in _lines(told, seconds, checked):
+    for words in _lines(summary, seconds, checked):
         out(words)
-    outputs.tell()
+    outputs.raise_failures()
     return 0
 
 
 def _outputs(args: argparse.Namespace) -> list[str]:
-    """All files that are written, the one of -o first."""
+    """Return all files of the bake, the file of -o first."""
     more = (".png", ".exr") if args.to == "lightmap" else ()
     return [args.output, *(str(Path(args.output).with_suffix(ending)) for ending in more)]
 
@@ -117,26 +117,26 @@ def _probes(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake
     return bake_probes(scene, preset=args.preset, on_bake=on_bake, **own, **values)
 
 
-def _told_of_lightmap(made: Lightmap) -> dict[str, Any]:
+def _lightmap_summary(made: Lightmap) -> dict[str, Any]:
     share = float((made.owner >= 0).mean())
     return {"texels": made.charts.size, "used": share, "texel_metres": made.texel, "charts": int(made.charts.chart.max()) + 1,
             "records": made.records, "converged": made.converged}  # fmt: skip
 
 
-def _told_of_vertices(made: VertexLight) -> dict[str, Any]:
+def _vertices_summary(made: VertexLight) -> dict[str, Any]:
     return {"vertices": len(made.cut.root), "triangles": len(made.cut.faces), "complete": made.complete,
             "records": made.records, "converged": made.converged}  # fmt: skip
 
 
-def _told_of_probes(made: Probes) -> dict[str, Any]:
+def _probes_summary(made: Probes) -> dict[str, Any]:
     return {"probes": list(made.counts), "valid": int(made.valid.sum())}
 
 
 _BAKES = {"lightmap": _lightmap, "vertices": _vertices, "probes": _probes}
-_TOLD: dict[str, Callable[[Any], dict[str, Any]]] = {
-    "lightmap": _told_of_lightmap,
-    "vertices": _told_of_vertices,
-    "probes": _told_of_probes,
+_SUMMARIES: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "lightmap": _lightmap_summary,
+    "vertices": _vertices_summary,
+    "probes": _probes_summary,
 }
 
 
@@ -144,25 +144,26 @@ def _checked(made: Lightmap | VertexLight, args: argparse.Namespace, line: Any) 
     from irrsplat.app.bake.check import check as against_truth
 
     bounces = settings.preset(args.preset, **args.values).bounces
-    tell = None if line is None else lambda share: line(share, "tracing the truth", "truth")
-    return against_truth(made, args.check, bounces, tell)
+    notify = None if line is None else lambda share: line(share, "tracing the truth", "truth")
+    return against_truth(made, args.check, bounces, notify)
 
 
-def _lines(told: dict[str, Any], seconds: float, checked: Checked | None) -> Iterator[str]:
-    """What is printed."""
-    if "texels" in told:
+def _lines(summary: dict[str, Any], seconds: float, checked: Checked | None) -> Iterator[str]:
+    """Yield the lines of the summary."""
+    if "texels" in summary:
         yield (
-            f"lightmap    {told['texels']} x {told['texels']} texels, {told['used']:.0%} used by {told['charts']:,} charts, "
-            f"{1000.0 * told['texel_metres']:.3g} mm a texel"
+            f"lightmap    {summary['texels']} x {summary['texels']} texels, {summary['used']:.0%} used by "
+            f"{summary['charts']:,} charts, "
+            f"{1000.0 * summary['texel_metres']:.3g} mm a texel"
         )
-    if "vertices" in told:
-        yield f"vertices    {told['vertices']:,} of {told['triangles']:,} triangles"
-        if not told["complete"]:
+    if "vertices" in summary:
+        yield f"vertices    {summary['vertices']:,} of {summary['triangles']:,} triangles"
+        if not summary["complete"]:
             yield "not all     edges are cut that should be; raise --most or --cut"
-    if "probes" in told:
-        yield f"probes      {' x '.join(map(str, told['probes']))}, {told['valid']:,} of them not within solids"
-    if "records" in told:
-        yield f"records     {told['records']:,}"
+    if "probes" in summary:
+        yield f"probes      {' x '.join(map(str, summary['probes']))}, {summary['valid']:,} of them not within solids"
+    if "records" in summary:
+        yield f"records     {summary['records']:,}"
     yield f"time        {seconds:.1f} s"
     if checked is not None:
         yield checked.words

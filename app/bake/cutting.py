@@ -1,4 +1,4 @@
-"""Triangles that are cut at the middles of their edges, so that no edge has a vertex of a neighbour in it."""
+"""Conforming bisection of triangles at edge midpoints: no edge contains a vertex of a neighbour."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from irrsplat.app.bake.places import Receivers
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The edges of a Cut. ends: (E, 2) vertices; root, middle: (E,), (E, 3) a triangle on which the middle lies, and where;
-    length: (E,) metres. of_face: (F, 3) the edges of the faces, from corner k to the next. place: (E,) a number for each, the
-    same for those that lie in one place, at the rim of two meshes say."""
+    """Edges of a Cut.
+
+    ends: (E, 2) vertices. root, middle: (E,), (E, 3) a triangle of each midpoint and the barycentric coordinates there.
+    length: (E,) metres. of_face: (F, 3) edges of each face, from corner k to the next. place: (E,) a number shared by
+    coincident edges, for example at the rim of two meshes.
+    """
 
     ends: np.ndarray
     root: np.ndarray
@@ -23,8 +26,11 @@ class Edges:
     place: np.ndarray
 
     def conforming(self, marked: np.ndarray) -> np.ndarray:
-        """(E,) bool: the `marked` edges, and those that are to be cut as well: in the same place, and the longest one of every
-        face that is cut at all, so that no slivers come of it (Rivara 1984)."""
+        """Return the closure (E,) of the `marked` edges under conformity.
+
+        The closure has coincident edges and the longest edge of every face with a marked edge. Bisection of longest edges
+        avoids slivers (Rivara 1984).
+        """
         longest = self.of_face[np.arange(len(self.of_face)), self.longest]
         while True:
             places = np.zeros(self.place.max(initial=0) + 1, bool)
@@ -37,24 +43,25 @@ class Edges:
 
     @property
     def longest(self) -> np.ndarray:
-        """(F,) which of its three edges is the longest of each face; of equal ones that of the lowest place, for all faces
-        alike."""
+        """Index (F,) of the longest edge of each face; the lowest place breaks ties, consistently for all faces."""
         length = np.round(self.length / max(float(self.length.max(initial=0.0)), 1e-30), 6)[self.of_face]
         found: np.ndarray = np.lexsort((self.place[self.of_face], -length), axis=1)[:, 0]
         return found
 
     @property
     def keys(self) -> np.ndarray:
-        """(E,) a number of each edge, by which it is known as long as it is not cut."""
+        """Number (E,) of each edge, stable until the edge is cut."""
         found: np.ndarray = self.ends[:, 0] << 32 | self.ends[:, 1]
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Triangles of receivers, cut. faces: (F, 3) vertices; of: (F,) the receivers' triangle that each is a part of; shares:
-    (F, 3, 3) of that one's corners, where each corner lies. root, corner: (V,), (V, 3) the same of each vertex, on one of its
-    triangles."""
+    """Subdivided triangles of receivers.
+
+    faces: (F, 3) vertices. of: (F,) receiver triangle of each face. shares: (F, 3, 3) barycentric coordinates of each corner
+    in that triangle. root, corner: (V,), (V, 3) a triangle of each vertex and the barycentric coordinates there.
+    """
 
     faces: np.ndarray
     of: np.ndarray
@@ -64,7 +71,7 @@ class Cut:
 
     @staticmethod
     def whole(receivers: Receivers) -> Cut:
-        """The receivers' triangles as they are."""
+        """Return the receivers' triangles without cuts."""
         faces = receivers.surfaces.faces
         used, number = np.unique(faces, return_inverse=True)
         number = number.reshape(-1, 3)
@@ -75,13 +82,13 @@ class Cut:
         return Cut(number, np.arange(len(faces)), np.broadcast_to(np.eye(3), (len(faces), 3, 3)), root, corner)
 
     def positions(self, receivers: Receivers) -> np.ndarray:
-        """(V, 3) where the vertices lie."""
+        """Return the positions (V, 3) of the vertices."""
         surfaces = receivers.surfaces
         found: np.ndarray = (surfaces.positions[surfaces.faces[self.root]].astype(float) * self.corner[..., None]).sum(1)
         return found
 
     def edges(self, receivers: Receivers) -> Edges:
-        """The edges of all faces, each once."""
+        """Return the edges of all faces, each once."""
         following = [1, 2, 0]
         pairs = np.sort(np.stack([self.faces, self.faces[:, following]], axis=2).reshape(-1, 2), axis=1)
         ends, first, number = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
@@ -95,13 +102,13 @@ class Cut:
         return Edges(ends, self.of[face], middle, length, number.reshape(-1, 3), place.ravel())
 
     def divided(self, edges: Edges, marked: np.ndarray) -> Cut:
-        """The same with the `marked` edges cut, which conform; the new vertices come last, in the order of the edges."""
-        vertex = np.where(marked, len(self.root) + np.cumsum(marked) - 1, -1)[edges.of_face]  # in the middle of each edge
-        six = np.concatenate([self.faces, vertex], axis=1)  # corners 0..2, middles of edges 3..5
+        """Return the triangles with the conforming `marked` edges cut; new vertices come last, in edge order."""
+        vertex = np.where(marked, len(self.root) + np.cumsum(marked) - 1, -1)[edges.of_face]  # midpoint vertex of each edge
+        six = np.concatenate([self.faces, vertex], axis=1)  # corners 0..2, edge midpoints 3..5
         shares = np.concatenate([self.shares, 0.5 * (self.shares + self.shares[:, [1, 2, 0]])], axis=1)
         cut, longest = vertex >= 0, edges.longest
         made = [(np.flatnonzero(~cut.any(1)), [0, 1, 2])]
-        for k in range(3):  # across the longest edge, and then each half across its own old edge
+        for k in range(3):  # the longest edge first, then the remaining edge of each half
             a, b, c = k, (k + 1) % 3, (k + 2) % 3
             mine = cut.any(1) & (longest == k)
             for edge, whole, halves in (

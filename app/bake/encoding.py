@@ -1,4 +1,4 @@
-"""A lightmap as pictures of eight bits: what is about as bright is scaled together, what is far brighter has its own."""
+"""Lightmaps as 8-bit pictures: charts of similar brightness share a scale, much brighter spots have separate pictures."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from irrsplat.core.color import srgb
 if TYPE_CHECKING:
     from irrsplat.app.bake.lightmap import Form, Lightmap
 
-_CLIPPED = 0.005  # of all light, at most: by so much the brightest spots are dimmer in the pictures, not in the EXR
-_STEEP = 16.0  # a chart whose brightest texel is so many times its median is cut
-_STEP = 8.0  # from the median to the brightest of what is scaled together in such a chart, and from a picture to the next
-_SMALL = 256  # texels of a chart that is left as it is
-_SHORT = 6.0  # texels: edges that are not cut
-_ROUNDS, _MOST = 40, 100_000  # of cutting; and pieces, above which no more are made
+_CLIPPED = 0.005  # largest share of all light lost to clipping in the pictures; the EXR is complete
+_STEEP = 16.0  # ratio of a chart's brightest texel to its median above which it is cut
+_STEP = 8.0  # brightness ratio from the median to the brightest texel of a scale, and between pictures
+_SMALL = 256  # texels of the largest chart that stays whole
+_SHORT = 6.0  # texels: shortest edge that is cut
+_ROUNDS, _MOST = 40, 100_000  # rounds of cutting; limit of pieces
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A part of a map, from texel `first` (x, y): values (H, W, 3) of 0..1, linear."""
+    """Part of a map from texel `first` (x, y): linear values (H, W, 3) in 0..1."""
 
     first: tuple[int, int]
     values: np.ndarray
 
     @property
     def eight_bits(self) -> bytes:
-        """A PNG of 8 bits, sRGB-encoded, dithered: so the mean over some texels is right, whatever eight bits can hold."""
+        """An sRGB-encoded 8-bit PNG, dithered to keep the mean over several texels."""
         from PIL import Image
 
         display = 255.0 * srgb(self.values)
         y, x = np.indices(self.values.shape[:2])
-        # interleaved gradient noise (Jimenez 2014)
+        # Interleaved gradient noise (Jimenez 2014)
         noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
         data = io.BytesIO()
         shown = np.floor(display + noise[..., None]).clip(0, 255) * (self.values > 0.0)
@@ -46,11 +46,11 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """A map as pictures, and which of them the surfaces wear.
+    """Map as 8-bit pictures, and their assignment to surfaces.
 
-    cut: the surfaces' triangles, in pieces where a chart is far brighter at one place than elsewhere. part: (P,) of each piece,
-    an index into `strength` and `picture`, (G,): what a picture's 1 stands for, and which of the `pictures` it is; the first is
-    the whole map. limit: what is brighter is clipped, so that `clipped`, a share of all light on texels, is lost.
+    cut: triangles, in pieces where part of a chart is far brighter. part: (P,) index of each piece into `strength` and
+    `picture`. strength: (G,) value of a picture's 1. picture: (G,) index into `pictures`; the first is the whole map. limit:
+    clipping threshold. clipped: share of all light on texels above the limit.
     """
 
     cut: Cut
@@ -63,7 +63,7 @@ class Encoding:
 
     @staticmethod
     def of(made: Lightmap, form: Form) -> Encoding:
-        """That of the map of this form."""
+        """Encode the map of this form."""
         from scipy import ndimage
 
         values, on = getattr(made, form), made.owner
@@ -84,7 +84,7 @@ class Encoding:
         own = strength[group.ravel()]  # (charts,)
         cut, peak = _pieces(made, np.minimum(bright, limit), own, steep)
         chart = made.charts.chart[cut.of]
-        # 0: in the whole map; else by how many steps below the limit the picture ends, and one
+        # Level 0: the whole map; level k: k - 1 steps of _STEP below the limit
         level = 1 + np.floor(np.log(limit / np.maximum(peak, 1e-30)) / np.log(_STEP) + 1e-6).astype(np.int64)
         level = np.where(steep[chart] & (peak > own[chart]), level, 0)
         levels = np.unique(level[level > 0])
@@ -102,14 +102,16 @@ class Encoding:
     def pieces_of(
         self, attributes: dict[str, np.ndarray], faces: np.ndarray, first: int
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        """The pieces of a mesh of vertices with `attributes` (V, …) and `faces` (F, 3), whose first triangle is the receivers'
-        `first`: the attributes of its vertices, faces (P, 3), and their `part` (P,)."""
+        """Return the pieces of one mesh: vertex attributes, faces (P, 3) and their `part` (P,).
+
+        attributes: (V, …) by name. faces: (F, 3). first: receiver index of the first triangle.
+        """
         (mine,) = np.nonzero((self.cut.of >= first) & (self.cut.of < first + len(faces)))
         root, part = faces[self.cut.of[mine] - first], self.part[mine]
         if len(mine) == len(faces):
             return attributes, root, part
         shares = self.cut.shares[mine]
-        # a vertex of the cut surface is several where it lies in several places of the map
+        # Vertices at chart boundaries are duplicated for each map position
         key = np.concatenate([self.cut.faces[mine][..., None], _rounded(shares @ attributes["TEXCOORD_1"][root])], axis=2)
         _, chosen, number = np.unique(key.reshape(-1, 3), axis=0, return_index=True, return_inverse=True)
         corner = root.repeat(3, axis=0)[chosen], shares.reshape(-1, 3)[chosen]
@@ -119,21 +121,23 @@ class Encoding:
 
 
 def _rounded(uv: np.ndarray) -> np.ndarray:
-    """Coordinates of 0..1 as whole numbers."""
+    """Return coordinates of 0..1 as integers for exact comparison."""
     return np.round(uv * 1e7).astype(np.int64)
 
 
 def limit_of(values: np.ndarray) -> float:
-    """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
+    """Return the least limit that clips at most the share _CLIPPED of the sum of values (N,)."""
     down = np.sort(values)[::-1].astype(float)
-    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
+    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # clipped sum at each limit
     within = np.flatnonzero(excess <= _CLIPPED * down.sum())
     return float(down[within[-1]]) if len(within) else 0.0
 
 
 def _pieces(made: Lightmap, bright: np.ndarray, own: np.ndarray, steep: np.ndarray) -> tuple[Cut, np.ndarray]:
-    """The triangles, cut where a `steep` chart is brighter than its `own` strength at one end of a piece, and a step darker at
-    the other; and (P,) the brightest texel that each piece of such charts shows, 0 elsewhere."""
+    """Cut `steep` charts, and return the pieces with the brightest texel (P,) of each; 0 for other charts.
+
+    A piece is cut if one end is above the chart's `own` strength and the other is a step darker.
+    """
     cut, most = Cut.whole(made.receivers), np.zeros(0)
     for turn in range(_ROUNDS):
         chart = made.charts.chart[cut.of]
@@ -147,35 +151,37 @@ def _pieces(made: Lightmap, bright: np.ndarray, own: np.ndarray, steep: np.ndarr
         most[some] = np.maximum.reduceat(light.max(0), first)
         least = np.minimum.reduceat(light.min(0), first)
         floor = own[chart[some]]
-        wanted = np.zeros(len(cut.of), bool)
-        wanted[some] = (most[some] > floor) & (np.maximum(least, floor / _STEP) < most[some] / _STEP)
+        too_steep = np.zeros(len(cut.of), bool)
+        too_steep[some] = (most[some] > floor) & (np.maximum(least, floor / _STEP) < most[some] / _STEP)
         edges, flat = cut.edges(made.receivers), _corners(made, cut)
         longest = edges.longest
         each = np.arange(len(longest))
-        wanted &= np.linalg.norm(flat[each, (longest + 1) % 3] - flat[each, longest], axis=1) > _SHORT
-        if turn == _ROUNDS - 1 or not wanted.any() or len(cut.of) > _MOST:
+        too_steep &= np.linalg.norm(flat[each, (longest + 1) % 3] - flat[each, longest], axis=1) > _SHORT
+        if turn == _ROUNDS - 1 or not too_steep.any() or len(cut.of) > _MOST:
             break
         marked = np.zeros(len(edges.ends), bool)
-        marked[edges.of_face[each, longest][wanted]] = True
+        marked[edges.of_face[each, longest][too_steep]] = True
         cut = cut.divided(edges, edges.conforming(marked))
     return cut, most
 
 
 def _corners(made: Lightmap, cut: Cut) -> np.ndarray:
-    """(P, 3, 2) texels: where the corners of pieces lie in the map."""
+    """Return the corners (P, 3, 2) of pieces in the map, in texels."""
     found: np.ndarray = cut.shares @ made.charts.corners[cut.of]
     return found
 
 
 def _texels_of(flat: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 4) the texels, counted row by row, that bilinear filtering looks at anywhere on triangles `flat` (T, 3, 2); and (N,) on
-    which of them, in their order: points no further apart than half a texel are tried."""
+    """Return texels (N, 4), numbered row by row, of bilinear lookups on triangles `flat` (T, 3, 2), and triangle indices (N,).
+
+    Sample points are at most half a texel apart; the results are in triangle order.
+    """
     sides = np.linalg.norm(flat - flat[:, [1, 2, 0]], axis=2).max(1)
     steps = np.ceil(2.0 * sides).astype(np.int64) + 1
     counts = (steps + 1) * (steps + 2) // 2
     piece = np.repeat(np.arange(len(flat)), counts)
     number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-    row = np.floor((np.sqrt(8.0 * number + 1.0) - 1.0) / 2.0).astype(np.int64)  # row r has the numbers from r(r + 1)/2 on
+    row = np.floor((np.sqrt(8.0 * number + 1.0) - 1.0) / 2.0).astype(np.int64)  # row r starts at number r(r + 1)/2
     second = (number - row * (row + 1) // 2) / steps[piece]
     first = row / steps[piece] - second
     a, b, c = (flat[piece, k] for k in range(3))
@@ -185,7 +191,7 @@ def _texels_of(flat: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _part_of(made: Lightmap, values: np.ndarray, cut: Cut, mine: np.ndarray) -> Picture:
-    """The part of a map that the pieces which are `mine` (P,) show, black where no other one does."""
+    """Return the part of a map that the pieces `mine` (P,) need, black elsewhere."""
     size = made.charts.size
     where, _ = _texels_of(_corners(made, cut)[mine], size)
     shown = np.zeros(size * size, bool)

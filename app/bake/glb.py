@@ -1,4 +1,4 @@
-"""Binary glTF 2.0, written: accessors, images, materials, meshes and cameras, as JSON and one buffer."""
+"""Binary glTF 2.0 writer: accessors, images, materials, meshes and cameras as JSON and one buffer."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ from irrsplat.scene.model import Camera, Image, Material, Texture
 
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _KINDS = {np.dtype(np.float32): 5126, np.dtype(np.uint32): 5125}
-_ARRAY, _ELEMENTS = 34962, 34963  # targets of buffer views: vertices, indices
+_ARRAY, _ELEMENTS = 34962, 34963  # buffer view targets: vertices, indices
 _WRAPS = {"clamp": 33071, "mirror": 33648, "repeat": 10497}
 _NEAREST, _LINEAR, _MIPMAPS = 9728, 9729, 9987
-_FAR = 1e4  # metres that a camera sees at most
+_FAR = 1e4  # metres: far plane of cameras
 
 
 class Glb:
-    """A glTF file in the making. `extras` goes into its asset: what a reader has to know. origin: metres, where its 0 0 0 is in
-    the world: a node that all others hang on is moved there, so that float32 does for positions."""
+    """glTF file under construction.
+
+    extras: metadata of the asset. origin: world position in metres of the local origin. A root node has this translation, so
+    that float32 suffices for positions.
+    """
 
     def __init__(self, extras: Mapping[str, object], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.json: dict[str, Any] = {
@@ -39,16 +42,16 @@ class Glb:
         self._data = bytearray()
         self._images: dict[int, int] = {}
         self._textures: dict[object, int] = {}
-        self._kept: list[Image] = []  # so that no id is used twice
+        self._kept: list[Image] = []  # references that keep the ids unique
 
     def add(self, kind: str, entry: Mapping[str, Any]) -> int:
-        """Append an entry to the list `kind`; its index."""
+        """Append an entry to the list `kind`; return its index."""
         entries = self.json.setdefault(kind, [])
         entries.append(dict(entry))
         return len(entries) - 1
 
     def use(self, extension: str) -> None:
-        """Name an extension that is used."""
+        """Register an extension as used."""
         used = self.json.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
@@ -60,7 +63,7 @@ class Glb:
         return self.add("bufferViews", view if target is None else view | {"target": target})
 
     def accessor(self, values: np.ndarray, bounds: bool = False) -> int:
-        """An accessor of (N, 2..4) vertex attributes, or of (N,) uint32 indices."""
+        """Add an accessor of (N, 2..4) vertex attributes, or of (N,) uint32 indices."""
         values = np.ascontiguousarray(values)
         index = values.ndim == 1
         entry: dict[str, Any] = {
@@ -74,12 +77,12 @@ class Glb:
         return self.add("accessors", entry)
 
     def picture(self, data: bytes, name: str) -> int:
-        """A texture of an encoded PNG, clamped and bilinear, without smaller copies: these would mix charts."""
+        """Add an encoded PNG as a texture: clamped, bilinear, without mipmaps, which would mix charts."""
         image = self.add("images", {"bufferView": self._view(data), "mimeType": "image/png", "name": name})
         return self._texture(image, ("clamp", "clamp"), nearest=False, mipmaps=False)
 
     def texture(self, texture: Texture) -> int:
-        """A texture of a scene's image."""
+        """Add a texture of the scene."""
         from PIL import Image as Pillow
 
         key = id(texture.image)
@@ -105,7 +108,7 @@ class Glb:
         return self._textures[key]
 
     def material(self, material: Material, base: Sequence[float], two_sided: bool) -> dict[str, Any]:
-        """A material that reflects `base` (3,) diffusely and nothing else, of this one's opacity; the caller goes on with it."""
+        """Return a new material entry: diffuse reflectance `base` (3,), no specular part, and the opacity of `material`."""
         self.use("KHR_materials_specular")
         entry: dict[str, Any] = {
             "pbrMetallicRoughness": {
@@ -123,8 +126,11 @@ class Glb:
         return entry
 
     def part(self, texture: dict[str, Any], size: int, first: tuple[int, int], shape: tuple[int, ...]) -> dict[str, Any]:
-        """What a material says of a `texture` that is the part of a square picture from texel `first` (x, y) on, of `shape`
-        (rows, columns): coordinates are those of the whole picture of `size` texels a side."""
+        """Return the texture reference for a picture that covers a part of a square map.
+
+        first: (x, y) texel of the part's corner. shape: (rows, columns). Texture coordinates refer to the map of `size`
+        texels per side.
+        """
         height, width = shape
         if (width, height) == (size, size):
             return texture
@@ -133,7 +139,7 @@ class Glb:
         return {**texture, "extensions": {"KHR_texture_transform": moved}}
 
     def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, Any] | None = None) -> None:
-        """Let a material emit `color` (3,) in W/(m² sr), times a texture."""
+        """Set the emitted radiance of a material: `color` (3,) in W/(m² sr), multiplied by a texture."""
         strength = max(map(float, color))
         if strength > 0.0:
             self.use("KHR_materials_emissive_strength")
@@ -143,7 +149,7 @@ class Glb:
                 entry["emissiveTexture"] = dict(texture)
 
     def mesh(self, name: str, attributes: Mapping[str, np.ndarray], parts: Sequence[tuple[np.ndarray, int]]) -> None:
-        """A mesh with a node of its own. attributes: (V, …) by their names in glTF; parts: faces (F, 3), and their material."""
+        """Add a mesh and its node. attributes: (V, …) by glTF name. parts: faces (F, 3) and their material."""
         accessors = {
             key: self.accessor(values.astype(np.float32), bounds=key == "POSITION") for key, values in attributes.items()
         }
@@ -155,7 +161,7 @@ class Glb:
         self._node(named | {"mesh": self.add("meshes", named | {"primitives": primitives})})
 
     def camera(self, camera: Camera) -> None:
-        """A camera where the scene has one."""
+        """Add a camera of the scene."""
         entry = {"type": "perspective", "perspective": {"yfov": math.radians(camera.fov), "znear": 0.01, "zfar": _FAR}}
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = camera.axes.T, camera.eye
@@ -166,7 +172,7 @@ class Glb:
         self._nodes.append(self.add("nodes", node))
 
     def encoded(self) -> bytes:
-        """The file."""
+        """Return the bytes of the file."""
         self._data += b"\0" * (-len(self._data) % 4)
         text = json.dumps(self.json | {"buffers": [{"byteLength": len(self._data)}]}, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)

@@ -1,6 +1,7 @@
-"""The light at points on surfaces by irradiance records, without any view: gathered where none serves a point, splatted there.
+"""Light at points on surfaces from irradiance records, without a view: records are gathered at under-covered points and
+splatted.
 
-It is the renderer's own method, by its own stages; only how splats find what they reach is another one (splats.py).
+The method is the renderer's, with its stages; only the search for points within a splat's reach differs (splats.py).
 """
 
 from __future__ import annotations
@@ -28,14 +29,16 @@ from irrsplat.meter.lit_scene import LitScene
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SettingValues, preset
 
-OnBake = Callable[[float, str], None]  # called with the share that is done, 0..1, and words
-_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # rounds take a camera, which matters to windows alone
+OnBake = Callable[[float, str], None]  # called with the completed share 0..1 and a message
+_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the rounds take one, but only a view depends on it
 
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What records say at places, (H, W, 3) W/m², where `served` (H, W) bool; how many records there are by then, and whether no
-    place asked for more."""
+    """Light of records at places: irradiance (H, W, 3) in W/m², valid where `served` (H, W).
+
+    records: records in the cache. converged: True if no place requests another record.
+    """
 
     irradiance: np.ndarray
     served: np.ndarray
@@ -44,10 +47,10 @@ class Gathered:
 
 
 class PlaceLight(Tenant):
-    """Light at any points on a scene's surfaces. The records stay, so that further points cost only what is new.
+    """Light at any points on a scene's surfaces; records stay, so that further points add only missing ones.
 
-    scene: recentred and local. preset, settings: of the stages shadow, gather, splat and examine.
-    Raises InputError for settings that cannot be, GLError where there is no OpenGL 3.3.
+    scene: recentred and local. preset, settings: settings of the stages shadow, gather, splat and examine. Raises InputError
+    for invalid settings, GLError without OpenGL 3.3.
     """
 
     def __init__(
@@ -61,12 +64,14 @@ class PlaceLight(Tenant):
             self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.lit.timers))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees; the context is apart."""
+        """Return the GPU resources to free; the context is separate."""
         return (self.scheduler, self.lit)
 
     def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> Gathered:
-        """The light that records hold at these places, of all bounces, and of emitters and the sky; more are gathered until all
-        places are served. texel: metres from a place to the next."""
+        """Return indirect light, light of emitters and of the sky at these places; gather until all places are covered.
+
+        texel: metres between places.
+        """
         self._use()
         empty = np.zeros((*where.seen.shape, 3), np.float32)
         if not self.settings.most_bounces or not where.seen.any():
@@ -95,14 +100,14 @@ class PlaceLight(Tenant):
         return Gathered(irradiance, served, self.cache.count, view.settled is not None)
 
     def _reach(self, texel: float) -> Reach:
-        """The bounds that a view sets elsewhere: the image height there is the side of a cube with the scene's diagonal here."""
+        """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""
         side = self.scene.diagonal / np.sqrt(3.0) / 100.0
         greatest = self.settings.radius_max * side or self.scene.diagonal
         least = max(self.settings.radius_min * side, texel)
         return Reach(min(least, greatest), greatest, texel)
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
-        """Return (H, W, 3) W/m², the irradiance of lights with their shadows. number: of the subtexel sample."""
+        """Return the irradiance (H, W, 3) of lights with shadows, in W/m²; number: index of the subtexel sample."""
         self._use()
         with _Drawn(self.ctx, where, True) as drawn:
             found = np.zeros((*where.seen.shape, 3), np.float32)
@@ -116,12 +121,12 @@ class PlaceLight(Tenant):
 
 
 def _colours(texture: moderngl.Texture) -> np.ndarray:
-    """(H, W, 3) of an RGBA32F texture, in the order of its rows."""
+    """Return the colours (H, W, 3) of an RGBA32F texture, in its row order."""
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, -1)[..., :3]
 
 
 class _Drawn(Owner):
-    """Places as a g-buffer. bends: whether mapped normals are in it, where there are any."""
+    """G-buffer of places; bends: include mapped normals if the surfaces have them."""
 
     def __init__(self, ctx: moderngl.Context, where: Places, bends: bool) -> None:
         octahedral = np.zeros((2, *where.seen.shape), np.float32)
@@ -144,5 +149,5 @@ class _Drawn(Owner):
         self.gbuffer = GBuffer(position, normal, albedo, emission, self.textures[4] if mapped else None)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the GPU resources to free."""
         return tuple(self.textures)

@@ -1,4 +1,4 @@
-"""Lightmaps: light on all surfaces of a scene in one square picture, and a glTF file that shows it."""
+"""Lightmaps: all surfaces of a scene in one square picture, and a glTF file with this picture."""
 
 from __future__ import annotations
 
@@ -28,20 +28,19 @@ from irrsplat.settings import SettingValues
 
 Light = Literal["all", "indirect"]
 Form = Literal["radiance", "irradiance"]
-SIZE, SAMPLES = 1024, 8  # by default: texels along a side, and points of each texel that lamps and textures are looked at
-MOST = 8192  # texels along a side
-_GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 sequence is made (Roberts 2018)
+SIZE, SAMPLES = 1024, 8  # defaults: texels per side; sample points per texel for direct light and textures
+MOST = 8192  # texels per side
+_GOLDEN = 1.32471795724474602596  # root of x³ = x + 1, the base of the R2 sequence (Roberts 2018)
 
 
 @dataclass(frozen=True, eq=False)
 class Lightmap:
-    """Light on surfaces as pictures (S, S, 3) of float32, top row first, where TEXCOORD_1 = (0, 0) is the top left corner.
+    """Light on surfaces as float32 pictures (S, S, 3), top row first; TEXCOORD_1 = (0, 0) is the top left corner.
 
-    irradiance: W/m², with or without the direct light; radiance: W/(m² sr), what the surfaces send out by it, and what
-    they emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the
-    surfaces of `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the number of the chart that a
-    texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre. texel: metres along the side of one, on
-    the mean. records, converged: as a render has them.
+    irradiance: W/m², with or without direct light. radiance: W/(m² sr), reflected and emitted. indirect, direct: parts of the
+    irradiance before seam matching. charts: layout of the surfaces of `receivers`. lit: lit points. owner: (S, S) chart of
+    each texel, -1 for none. samples: (x, y) offsets of a texel's sample points from its centre. texel: mean texel side in
+    metres. records, converged: as in a render.
     """
 
     receivers: Receivers
@@ -60,10 +59,10 @@ class Lightmap:
     checks = "texels"
 
     def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
-        """Write a .glb, and beside it the map as a 16-bit .png and as an .exr; the names of all three.
+        """Write a .glb and, with the same stem, the map as a 16-bit .png and an .exr; return the three paths.
 
-        form: "radiance", materials that are black and emit the map; "irradiance", the scene's own materials, with the map apart.
-        Each file appears whole or not at all; raises InputError for another ending, IrrsplatError where one cannot be written.
+        form: "radiance": black materials that emit the map; "irradiance": the scene's own materials and a separate map. Each
+        file appears complete or not at all. Raises InputError for another ending, IrrsplatError for a failed write.
         """
         glb = Path(path)
         if glb.suffix.lower() != ".glb":
@@ -87,32 +86,31 @@ def bake_lightmap(
     ctx: moderngl.Context | None = None,
     **settings: Unpack[SettingValues],
 ) -> Lightmap:
-    """The lightmap of a scene, `size` texels a side.
+    """Bake the lightmap of a scene, `size` texels per side.
 
-    light: "all", or "indirect": "all" without direct light.
-    texel_samples: points of a texel at which lights and textures are sampled. preset, settings: as Renderer's, those of the
-    stages shadow, gather, splat and examine. on_bake: called with the share done, and words. ctx: as
-    Renderer's. Raises InputError for what cannot be, and where the extra `bake` is not installed; GLError where there is no
-    OpenGL.
+    light: "all", or "indirect": "all" without direct light. texel_samples: points per texel at which lights and textures are
+    sampled. preset, settings: Renderer settings of the stages shadow, gather, splat and examine. on_bake: called with the
+    completed share and a message. ctx: as in Renderer. Raises InputError for invalid arguments or without the extra `bake`;
+    GLError without OpenGL.
     """
     check_type("what a lightmap is baked of", scene, Scene)
     if not 16 <= size <= MOST or texel_samples < 1:
         raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {texel_samples}")
-    told = on_bake or (lambda share, words: None)
-    told(0.0, "unwrapping")
+    notify = on_bake or (lambda share, words: None)
+    notify(0.0, "unwrapping")
     receivers = Receivers.of(scene, ctx)
     charts = unwrap(receivers, size)
     with PlaceLight(receivers.scene, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
         try:
-            return _baked(receivers, charts, chartist, lights, light, texel_samples, told)
+            return _baked(receivers, charts, chartist, lights, light, texel_samples, notify)
         finally:
             if lights.ctx is ctx:
                 chartist.release()
 
 
 def _baked(
-    receivers: Receivers, charts: Charts, chartist: Chartist, lights: PlaceLight, light: Light, samples: int, told: OnBake
+    receivers: Receivers, charts: Charts, chartist: Chartist, lights: PlaceLight, light: Light, samples: int, notify: OnBake
 ) -> Lightmap:
     scene, texel = receivers.scene, _texel(receivers, charts)
     triangle, u, v = chartist.nearest()
@@ -120,17 +118,17 @@ def _baked(
     all_of_them = places(receivers, triangle, u, v)
     unseen = hidden(scene, all_of_them)
     lit = all_of_them.but(unseen)
-    gathered = lights.gathered(lit, texel, lambda share, words: told(0.1 + 0.7 * share, words))
+    gathered = lights.gathered(lit, texel, lambda share, words: notify(0.1 + 0.7 * share, words))
     lit = lit.but(~gathered.served)
 
     from scipy import ndimage
 
-    beside = ndimage.binary_dilation(unseen, iterations=1)  # a texel beside what is hidden may have points that are hidden too
+    beside = ndimage.binary_dilation(unseen, iterations=1)  # texels next to hidden texels may have hidden sample points
     offsets = _offsets(samples)
     sums = {name: np.zeros((*lit.seen.shape, 3)) for name in ("direct", "reflected", "albedo", "emission")}
     count = np.zeros(lit.seen.shape)
     for number, (x, y) in enumerate(offsets):
-        told(0.8 + 0.2 * number / len(offsets), "lamps and textures")
+        notify(0.8 + 0.2 * number / len(offsets), "lights and textures")
         some = lit if number == 0 else places(receivers, *_where(chartist.at(x, y), lit.seen))
         if number and beside.any():
             some = some.but(_hidden_at(scene, some, beside))
@@ -167,24 +165,24 @@ def _baked(
 
 
 def _where(at: tuple[np.ndarray, np.ndarray, np.ndarray], seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same points, none where nothing is `seen` at the texel's own point."""
+    """Drop sample points of texels whose centre has no point (`seen`)."""
     return np.where(seen, at[0], -1), at[1], at[2]
 
 
 def _hidden_at(scene: Scene, some: Places, where: np.ndarray) -> np.ndarray:
-    """(H, W) which points are hidden, of those `where` (H, W) is True."""
+    """Return a mask (H, W) of hidden points; only points in the mask `where` (H, W) are tested."""
     return hidden(scene, some.but(~where))
 
 
 def _offsets(count: int) -> np.ndarray:
-    """(count, 2) points of a texel from its centre, in texels, spread evenly (the R2 sequence); the first is the centre."""
+    """Return `count` evenly spread offsets (count, 2) from a texel's centre, in texels (R2 sequence); the first is the centre."""
     steps = np.arange(count)[:, None] * np.array([1.0 / _GOLDEN, 1.0 / _GOLDEN**2])
     offsets: np.ndarray = (steps + 0.5) % 1.0 - 0.5
     return offsets
 
 
 def _texel(receivers: Receivers, charts: Charts) -> float:
-    """Metres along the side of a texel, on the mean over all surfaces."""
+    """Return the mean texel side over all surfaces, in metres."""
     corners, flat = receivers.surfaces.positions[receivers.surfaces.faces].astype(float), charts.corners
     area = triangle_areas(np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=-1)).sum()
     return float(np.sqrt(triangle_areas(corners).sum() / max(area, 1e-20)))
@@ -194,13 +192,13 @@ def _texel(receivers: Receivers, charts: Charts) -> float:
 
 
 def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> bytes:
-    """The bytes of the .glb that `Lightmap.save` writes."""
+    """Return the bytes of the .glb of `Lightmap.save`."""
     encoding = encoding or Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
-    told = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
-    glb = Glb({"irrsplat": told | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
+    about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
+    glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
-    worn = []  # what a material says of each picture
+    worn = []  # texture reference of each picture
     for i, picture in enumerate(encoding.pictures):
         index = glb.picture(picture.eight_bits, f"{form} of {made.light} light, {unit}" + (f", bright spots {i}" if i else ""))
         worn.append(glb.part({"index": index, "texCoord": 1}, size, picture.first, picture.values.shape[:2]))
@@ -241,7 +239,7 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
 
 
 def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -> dict[str, Any]:
-    """A mesh's own material, diffuse, with those of its textures that lie as `lying` does."""
+    """Return a mesh's diffuse material with the textures that share the coordinates of `lying`."""
     material: Material = mesh.material
     entry = glb.material(material, (1.0, 1.0, 1.0) if mesh.colors is not None else material.albedo, two_sided)
     alike = {
@@ -259,19 +257,19 @@ def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -
 
 
 def info(glb: Glb, texture: Texture) -> dict[str, Any]:
-    """What a material says of a texture."""
+    """Return the glTF reference to a texture."""
     return {"index": glb.texture(texture)}
 
 
 def texture_coordinates(uvs: np.ndarray, texture: Texture) -> np.ndarray:
-    """(V, 2) where the texture's image is at vertices of coordinates (V, 4), as glTF has it without any transform."""
+    """Return transformed coordinates (V, 2) of a texture for vertices with coordinates (V, 4): the file has no transform."""
     a, b, c, d, e, f = texture.transform
     u, v = uvs[:, 2 * texture.uv_set : 2 * texture.uv_set + 2].astype(float).T
     return np.stack([a * u + b * v + c, d * u + e * v + f], axis=1)
 
 
 def unit_normals(mesh: Mesh, vertex: np.ndarray) -> np.ndarray:
-    """(V, 3) the normals of copies of a mesh's vertices, of unit length in float64 as glTF wants it; up where there is none."""
+    """Return float64 unit normals of copies of a mesh's vertices, as glTF requires; +y where a normal is zero."""
     normals = mesh.normals[vertex].astype(float)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     found: np.ndarray = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), (0.0, 1.0, 0.0))

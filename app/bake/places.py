@@ -1,4 +1,4 @@
-"""Where light is baked: the sides of surfaces that any light reaches, and points on them, laid out as a picture."""
+"""Sample points of a bake: the lit sides of surfaces, and points on them as a picture."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ from irrsplat.scene import ray_caster
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene
 
-_TRIED = 48  # triangles of an open mesh, on both sides, at most
-_DARK = 1e-3  # of the brightest place that is tried: a side with less light counts as dark
-_AROUND = 8  # directions, beside the normal, in which that is tried
+_TRIED = 48  # triangles of an open mesh that are tested on both sides, at most
+_DARK = 1e-3  # share of the brightest tested point: a darker side counts as unlit
+_AROUND = 8  # tested directions around the normal
 
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """The surfaces of a scene that light is baked on: `meshes`, whose front is the side in question, so that one that is lit from
-    both sides is there twice; `sources`, of each the index of the scene's mesh; `both`, whether it is there twice; `triangle`,
-    (F,) the number that the renderer knows each of their triangles by; `origin`, where 0 0 0 of all this is in the world.
+    """Surfaces that receive baked light.
+
+    meshes: their front is the lit side; a mesh lit on both sides occurs twice. sources: index of each mesh in the scene.
+    both: True for meshes that occur twice. triangle: (F,) the renderer's triangle numbers. origin: world position of the
+    local origin.
     """
 
     scene: Scene
@@ -38,18 +40,20 @@ class Receivers:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """All of them as one table of triangles."""
+        """One table of all triangles."""
         return Surfaces.of(replace(self.scene, meshes=self.meshes))
 
     @cached_property
     def mesh_of(self) -> np.ndarray:
-        """(F,) the number of the mesh that each of their triangles is of."""
+        """Index (F,) of each triangle's mesh."""
         return np.repeat(np.arange(len(self.meshes)), [len(mesh.faces) for mesh in self.meshes])
 
     @staticmethod
     def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
-        """Those of a scene, relative to its origin, in the order in which it has its meshes: of each the side that light reaches,
-        or both of them. ctx: as LightMeter's; without one, the context that was current is no longer."""
+        """Return the lit sides of a scene's meshes, in the scene's order and relative to its origin.
+
+        ctx: as in LightMeter. Without a context, the previously current context is no longer current.
+        """
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
         ordered, first, at = in_order(scene), {}, 0
@@ -73,10 +77,10 @@ class Receivers:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Points on surfaces as a picture of H×W, with gaps. All float32 but the last two.
+    """Points on surfaces as an H×W picture with gaps; all arrays but the last two are float32.
 
-    position, normal, mapped, geometric: (H, W, 3) world space; normals are unit, `mapped` is bent by the normal map. albedo,
-    emission: (H, W, 3). triangle: (H, W) the number that the renderer knows. seen: (H, W) bool, where there is a point.
+    position, normal, mapped, geometric: (H, W, 3) world space; unit normals, `mapped` with the normal map. albedo, emission:
+    (H, W, 3). triangle: (H, W) the renderer's triangle number. seen: (H, W) bool, True at points.
     """
 
     position: np.ndarray
@@ -90,16 +94,16 @@ class Places:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height."""
+        """Width and height in texels."""
         return self.seen.shape[1], self.seen.shape[0]
 
     def but(self, hidden: np.ndarray) -> Places:
-        """The same without the points that are `hidden` (H, W)."""
+        """Return the places without the `hidden` (H, W) points."""
         return replace(self, seen=self.seen & ~hidden)
 
 
 def places(receivers: Receivers, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> Places:
-    """The points a + u(b - a) + v(c - a) of the receivers' triangles, all of (H, W); triangle: -1 for none."""
+    """Return the points a + u(b - a) + v(c - a) of the receivers' triangles (H, W); triangle: -1 for none."""
     seen = triangle >= 0
     found: Points = receivers.surfaces.at(triangle[seen], u[seen], v[seen])
 
@@ -115,7 +119,7 @@ def places(receivers: Receivers, triangle: np.ndarray, u: np.ndarray, v: np.ndar
 
 
 def hidden(scene: Scene, where: Places) -> np.ndarray:
-    """(H, W) bool: the points where nobody sees anything, within solids, or where another surface lies on theirs."""
+    """Return a mask (H, W) of invisible points: inside solids, or covered by another surface."""
     found = np.zeros(where.seen.shape, bool)
     at = where.position[where.seen].astype(float)
     n = where.geometric[where.seen].astype(float)
@@ -126,9 +130,9 @@ def hidden(scene: Scene, where: Places) -> np.ndarray:
 
 
 def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(N,) whether something stands close before points (N, 3), however they look along normals (N, 3)."""
+    """Return a mask (N,) of points with close geometry in all directions around their normals (N, 3)."""
     covered = np.ones(len(points), bool)
-    if not ray_caster.available():  # the records that are gathered there then tell, with more of them
+    if not ray_caster.available():  # without a ray caster, records at the hidden points decide, at a higher cost
         return ~covered
     meshes = [mesh for mesh in scene.meshes if len(mesh.faces)]
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
@@ -145,13 +149,15 @@ def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarra
 
 
 def _turned(mesh: Mesh) -> Mesh:
-    """The mesh with its back as its front."""
+    """Return the mesh with its back as its front."""
     return replace(mesh, faces=np.ascontiguousarray(mesh.faces[:, ::-1]), normals=-mesh.normals, closed=False)
 
 
 def _lit_sides(scene: Scene, ctx: moderngl.Context | None) -> list[tuple[str, ...]]:
-    """Of each mesh the sides that any light reaches, "front" and "back": of closed and of one-sided ones the front. Where none is
-    lit that is the front as well."""
+    """Return the lit sides of each mesh, "front" and "back".
+
+    Closed, one-sided and unlit meshes have the front.
+    """
     tried = {i: mesh for i, mesh in enumerate(scene.meshes) if len(mesh.faces) and not mesh.closed and mesh.material.double_sided}
     found: list[tuple[str, ...]] = [("front",)] * len(scene.meshes)
     if not tried:
@@ -169,7 +175,7 @@ def _lit_sides(scene: Scene, ctx: moderngl.Context | None) -> list[tuple[str, ..
     at, n, of = np.concatenate(points), np.concatenate(normals), np.concatenate(owner)
     if not len(at):
         return found
-    # one bounce: the surface cache, which lights what further ones see, lets some light seep under what stands on the ground
+    # One bounce: the surface cache leaks some light under objects on the ground
     with LightMeter(scene, "preview", ctx, bounces=1) as meter:
         readings = meter.measure(np.concatenate([at, at]), np.concatenate([n, -n]))
     light = np.where(readings.status == Status.OK, readings.total.max(1), 0.0).reshape(2, -1)

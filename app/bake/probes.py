@@ -1,8 +1,7 @@
-"""Probes: irradiance at the places of a grid, about every direction, by spherical harmonics of second order (nine numbers a
-colour).
+"""Irradiance probes on a grid, as spherical harmonics of second order (nine coefficients per colour).
 
-E(n) = Σ c_i·Y_i(n), with the real basis Y of `basis` (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance
-Environment Maps"): what stands in a file is irradiance itself, convolved already.
+E(n) = Σ c_i·Y_i(n), with the real basis Y of `basis` (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for
+Irradiance Environment Maps"). Files hold irradiance: the cosine convolution is already applied.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from irrsplat.settings import SettingValues
 
 ENDINGS = (".json", ".npz")
 MOST = 1_000_000  # probes
-_DIRECTIONS = 32  # about which irradiance is measured at each probe: of what is no light above the second order little is left
-_WITHIN = 0.5  # of the directions about which a probe within a solid sees nothing but it, at least
-_USUAL = 8  # probes along the longest side of the scene, where no grid is given
-_BATCH = 256  # probes between two reports
+_DIRECTIONS = 32  # normals per probe: enough to suppress aliasing from light above the second order
+_WITHIN = 0.5  # share of blocked directions above which a probe counts as inside a solid
+_USUAL = 8  # probes along the longest side of the scene by default
+_BATCH = 256  # probes between two progress reports
 _FORMAT = 1
 BASIS = (
     "Y = (0.282095, 0.488603 y, 0.488603 z, 0.488603 x, 1.092548 x y, 1.092548 y z, 0.315392 (3 z^2 - 1), 1.092548 x z, "
@@ -42,7 +41,7 @@ BASIS = (
 
 
 def basis(directions: np.ndarray) -> np.ndarray:
-    """(N, 9) the real spherical harmonics up to second order of unit vectors (N, 3), in the order of BASIS."""
+    """Return the real spherical harmonics (N, 9) up to second order of unit vectors (N, 3), in the order of BASIS."""
     x, y, z = np.asarray(directions, float).T
     one = np.ones_like(x)
     rows = [
@@ -58,10 +57,10 @@ def basis(directions: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Probes:
-    """A grid of probes: `origin` (3,) is the first, `step` (3,) metres to the next along x, y and z, `counts` (3,) of them.
+    """Grid of probes: `origin` (3,) is the first probe, `step` (3,) the spacing in metres, `counts` (3,) the size.
 
-    coefficients: (Z, Y, X, 9, 3) W/m² of red, green and blue by the basis above. valid: (Z, Y, X) bool, False for a probe
-    within a solid, which has the numbers of the nearest valid one, so that what is interpolated beside it is not dark.
+    coefficients: (Z, Y, X, 9, 3) W/m² for red, green and blue. valid: (Z, Y, X) bool, False inside solids. An invalid probe
+    holds the nearest valid probe's coefficients, so that interpolation next to it is not dark.
     """
 
     origin: np.ndarray
@@ -71,8 +70,10 @@ class Probes:
     valid: np.ndarray
 
     def irradiance(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(N, 3) W/m² at points (N, 3) about unit normals (N, 3): trilinear between the probes, as the documented GLSL has it;
-        beyond the grid as at its rim."""
+        """Return irradiance (N, 3) in W/m² at points (N, 3) with unit normals (N, 3).
+
+        The interpolation is trilinear, as in the documented GLSL; points outside the grid have the values of its boundary.
+        """
         at = (np.asarray(points, float) - self.origin) / self.step
         last = np.array(self.counts) - 1
         low = np.clip(np.floor(at), 0, np.maximum(last - 1, 0)).astype(np.int64)
@@ -86,10 +87,12 @@ class Probes:
         return light
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
-        """Write a .json or .npz, completely or not at all; its name. Raises InputError for another ending, IrrsplatError where it
-        cannot be written."""
+        """Write a .json or .npz, completely or not at all; return its path.
+
+        Raises InputError for another ending, IrrsplatError for a failed write.
+        """
         target = Path(path)
-        told = {
+        about = {
             "format": "irrsplat probes",
             "version": _FORMAT,
             "unit": "W/m2",
@@ -102,11 +105,11 @@ class Probes:
         }
         if target.suffix.lower() == ".json":
             arrays = {"valid": self.valid.ravel().astype(int).tolist(), "coefficients": _rounded(self.coefficients)}
-            files.write_text(target, files.json_text(told | arrays, None) + "\n")
+            files.write_text(target, files.json_text(about | arrays, None) + "\n")
         elif target.suffix.lower() == ".npz":
             data = io.BytesIO()
             np.savez_compressed(data, coefficients=self.coefficients.astype(np.float32), valid=self.valid,
-                                origin=self.origin, step=self.step, about=np.array(files.json_text(told, None)))  # fmt: skip
+                                origin=self.origin, step=self.step, about=np.array(files.json_text(about, None)))  # fmt: skip
             files.write_bytes(target, data.getvalue())
         else:
             raise InputError(f"probes are written as {' or '.join(ENDINGS)}; give -o a name that ends so", str(path) or "''")
@@ -121,11 +124,11 @@ def bake_probes(
     ctx: moderngl.Context | None = None,
     **settings: Unpack[SettingValues],
 ) -> Probes:
-    """Probes all over the scene's bounding box, at most `grid` metres apart (None: an eighth of its longest side), each in the
-    middle of a cell. preset, settings: those of the stages shadow and gather; each direction is gathered from by itself, about as
-    finely as a sixteenth of a record unless `gather_size` says otherwise. Of all light, lamps as well.
+    """Bake probes over the scene's bounding box, at most `grid` metres apart, at the centres of grid cells.
 
-    Raises InputError for what cannot be, GLError where there is no OpenGL.
+    grid: None for an eighth of the longest side. preset, settings: settings of the stages shadow and gather. Each direction
+    has a gather of its own, by default as fine as a sixteenth of a record (`gather_size`). Direct light is included. Raises
+    InputError for invalid arguments, GLError without OpenGL.
     """
     check_type("what probes are baked of", scene, Scene)
     low, high = scene.bounds
@@ -147,8 +150,8 @@ def bake_probes(
     with LightMeter(scene, preset, ctx, **values) as meter:
         for first in range(0, len(places), _BATCH):
             some = places[first : first + _BATCH]
-            told = None if on_bake is None else partial(_tell, on_bake, first, len(some), len(places))
-            readings = meter.measure(np.repeat(some, len(directions), axis=0), np.tile(directions, (len(some), 1)), told)
+            notify = None if on_bake is None else partial(_notify, on_bake, first, len(some), len(places))
+            readings = meter.measure(np.repeat(some, len(directions), axis=0), np.tile(directions, (len(some), 1)), notify)
             light = readings.total.reshape(len(some), len(directions), 3)
             found[first : first + len(some)] = np.einsum("kd,ndc->nkc", solve, light)
             blocked = (readings.status != Status.OK).reshape(len(some), -1).mean(1)
@@ -160,11 +163,11 @@ def bake_probes(
     return Probes(low + 0.5 * step, step, (x, y, z), found.reshape(z, y, x, 9, 3), valid.reshape(z, y, x))
 
 
-def _tell(on_bake: OnBake, first: int, some: int, whole: int, share: float) -> None:
+def _notify(on_bake: OnBake, first: int, some: int, whole: int, share: float) -> None:
     on_bake((first + share * some) / whole, f"{whole} probes")
 
 
 def _rounded(values: np.ndarray) -> list[object]:
-    """Nested lists with seven digits each: a probe's 27 numbers in a row of their own would be the same, three times as long."""
+    """Return nested lists with seven digits: one row per number would triple the length of the file."""
     shown: list[object] = np.vectorize(lambda v: float(f"{v:.7g}"))(values).reshape(-1, 9, 3).tolist()
     return shown

@@ -1,4 +1,4 @@
-"""What a lightmap holds beside its charts, and along their seams, so that bilinear filtering shows neither gaps nor lines."""
+"""Lightmap values outside charts and along seams, so that bilinear filtering shows neither gaps nor lines."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 if TYPE_CHECKING:
     from irrsplat.app.bake.unwrap import Charts
 
-_NEIGHBOURS = 4  # points that stand for one that is hidden
-_ALIKE = 0.98  # cosine: seams between normals that differ by more are creases, where light differs
-_KEPT = 0.1  # weight of a texel's own value against a match of two texels
+_NEIGHBOURS = 4  # visible points that replace a hidden one
+_ALIKE = 0.98  # cosine: normals that differ by more form a crease, where the light differs
+_KEPT = 0.1  # weight of a texel's original value against a match across a seam
 
 
 def filled(values: np.ndarray, known: np.ndarray, position: np.ndarray, chart: np.ndarray) -> np.ndarray:
-    """(H, W, C) `values` where they are `known` (H, W); elsewhere on a chart (H, W), -1 for none, what its known points nearest
-    in space have, and beside the charts what the nearest texel on one has.
+    """Return `values` (H, W, C) with the unknown texels filled.
 
-    position: (H, W, 3) of points. What is hidden takes its value from what is seen beside it on the same chart, so that nothing
-    dark comes in by filtering; a chart without any known point takes it from others.
+    Unknown texels of a chart take the mean of the chart's nearest known points in space, or of other charts without such
+    points. Texels outside charts take the nearest chart texel. known: (H, W). position: (H, W, 3). chart: (H, W), -1 for
+    none.
     """
     from scipy import ndimage
     from scipy.spatial import cKDTree
@@ -27,27 +27,27 @@ def filled(values: np.ndarray, known: np.ndarray, position: np.ndarray, chart: n
     found = np.where(known[..., None], values, 0.0)
     if not known.any():
         return found
-    wanted = (chart >= 0) & ~known
-    if wanted.any():
-        # charts are as many scenes apart as their numbers differ: others' points are the nearest only where it has none itself
+    missing = (chart >= 0) & ~known
+    if missing.any():
+        # Charts are offset by more than the scene's size: other charts' points are used only as a last resort
         apart = 10.0 * np.ptp(position[chart >= 0], axis=0).max() + 1.0
         places = np.dstack([position, apart * chart[..., None]]).astype(float)
-        distance, near = cKDTree(places[known]).query(places[wanted], k=_NEIGHBOURS)
+        distance, near = cKDTree(places[known]).query(places[missing], k=_NEIGHBOURS)
         distance, near = distance.reshape(-1, _NEIGHBOURS), near.reshape(-1, _NEIGHBOURS)
         there = np.isfinite(distance)  # fewer points than neighbours
         share = np.where(there, 1.0 / np.maximum(distance, 1e-9), 0.0)
         light = values[known][np.where(there, near, 0)]
-        found[wanted] = (share[..., None] * light).sum(1) / share.sum(1)[:, None]
+        found[missing] = (share[..., None] * light).sum(1) / share.sum(1)[:, None]
     nearest = ndimage.distance_transform_edt(chart < 0, return_distances=False, return_indices=True)
     result: np.ndarray = found[tuple(nearest)]
     return result
 
 
 def matched(values: np.ndarray, charts: Charts, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(H, W, C) `values` changed as little as may be so that both sides of every seam, bilinearly filtered, are alike.
+    """Return `values` (H, W, C) with the least change that makes both sides of every seam equal after bilinear filtering.
 
-    position, normal: (F, 3, 3) of the corners of all triangles in space. By least squares (Iwanicki 2013, "Lighting Technology of
-    The Last of Us"): over points along seams, the difference of both sides; over the texels concerned, their own change.
+    position, normal: (F, 3, 3) corners of all triangles in space. Least squares (Iwanicki 2013, "Lighting Technology of The
+    Last of Us"): the difference between both sides along seams, plus the change of each texel.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.linalg import cg
@@ -77,15 +77,17 @@ def matched(values: np.ndarray, charts: Charts, position: np.ndarray, normal: np
     result = flat.copy()
     for k in range(channels):
         own = flat[texels, k]
-        # solved for the change: where both sides agree already, nothing is done
+        # Solve for the change: seams without a difference stay as they are
         change, _ = cg(normal_matrix, -(match.T @ (match @ own)), rtol=1e-5, maxiter=500)
         result[texels, k] = np.maximum(own + change, 0.0)
     return result.reshape(values.shape)
 
 
 def _seams(charts: Charts, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges that lie in two places of the map though they are one in space, with like normals: (S, 2, 2) texels of both ends,
-    here and there."""
+    """Return (S, 2, 2) texels of the ends of seam edges on both sides.
+
+    A seam edge is one edge in space with similar normals and two positions in the map.
+    """
     corners = charts.corners
     scale = np.ptp(position.reshape(-1, 3), axis=0).max() or 1.0
     keys = np.round(position / (1e-6 * scale)).astype(np.int64)
@@ -95,11 +97,11 @@ def _seams(charts: Charts, position: np.ndarray, normal: np.ndarray) -> tuple[np
     first = np.tile(np.arange(3), len(corners))
     second = (first + 1) % 3
     a, b = number[face, first], number[face, second]
-    swap = a > b  # ends in the same order on both sides
+    swap = a > b  # consistent order of ends on both sides
     first, second = np.where(swap, second, first), np.where(swap, first, second)
     low, high = np.minimum(a, b), np.maximum(a, b)
     order = np.lexsort((face, high, low))
-    here, there = order[:-1], order[1:]  # neighbours in this order that are the same edge
+    here, there = order[:-1], order[1:]  # equal edges are adjacent in this order
     same = (low[here] == low[there]) & (high[here] == high[there]) & (low[here] != high[here])
     here, there = here[same], there[same]
 

@@ -1,4 +1,4 @@
-"""Splatting where there is no screen: every record on the tiles of places that it may reach, added up as ViewSplats does."""
+"""Splatting without a screen: every record is drawn on tiles of baked points within its reach, and summed as in ViewSplats."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
-TILE = 8  # texels along a side: a record is drawn on whole ones
-_BLOCK = 8  # tiles along a side of a block, which is tried first
+TILE = 8  # texels per side: a record covers whole tiles
+_BLOCK = 8  # tiles per side of a block, the coarse level of the search
 _AT_ONCE = 1 << 19  # pairs in a draw
-_TRIED = 1 << 22  # pairs that are tried at once
-_FAR = 1e15  # metres, where the box of no points lies: its square is a float32
+_TRIED = 1 << 22  # pairs tested at once
+_FAR = 1e15  # metres: bounds of an empty box; the square fits float32
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a·R may go in metres, `least` and `greatest`, where there is no view to say so; and the metres of a texel."""
+    """Bounds of a·R in metres, `least` and `greatest`, in place of a view's pixel bounds; texel: metres per texel."""
 
     least: float
     greatest: float
@@ -36,7 +36,7 @@ class Reach:
 
 
 class PlaceSplats(Owner):
-    """The sums of all records of a cache at the places of one g-buffer, whose `seen` points are at `position` (H, W, 3)."""
+    """Sums of all records of a cache at the points of one g-buffer; `seen` points lie at `position` (H, W, 3)."""
 
     def __init__(
         self, ctx: moderngl.Context, gbuffer: GBuffer, position: np.ndarray, seen: np.ndarray, settings: Settings, reach: Reach
@@ -54,11 +54,11 @@ class PlaceSplats(Owner):
         self._drawn: tuple[tuple[object, ...], int, SplatBuffer] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the GPU resources to free."""
         return (self.program, self.empty, self.target)
 
     def update(self, cache: RecordCache) -> SplatBuffer:
-        """The sums of every record of the cache; the same object as before while they are the same."""
+        """Return the sums of all records of the cache; the same object while the sums are unchanged."""
         inputs, drawn = (cache.revision,), self._drawn
         if drawn is not None and drawn[0] == inputs and drawn[1] >= cache.count:
             return drawn[2]
@@ -73,12 +73,12 @@ class PlaceSplats(Owner):
         return self._drawn[2]
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W, 4) Σ k·E and Σ k, and (H, W) Σ w, of what was last drawn."""
+        """Return Σ k·E and Σ k (H, W, 4), and Σ w (H, W), of the last draw."""
         sums, weight = (np.frombuffer(t.read(), "f4").reshape(*self.size[::-1], -1) for t in self.target.textures)
         return sums, weight[..., 0]
 
     def _draw(self, cache: RecordCache, pairs: np.ndarray) -> None:
-        """Add records to tiles, `pairs` (N, 3): number, x and y of the tile."""
+        """Draw records on tiles; `pairs` (N, 3): record number, x and y of the tile."""
         rows = np.concatenate([pairs[:, :1], pairs[:, 1:] * TILE, np.zeros((len(pairs), 1))], axis=1)
         table = table_texture(self.ctx, table_rows(rows[:, None].astype("f4")))
         some: Uniforms = {} if self.gbuffer.mapped_normal is None or not self.settings.gradients else {
@@ -107,7 +107,7 @@ class PlaceSplats(Owner):
         table.release()
 
     def _pairs(self, cache: RecordCache, first: int) -> Iterator[np.ndarray]:
-        """(N, 3) records from number `first` on and the tiles, x and y, that they may reach, at most _AT_ONCE of them."""
+        """Yield (N, 3) pairs of records from number `first` on and tiles (x, y) within reach, at most _AT_ONCE each."""
         centre = cache.positions[first:].astype(np.float32)
         own = self.settings.a * self.settings.widest * cache.values[first:, 3]
         radius = 1.001 * np.clip(own, self.reach.least, self.reach.greatest)
@@ -133,8 +133,7 @@ class PlaceSplats(Owner):
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """The bounding boxes of the points in each square of a picture, (N, 3) low and high, row by row; empty ones are inside
-    out."""
+    """Bounding boxes (N, 3), low and high, of the points in each square of a picture, row by row; empty boxes are inverted."""
 
     low: np.ndarray
     high: np.ndarray
@@ -143,7 +142,7 @@ class _Boxes:
 
     @staticmethod
     def of(position: np.ndarray, seen: np.ndarray, side: int) -> _Boxes:
-        """Those of squares of so many texels a `side`."""
+        """Return the boxes of squares with `side` texels per side."""
         height, width = seen.shape
         rows, columns = -(-height // side), -(-width // side)
         pad = ((0, rows * side - height), (0, columns * side - width))
@@ -158,7 +157,7 @@ class _Boxes:
         )  # fmt: skip
 
     def near(self, centre: np.ndarray, radius: np.ndarray, boxes: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Whether spheres about `centre` (…, 3) touch these boxes."""
+        """Return a mask: True if the sphere around `centre` (…, 3) touches the box."""
         low, high = self.low[boxes], self.high[boxes]
         away = np.maximum(np.maximum(low - centre, centre - high), np.float32(0.0))
         touched: np.ndarray = (away.astype(np.float32) ** 2).sum(-1) <= radius**2

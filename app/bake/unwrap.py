@@ -1,4 +1,4 @@
-"""A second set of texture coordinates, in which no two places of all surfaces coincide: charts that xatlas makes and packs."""
+"""Unique texture coordinates for all surfaces: charts made and packed by xatlas."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from irrsplat.app.bake.places import Receivers
 
 INSTALL = "pip install 'irrsplat[bake]'"
-PADDING = 2  # texels between charts: what bilinear filtering looks at beyond a chart's rim is its own
+PADDING = 2  # texels between charts: bilinear filtering stays within a chart's own rim
 _TRIES = 6
-_ONE_PLACE = 0.01  # texels: corners so near each other are one in the map
-_NEAREST = 5  # points along a side of the grid by which a texel looks for the surface nearest to its centre
-_AROUND = 0.75  # texels from its centre that it looks at most
+_ONE_PLACE = 0.01  # texels: distance below which corners coincide in the map
+_NEAREST = 5  # points per side of the grid on which a texel searches the nearest surface
+_AROUND = 0.75  # texels: half-width of this grid
 
 
 @dataclass(frozen=True, eq=False)
 class Charts:
-    """The receivers' meshes in a square of `size` texels a side.
+    """Meshes of the receivers in a square of `size` texels per side.
 
-    vertex: of each mesh, (V,) the vertex of the mesh that each of its vertices here is a copy of; faces: (F, 3) of these. uv: of
-    each mesh (V, 2) texels, from the map's top left corner. chart: (F,) of all triangles, the number of their chart.
+    vertex: per mesh (V,) the source of each copied vertex. faces: per mesh (F, 3). uv: per mesh (V, 2) texels from the map's
+    top left corner. chart: (F,) chart number of all triangles.
     """
 
     size: int
@@ -40,13 +40,15 @@ class Charts:
 
     @property
     def corners(self) -> np.ndarray:
-        """(F, 3, 2) texels: where the corners of all triangles lie."""
+        """Corners (F, 3, 2) of all triangles, in texels."""
         return np.concatenate([np.zeros((0, 3, 2)), *(uv[faces] for uv, faces in zip(self.uv, self.faces, strict=True))])
 
 
 def unwrap(receivers: Receivers, size: int) -> Charts:
-    """Charts that fill a square of `size` texels as well as they may. Raises InputError where xatlas is missing, there is
-    nothing to unwrap, or so much of it that the square is too small."""
+    """Return charts that fill a square of `size` texels as far as possible.
+
+    Raises InputError without xatlas, for an empty scene, and for a square that is too small.
+    """
     try:
         import xatlas
     except ModuleNotFoundError as error:
@@ -59,7 +61,7 @@ def unwrap(receivers: Receivers, size: int) -> Charts:
         side = max(atlas.width, atlas.height)
         if atlas.atlas_count == 1 and 0.97 * size <= side <= size:
             break
-        # to one that fits: charts and gaps do not shrink alike
+        # Rescale to fit: charts and gaps do not shrink alike
         density = atlas.texels_per_unit * (0.5 if atlas.atlas_count > 1 else 0.99 * size / side)
     assert atlas is not None
     if atlas.atlas_count != 1 or max(atlas.width, atlas.height) > size:
@@ -72,7 +74,7 @@ def unwrap(receivers: Receivers, size: int) -> Charts:
 
 
 def _packed(xatlas: Any, receivers: Receivers, size: int, density: float) -> Any:
-    """The atlas of all meshes at so many texels a metre; 0: as many as xatlas thinks fill the size."""
+    """Return the atlas of all meshes at `density` texels per metre; 0: xatlas's estimate for the size."""
     atlas = xatlas.Atlas()
     for mesh in receivers.meshes:
         flat = np.ascontiguousarray
@@ -88,8 +90,10 @@ def _packed(xatlas: Any, receivers: Receivers, size: int, density: float) -> Any
 
 
 def _islands(faces: tuple[np.ndarray, ...], uv: tuple[np.ndarray, ...]) -> np.ndarray:
-    """(F,) a number for each triangle, the same for those that hang together in the map: whose corners lie at one place there,
-    even if they are several vertices. Between charts there are gaps."""
+    """Return a number (F,) for each connected set of triangles in the map.
+
+    Corners at one position in the map are connected, even as different vertices; gaps separate charts.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -104,7 +108,7 @@ def _islands(faces: tuple[np.ndarray, ...], uv: tuple[np.ndarray, ...]) -> np.nd
 
 
 class Chartist:
-    """Tells which point of which triangle a texel is."""
+    """Rasterizer of charts: triangle and barycentric coordinates of each texel."""
 
     def __init__(self, ctx: moderngl.Context, charts: Charts) -> None:
         self.size = charts.size
@@ -116,13 +120,15 @@ class Chartist:
         self.target = Target(ctx, (self.size, self.size), (4,))
 
     def release(self) -> None:
-        """Free what is on the GPU."""
+        """Free the GPU resources."""
         for thing in (self.corners, self.program, self.target):
             thing.release()
 
     def at(self, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(size, size) the triangle, -1 for none, and the shares u and v of its second and third corner, at the points dx and dy
-        texels beside the texels' centres."""
+        """Return triangles (size, size), -1 for none, and their barycentric coordinates u and v.
+
+        The points are at the offset (dx, dy) from the texels' centres, in texels.
+        """
         self.target.use()
         self.target.gl.clear()
         self.program(
@@ -137,8 +143,10 @@ class Chartist:
         return found[..., 0].astype(np.int64) - 1, found[..., 1].astype(float), found[..., 2].astype(float)
 
     def nearest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same at the texel's centre, or, where no triangle is there, at the point nearest to it that the texel or its
-        rim has: bilinear filtering looks at those texels as well."""
+        """Return the values of `at` for the centre, or for the nearest covered point of the texel or its rim.
+
+        Bilinear filtering reads rim texels as well.
+        """
         steps = np.linspace(-_AROUND, _AROUND, _NEAREST)
         offsets = sorted(((float(x), float(y)) for x in steps for y in steps), key=lambda p: p[0] ** 2 + p[1] ** 2)
         triangle, u, v = self.at(*offsets[0])

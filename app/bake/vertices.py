@@ -1,4 +1,4 @@
-"""Light in the colours of vertices, on triangles that are cut where it changes faster than vertices can tell."""
+"""Light as vertex colours, on triangles subdivided where the light is not linear along an edge."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues
 
-TOLERANCE, MOST = 0.05, 200_000  # by default: error of an edge's middle, of the light there; and vertices
-_LONGEST, _SHORTEST = 1.0 / 12.0, 1.0 / 384.0  # edges, in sides of a cube with the scene's diagonal: cut in any case, never cut
-_DIM = 0.1  # of the mean light: where it is darker, errors count as if it were that
+TOLERANCE, MOST = 0.05, 200_000  # defaults: relative error at an edge's midpoint; vertices
+_LONGEST, _SHORTEST = 1.0 / 12.0, 1.0 / 384.0  # edges always cut, never cut; in sides of a cube with the scene's diagonal
+_DIM = 0.1  # share of the mean light: floor for relative errors
 _ROUNDS = 24
-_INWARD = 0.02  # of the way to its triangle's middle, where the light of a vertex is found: not beyond its edge
-_COLUMNS, _TILE = 64, 8  # tiles in a row of a picture of points, and points along a side of a tile
+_INWARD = 0.02  # share of the way to the triangle's centre: sampling stays off the triangle's edges
+_COLUMNS, _TILE = 64, 8  # tiles per row of a picture of points, and points per side of a tile
 
 
 @dataclass(frozen=True, eq=False)
 class VertexLight:
-    """Light at vertices, (V, 3) each: irradiance in W/m², with or without the direct light; indirect and direct, its
-    parts as they were found. lit: (V,) whether light was found at the very vertex; points: where it was looked for, (V, 3), and
-    about which normals. records, converged: as a render has them. complete: whether nothing is left to be cut that MOST kept
-    from it."""
+    """Light at vertices, (V, 3) each: irradiance in W/m², with or without direct light; indirect and direct are its parts.
+
+    lit: (V,) True if the vertex itself is lit. points: sample positions and normals. records, converged: as in a render.
+    complete: True if `most` left no edge uncut.
+    """
 
     receivers: Receivers
     cut: Cut
@@ -53,8 +54,10 @@ class VertexLight:
     checks = "vertices"
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
-        """Write a .glb, completely or not at all; its name. Raises InputError for another ending, IrrsplatError where it cannot
-        be written."""
+        """Write a .glb, completely or not at all; return its path.
+
+        Raises InputError for another ending, IrrsplatError for a failed write.
+        """
         glb = Path(path)
         if glb.suffix.lower() != ".glb":
             raise InputError("vertex colours are written as a .glb; give -o a name that ends so", str(path) or "''")
@@ -72,15 +75,15 @@ def bake_vertices(
     ctx: moderngl.Context | None = None,
     **settings: Unpack[SettingValues],
 ) -> VertexLight:
-    """Light at the vertices of a scene, whose triangles are cut until the middle of no edge is further off what its ends say than
-    `cut`, as a share of the light there, or there are `most` vertices.
+    """Bake light at the vertices of a scene, with adaptive subdivision.
 
-    The rest as in bake_lightmap; raises InputError for what cannot be, GLError where there is no OpenGL.
+    Edges are cut until linear interpolation is within `cut`, a share of the light, at every midpoint, or `most` vertices
+    exist. Other parameters and errors: as in bake_lightmap, without the extra.
     """
     check_type("what vertex colours are baked of", scene, Scene)
     if not cut > 0.0:
         raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
-    told = on_bake or (lambda share, words: None)
+    notify = on_bake or (lambda share, words: None)
     receivers = Receivers.of(scene, ctx)
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
@@ -89,23 +92,23 @@ def bake_vertices(
         pieces = Cut.whole(receivers)
         found = _Found(receivers, lights, light, side * _SHORTEST)
         known = found.at(pieces.root, pieces.corner)
-        fine = np.zeros(0, np.int64)  # edges whose middles were found to be right
+        fine = np.zeros(0, np.int64)  # edges with a sufficiently exact midpoint
         marked = np.ones(1, bool)
         for _ in range(_ROUNDS):
-            told(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
+            notify(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
             edges = pieces.edges(receivers)
             long = edges.length > side * _LONGEST
-            (asked,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
-            marked, tried = long.copy(), found.at(edges.root[asked], edges.middle[asked])
-            marked[asked] = _off(known, tried, edges.ends[asked], cut, _DIM * found.mean)
-            fine = np.concatenate([fine, edges.keys[asked][~marked[asked]]])
+            (tested,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
+            marked, tried = long.copy(), found.at(edges.root[tested], edges.middle[tested])
+            marked[tested] = _off(known, tried, edges.ends[tested], cut, _DIM * found.mean)
+            fine = np.concatenate([fine, edges.keys[tested][~marked[tested]]])
             marked = edges.conforming(marked)
             if not marked.any() or len(pieces.root) + marked.sum() > most:
                 break
             at = np.full(len(marked), -1)
-            at[asked] = np.arange(len(asked))
+            at[tested] = np.arange(len(tested))
             (rest,) = np.nonzero(marked & (at < 0))
-            at[rest] = len(asked) + np.arange(len(rest))
+            at[rest] = len(tested) + np.arange(len(rest))
             tried = tried.and_(found.at(edges.root[rest], edges.middle[rest]))
             pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
         complete = not marked.any()
@@ -122,8 +125,10 @@ def bake_vertices(
 
 
 def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor: float) -> np.ndarray:
-    """(E,) whether what was `tried` in the middle of edges is further off the mean of their `ends` (E, 2) than the tolerance,
-    or one surface goes into another there. floor: W/m², errors count as if light were at least that."""
+    """Return a mask (E,) of edges with a midpoint error above the tolerance or with a change of visibility.
+
+    tried: light at midpoints. ends: (E, 2). floor: W/m², least light for relative errors.
+    """
     first, second = ends.T
     off = np.abs(tried.total - 0.5 * (known.total[first] + known.total[second])).max(1)
     both = known.seen[first] & known.seen[second]
@@ -134,7 +139,7 @@ def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What was found at N points: (N, 3) W/m² each, whether they are seen, and the points, as a picture of one row."""
+    """Light at N points: (N, 3) W/m² each, visibility, and the points as a picture of one row."""
 
     total: np.ndarray
     indirect: np.ndarray
@@ -143,7 +148,7 @@ class _Known:
     places: Places
 
     def and_(self, other: _Known, some: np.ndarray | slice = slice(None)) -> _Known:
-        """The same, and those of the numbers `some` of another; all of them by default."""
+        """Append the points `some` of another, all by default."""
         flat = [np.concatenate([getattr(self, n), getattr(other, n)[some]]) for n in ("total", "indirect", "direct", "seen")]
         joined = {
             name: np.concatenate([values, getattr(other.places, name)[:, some]], axis=1)
@@ -153,7 +158,7 @@ class _Known:
 
 
 class _Found:
-    """Finds light at points of the receivers' triangles."""
+    """Evaluator of light at points of the receivers' triangles."""
 
     def __init__(self, receivers: Receivers, lights: PlaceLight, light: Light, apart: float) -> None:
         self.receivers, self.lights, self.light, self.apart = receivers, lights, light, apart
@@ -161,20 +166,20 @@ class _Found:
 
     @property
     def mean(self) -> float:
-        """Of all light that was found so far, W/m²."""
+        """Mean of all light so far, W/m²."""
         return self._sum / max(self._count, 1)
 
     def at(self, root: np.ndarray, corner: np.ndarray) -> _Known:
-        """The light at points of triangles `root` (N,) by the shares `corner` (N, 3) of their corners."""
+        """Return the light at points of triangles `root` (N,) with barycentric coordinates `corner` (N, 3)."""
         scene, surfaces = self.receivers.scene, self.receivers.surfaces
         corners = surfaces.positions[surfaces.faces[root]].astype(float)
         size = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max(1)
-        # a step of the same share is too far on a large triangle
+        # An equal share would be too far on a large triangle
         share = np.minimum(_INWARD, 10.0 * offset_of(scene) / np.maximum(size, 1e-30))[:, None]
         shares = corner + share * (1.0 / 3.0 - corner)
         order = _along_a_curve((corners * shares[..., None]).sum(1))
         index = _tiles(len(root))
-        triangle = np.append(root[order], -1)[index]  # -1 is what comes last
+        triangle = np.append(root[order], -1)[index]  # index -1 selects the appended entry
         u, v = (np.append(shares[order, k], 0.0)[index] for k in (1, 2))
         where = places(self.receivers, triangle, u, v)
         where = where.but(hidden(scene, where))
@@ -192,14 +197,14 @@ class _Found:
 
 
 def _places_of(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(count,) rows and columns of points in a picture in which those of successive numbers share tiles."""
+    """Return rows and columns (count,) that place successive points in shared tiles."""
     number = np.arange(count)
     tile, within = number // _TILE**2, number % _TILE**2
     return tile // _COLUMNS * _TILE + within // _TILE, tile % _COLUMNS * _TILE + within % _TILE
 
 
 def _tiles(count: int) -> np.ndarray:
-    """That picture: (H, W) the numbers of the points, -1 for none."""
+    """Return the picture of point numbers (H, W), -1 for none."""
     rows = -(-max(count, 1) // (_TILE**2 * _COLUMNS)) * _TILE
     picture = np.full((rows, _COLUMNS * _TILE), -1)
     picture[_places_of(count)] = np.arange(count)
@@ -207,7 +212,7 @@ def _tiles(count: int) -> np.ndarray:
 
 
 def _along_a_curve(points: np.ndarray) -> np.ndarray:
-    """The order of points (N, 3) along a Morton curve, in which successive ones are near one another."""
+    """Return the order of points (N, 3) along a Morton curve: successive points are close in space."""
     if not len(points):
         return np.zeros(0, np.intp)
     low, extent = points.min(0), max(float(np.ptp(points, axis=0).max()), 1e-30)
@@ -223,8 +228,10 @@ def _along_a_curve(points: np.ndarray) -> np.ndarray:
 
 
 def glb_of(made: VertexLight) -> bytes:
-    """The bytes of the .glb that `VertexLight.save` writes: unlit materials, whose colour times those of the vertices is the
-    outgoing radiance, over the `strength` of the file."""
+    """Return the bytes of the .glb of `VertexLight.save`.
+
+    Materials are unlit: their colour times the vertex colours is the outgoing radiance, divided by the file's `strength`.
+    """
     receivers, cut = made.receivers, made.cut
     scene, surfaces = receivers.scene, receivers.surfaces
     corners = surfaces.faces[cut.root]
@@ -237,11 +244,11 @@ def glb_of(made: VertexLight) -> bytes:
     lit = made.irradiance / np.pi
     mesh_of = receivers.mesh_of[cut.root]
     glows = np.array([any(mesh.material.emission) for mesh in receivers.meshes], bool)[mesh_of]
-    # what reflects only: the material's own colours, times light; what emits as well: all of it in the vertices
+    # Reflection only: light in the vertices and colours in the material; with emission, radiance in the vertices
     colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * _tints(made))
     strength = limit_of(colours.max(1)) or 1.0
-    told = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
-    glb = Glb({"irrsplat": told}, receivers.origin)
+    about = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
+    glb = Glb({"irrsplat": about}, receivers.origin)
     glb.use("KHR_materials_unlit")
     normals, positions = blended(surfaces.normals), blended(surfaces.positions)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
@@ -274,7 +281,7 @@ def glb_of(made: VertexLight) -> bytes:
 
 
 def _tints(made: VertexLight) -> np.ndarray:
-    """(V, 3) the colours of the scene's own vertices, where it has some in place of a material's colour; else 1."""
+    """Return the colours (V, 3) of coloured meshes' vertices, else 1."""
     surfaces, cut = made.receivers.surfaces, made.cut
     own = np.array([mesh.colors is not None for mesh in made.receivers.meshes], bool)[made.receivers.mesh_of[cut.root]]
     colours = (surfaces.albedo[surfaces.faces[cut.root]].astype(float) * cut.corner[..., None]).sum(1)

@@ -1,4 +1,4 @@
-"""`irrsplat bench`: how long a picture takes, from an empty cache and from a kept one: scenes, presets and sizes in tables."""
+"""`irrsplat bench`: render times from an empty and from a kept cache, as tables of scenes, presets and sizes."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, All, Settings
 
 DEFAULT_SCENES = ("cornell-paper",)
-PAPER = "cornell-paper"  # the scene that is timed as published as well, unless presets are named
+PAPER = "cornell-paper"  # scene that is also timed as published, unless presets are given
 SIZE = [800, 800]
 Size = tuple[int, int]
 
 
 def run(args: Namespace) -> int:
-    """Time what the command line `args` asks for, print tables, write JSON where asked for; the exit status 0.
+    """Run the benchmark of the command line `args`, print tables and write JSON on request; return the exit status 0.
 
-    Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
+    Raises InputError and IrrsplatError for invalid input; KeyboardInterrupt if the user interrupts.
     """
     import irrsplat
     from irrsplat.core.files import json_text, write_text
@@ -59,7 +59,7 @@ def run(args: Namespace) -> int:
 
 
 def _bounces(text: str) -> int | All:
-    """The value of --bounces; InputError for one that is none, and for no bounce at all."""
+    """Return the value of --bounces; raise InputError for an invalid value and for 0."""
     bounces = Settings().with_values({"bounces": SETTINGS["bounces"].parse(text)}).bounces
     if bounces == 0:
         raise InputError("--bounces 0: there is no indirect light to time; leave it out, or take 1 or all")
@@ -67,7 +67,7 @@ def _bounces(text: str) -> int | All:
 
 
 def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
-    """Print the tables of every scene and size; returns the machine and the runs for the JSON."""
+    """Print the tables of every scene and size; return the machine and the runs for the JSON."""
     about: dict[str, object] = {}
     runs: list[Run] = []
     startup: dict[str, dict[str, float] | None] = {}  # seconds by part
@@ -88,7 +88,7 @@ def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | 
 
 
 def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, object]) -> list[Run]:
-    """The cases of one scene and size, printed; `about` is filled in where it is empty."""
+    """Print the cases of one scene and size; fill `about` if it is empty."""
     import irrsplat
 
     runs: list[Run] = []
@@ -111,7 +111,7 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
 
 
 def _cases(runs: Sequence[Run]) -> Iterator[str]:
-    """The table of cases, and what follows from it."""
+    """Yield the table of cases, and its summary."""
     rows: list[tuple[str, ...]] = [("scene", "preset", "case", "seconds", "picture", "records", "rmse", "MiB", "on the GPU")]
     for r in runs:
         memory = (_number(r.memory_mib.get(where), ".0f") for where in ("process", "gpu"))
@@ -130,14 +130,14 @@ def _cases(runs: Sequence[Run]) -> Iterator[str]:
 
 
 def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
-    """The flight through the window: prints its table; two runs a case, the middle frame and the worst one."""
+    """Print the table of the flight in a window; return two runs per case, the median and the worst frame."""
     from irrsplat.app.bench import fly_through
 
     out(f"{scene.name}, flight of {fly_through.FRAMES} frames, {size[0]}x{size[1]}")
     out(fly_through.LEGEND)
     rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
     runs: list[Run] = []
-    bounces = Settings().bounces  # the viewer's
+    bounces = Settings().bounces  # as in the viewer
     doing(f"{scene.name}: filling the cache")
     for flown in fly_through.fly(scene, size, fly_through.FRAMES):
         doing("")
@@ -154,7 +154,7 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
 
 
 def _started(seconds: dict[str, float] | None) -> str:
-    """The times of a fresh process in a sentence."""
+    """Return the start-up times of a new process as a sentence."""
     if seconds is None:
         return "starting up: a process of its own failed"
     return "a fresh process starts in seconds: " + ", ".join(f"{part} {took:.2f}" for part, took in seconds.items())

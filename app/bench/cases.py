@@ -1,4 +1,4 @@
-"""The benchmark's cases of one scene, preset and size, each timed from a stated state of the cache to its last pixel."""
+"""Benchmark cases of one scene, preset and size: time from a defined cache state to the last pixel."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
 
 REPETITIONS = 3
-SLOW = 3.0  # seconds: what takes longer is timed once
+SLOW = 3.0  # seconds: longer cases run once
 TURN = 5.0  # degrees, of the case "moved"
-SHIFT = 0.05  # of the scene's diagonal, of the case "light"
+SHIFT = 0.05  # share of the scene's diagonal, of the case "light"
 LEGEND = """\
 seconds: wall clock from the loaded scene and compiled shaders to full coverage (every pixel has its records); median of up to 3
 picture: the same to the finished picture on the GPU, with direct light and the final pass; not read back
@@ -31,12 +31,12 @@ rmse: of irradiance, relative to its mean, at 2000 smooth pixels with a fine gat
 against what `irrsplat verify` of this view has path-traced and kept
 MiB: the greatest resident set of the process, and all textures and buffers together on the GPU\
 """
-QUICK = {"a": 2.0, "warmup": 8, "spread": 0.0}  # a picture that compiles everything, and is cheap
+QUICK = {"a": 2.0, "warmup": 8, "spread": 0.0}  # a cheap picture that compiles all shaders
 
 
 @dataclass(frozen=True)
 class Run:
-    """One measured case, as the benchmark's JSON has it."""
+    """One measured case, an entry of the benchmark's JSON."""
 
     scene: str
     preset: str
@@ -55,8 +55,11 @@ class Run:
 
 @dataclass(frozen=True)
 class Timing:
-    """One timed picture: wall time in seconds to full coverage and to the picture, the records in the cache at its end,
-    milliseconds by stage at its end, and by round so far: (records, milliseconds by stage)."""
+    """Timing of one picture.
+
+    seconds: wall time to full coverage. picture: wall time to the picture. records: final cache size. stages: milliseconds by
+    stage at the end. rounds: (records, milliseconds by stage) after each round.
+    """
 
     seconds: float
     picture: float
@@ -65,40 +68,40 @@ class Timing:
     rounds: list[tuple[int, dict[str, float]]]
 
 
-def measure(renderer: Renderer, tell: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
-    """The cases of one renderer, one after the other, from its scene's first camera; tell: called with words on what goes on."""
+def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
+    """Yield the cases of one renderer from its scene's first camera; notify: called with progress messages."""
     scene, camera = renderer.scene, renderer.scene.camera()
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
 
     def result(case: str, timings: list[Timing], seen: Camera) -> tuple[Run, Timing]:
         memory = {"process": _mib(machine.peak_memory()), "gpu": _mib(machine.gpu_memory(renderer))}
-        tell(f"{name}: error of {case}")
+        notify(f"{name}: error of {case}")
         found = _run(renderer, case, timings, memory, error(renderer, seen)), middle(timings)
-        machine.forget_peak()  # that of the truth is not the next case's
+        machine.forget_peak()  # the reference's peak does not belong to the next case
         return found
 
-    tell(f"{name}: compiling, and a first run that does not count")
+    notify(f"{name}: compiling, and a first run that does not count")
     machine.forget_peak()
     warm_up(renderer, camera)
-    tell(f"{name}: empty")
+    notify(f"{name}: empty")
     empty = from_records(renderer, camera)
     kept = records_of(renderer)
     yield result("empty", empty, camera)
-    tell(f"{name}: warm")
+    notify(f"{name}: warm")
     yield result("warm", from_records(renderer, camera, kept), camera)
-    tell(f"{name}: moved")
+    notify(f"{name}: moved")
     yield result("moved", from_records(renderer, turned_camera, kept), turned_camera)
     if scene.lights:
-        tell(f"{name}: light")
+        notify(f"{name}: light")
         _restore(renderer, kept)
         renderer.converge(camera)
         yield result("light", relit(renderer, camera), camera)
         renderer.relight(scene.lights)
-    tell("")
+    notify("")
 
 
 def warm_up(renderer: Renderer, camera: Camera) -> None:
-    """A cheap picture that has everything compiled and the surface cache made; the renderer is as empty as before."""
+    """Render a cheap picture to compile all shaders and build the surface cache; leave the renderer empty."""
     settings = renderer.settings
     renderer.change(settings.with_values(QUICK))
     picture(renderer, camera)
@@ -107,7 +110,7 @@ def warm_up(renderer: Renderer, camera: Camera) -> None:
 
 
 def turned(camera: Camera, degrees: float) -> Camera:
-    """`camera` turned to the left about its own up axis."""
+    """Return `camera` turned to the left about its up axis."""
     right, up, _ = camera.axes
     forward = np.subtract(camera.target, camera.eye)
     angle = np.radians(degrees)
@@ -116,8 +119,10 @@ def turned(camera: Camera, degrees: float) -> Camera:
 
 
 def shifted(scene: Scene) -> tuple[Light, ...]:
-    """The scene's lights, the first of them moved by SHIFT of the diagonal towards the middle of the scene (or, of one that has
-    a direction alone, turned by as many radians)."""
+    """Return the scene's lights with the first one moved by SHIFT of the diagonal towards the scene's centre.
+
+    A directional light is turned by as many radians.
+    """
     first, *others = scene.lights
     place = np.asarray(first.position, float)
     if first.directional:
@@ -131,11 +136,11 @@ def shifted(scene: Scene) -> tuple[Light, ...]:
 
 
 def from_records(renderer: Renderer, camera: Camera, kept: CacheState | None = None) -> list[Timing]:
-    """Some pictures, each from the records that are `kept`; None: from nothing at all."""
+    """Time several pictures, each from the records `kept`, or from an empty cache for None."""
 
     def prepare(_: int) -> None:
         if kept is None:
-            renderer.scheduler.expire()  # of further bounces, what surfaces send to each other
+            renderer.scheduler.expire()  # light between surfaces, for further bounces
         renderer.forget(records=kept is None, lights=kept is None)
         if kept is not None:
             _restore(renderer, kept)
@@ -144,19 +149,19 @@ def from_records(renderer: Renderer, camera: Camera, kept: CacheState | None = N
 
 
 def records_of(renderer: Renderer) -> CacheState:
-    """The records that there are, and what goes with them."""
+    """Return the state of the records."""
     with renderer.ctx:
         return renderer.scheduler.state()
 
 
 def _restore(renderer: Renderer, kept: CacheState) -> None:
-    """Go on with these records."""
+    """Restore these records."""
     with renderer.ctx:
         renderer.scheduler.restore(kept)
 
 
 def relit(renderer: Renderer, camera: Camera) -> list[Timing]:
-    """Some pictures, each after the first lamp has gone to its other place and nothing else has changed."""
+    """Time several pictures, each after a move of the first light and no other change."""
     places = renderer.scene.lights, shifted(renderer.scene)
     return _repeated(renderer, camera, lambda count: renderer.relight(places[1 - count % 2]))
 
@@ -170,17 +175,17 @@ def _repeated(renderer: Renderer, camera: Camera, prepare: Callable[[int], objec
 
 
 def middle(timings: list[Timing]) -> Timing:
-    """The one that took the median time."""
+    """Return the timing with the median time."""
     seconds = statistics.median_low(t.seconds for t in timings)
     return next(t for t in timings if t.seconds == seconds)
 
 
 def picture(renderer: Renderer, camera: Camera) -> Timing:
-    """One picture, timed to its last pixel; raises KeyboardInterrupt where the user ended it."""
+    """Time one picture to its last pixel; raise KeyboardInterrupt if the user interrupts."""
     rounds: list[tuple[int, dict[str, float]]] = []
 
     def watch(progress: Progress) -> None:
-        if progress.round <= 2:  # the second one splats the first one's records
+        if progress.round <= 2:  # the second round splats the records of the first
             rounds.append((progress.records, renderer.timers.milliseconds()))
 
     start = time.perf_counter()
@@ -188,13 +193,13 @@ def picture(renderer: Renderer, camera: Camera) -> Timing:
     with renderer.ctx:
         renderer.ctx.finish()
         seconds = time.perf_counter() - start
-        if stats["interrupted"]:  # converge keeps what it has; here that is worth nothing
+        if stats["interrupted"]:  # converge keeps a partial result, which is useless here
             raise KeyboardInterrupt
         return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), rounds)
 
 
 def error(renderer: Renderer, camera: Camera) -> float | None:
-    """The relative RMSE of irradiance against `gather_truth.truth`; None where there is none, or no light."""
+    """Return the relative RMSE of irradiance against `gather_truth.truth`; None without a reference or without light."""
     irradiance = renderer.render(camera).irradiance
     truth = gather_truth.truth(renderer, camera)
     return None if truth is None else truth.error(irradiance)

@@ -1,4 +1,4 @@
-"""`irrsplat bench --compare`: an earlier run's JSON beside this one, row by row, as ratios of time."""
+"""`irrsplat bench --compare`: time ratios between the JSON of an earlier run and this run."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import NotRequired, TypedDict, TypeGuard
 from irrsplat.app.common.terminal import columns
 from irrsplat.core.errors import InputError
 
-NOISE = 0.1  # a ratio nearer to 1 than this may be chance
-ONCE = 0.25  # the same for what was timed once
+NOISE = 0.1  # ratios within this distance of 1 may be noise
+ONCE = 0.25  # as NOISE, for cases timed once
 Key = tuple[str, str, str, str, str]  # scene, preset, size, bounces, case
 
 
 class EarlierRun(TypedDict):
-    """What is compared of a run in the benchmark's JSON; earlier versions wrote fewer of its entries."""
+    """Compared entries of a run in the benchmark's JSON; earlier versions wrote fewer."""
 
     scene: str
     preset: str
@@ -30,7 +30,7 @@ class EarlierRun(TypedDict):
 
 
 def read(path: str) -> list[EarlierRun]:
-    """The runs in a file that `--json` wrote; raises InputError, one line, for any other."""
+    """Return the runs in a file from `--json`; raise InputError for any other file."""
     try:
         data = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
@@ -44,7 +44,7 @@ def read(path: str) -> list[EarlierRun]:
 
 
 def table(then: Sequence[EarlierRun], now: Sequence[EarlierRun]) -> Iterator[str]:
-    """The runs that are in both, with then/now (above 1: faster now) and whether that is beyond noise; the others by name."""
+    """Yield a table of the common runs with then/now (above 1: faster now) and a verdict; list the other runs by name."""
     before, after = ({_key(run): run for run in runs} for runs in (then, now))
     made = [("scene", "preset", "size", "bounces", "case", "then s", "now s", "then/now", "rmse then", "now", "")]
     for key, run in after.items():
@@ -59,13 +59,13 @@ def table(then: Sequence[EarlierRun], now: Sequence[EarlierRun]) -> Iterator[str
 
 
 def verdict(then: EarlierRun, now: EarlierRun) -> str:
-    """ "faster" or "slower" where no repetition of the one took as long as any of the other, and by more than noise; else ""."""
+    """Return "faster" or "slower" if the repetitions do not overlap by more than noise, else ""."""
     (low, high), (least, most) = (_span(run) for run in (then, now))
     return "faster" if most < low else "slower" if least > high else ""
 
 
 def _span(run: EarlierRun) -> tuple[float, float]:
-    """The seconds between which a run's time lies: its repetitions, wider by half the noise at both ends."""
+    """Return the range of a run's times in seconds, widened by half the noise at both ends."""
     times = run.get("seconds_all") or [run["seconds"]]
     half = math.sqrt(1.0 + (NOISE if len(times) > 1 else ONCE))
     return min(times) / half, max(times) * half

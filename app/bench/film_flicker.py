@@ -1,7 +1,7 @@
-"""How far light changes from frame to frame of a film, at the very same places: nothing is interpolated between pixels.
+"""Change of light between consecutive frames of a film at identical points, without interpolation between pixels.
 
-The places that a frame sees are held against the frame before: each is put at the pixel where that one saw it, and the records
-are splatted there by its camera. What changes is what records there are, and how far they reach in one view and in the next.
+The points visible in a frame are projected into the previous frame, and the records are splatted there with its camera.
+Differences result from changes of the records and of their radii per view.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ LEGEND = """\
 films: the same places in two frames, by what the records say of them in each; film: each frame gathers what it lacks; frozen: all
 frames are of one cache that was filled along the way before\
 """
-_SAME = 0.01  # of the distance: a place was seen in the frame before where that shows something so near to it
+_SAME = 0.01  # share of the distance: tolerance for a point to count as visible in the previous frame
 
 
 @dataclass(frozen=True)
 class Places:
-    """What a camera sees: position and depth, the surface's normal, and that which light meets, (H, W, 4) each, top row first."""
+    """Visible points of a camera: position and depth, normal, and lit normal, (H, W, 4) each, top row first."""
 
     camera: Camera
     position: np.ndarray
@@ -45,13 +45,13 @@ class Places:
 
     @classmethod
     def seen(cls, renderer: Renderer, camera: Camera) -> Places:
-        """By `camera`, which is in world space."""
+        """Return the points visible from `camera`, in world space."""
         local = camera.shifted(np.negative(renderer.scene.origin))
         gbuffer = renderer.draw_gbuffer(local)
         return cls(local, *(pixels(one).copy() for one in (gbuffer.position, gbuffer.normal, gbuffer.lit_normal)))
 
     def put_where(self, before: Places) -> tuple[Places, np.ndarray]:
-        """These places, each at the pixel where the frame `before` saw it; and (H, W) the numbers of their own ones, -1: none."""
+        """Return these points at their pixels in the previous frame, and (H, W) their own pixel numbers, -1 for none."""
         height, width = self.position.shape[:2]
         camera, depth = before.camera, self.position[..., 3]
         (numbers,) = np.nonzero(depth.ravel() > 0.0)
@@ -87,7 +87,7 @@ def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dic
 
 
 def measure(scene: Scene, size: tuple[int, int], preset: str, frames: int) -> Iterator[Flicker]:
-    """The films "film" and "frozen" by the bench's flight through `scene`."""
+    """Yield the films "film" and "frozen" along the benchmark's flight through `scene`."""
     path = Path(route(scene).keys, frames)
     with Renderer(scene, size, preset, tile_size=0) as renderer:
         for frozen in (False, True):
@@ -98,8 +98,10 @@ def measure(scene: Scene, size: tuple[int, int], preset: str, frames: int) -> It
 
 
 def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) -> Flicker:
-    """How far irradiance changes from frame to frame of the film by `cameras`. frozen: by the records that there are; else each
-    frame gathers those that it lacks."""
+    """Return the change of irradiance between frames of the film by `cameras`.
+
+    frozen: use existing records only; otherwise each frame gathers missing records.
+    """
     squares = jumps = count = 0.0
     ms: list[float] = []
     textures = [float_texture(renderer.ctx, renderer.size, 4) for _ in range(3)]
@@ -110,7 +112,7 @@ def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) ->
         for camera, following in pairwise(cameras):
             ms.append(1e3 * (time.perf_counter() - start))
             places, own = Places.seen(renderer, following).put_where(Places.seen(renderer, camera))
-            then, there = _said(renderer, places, splat, textures)
+            then, there = _luminance(renderer, places, splat, textures)
             start = time.perf_counter()
             frame = renderer.render(following, gather=not frozen, buffers=("irradiance", "depth"))
             now = frame.irradiance @ LUMINANCE
@@ -126,10 +128,10 @@ def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) ->
     return Flicker(renderer.scene.name, case, rms, share, float(np.median(ms)), renderer.cache.count)
 
 
-def _said(
+def _luminance(
     renderer: Renderer, places: Places, splat: SplatPass, textures: Sequence[moderngl.Texture]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(H, W) the luminance of the irradiance that the records have for these places in their camera's view, and where any has."""
+    """Return the luminance (H, W) of the records' irradiance at these points in their camera's view, and its coverage."""
     for texture, values in zip(textures, (places.position, places.normal, places.lit_normal), strict=True):
         texture.write(np.ascontiguousarray(values[::-1]).tobytes())
     seen = renderer.draw_gbuffer(places.camera)

@@ -1,4 +1,4 @@
-"""How much light flickers in flight: how far irradiance at one place of the world changes from one frame to the next."""
+"""Flicker in flight: change of irradiance at points of the world between consecutive frames."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ from irrsplat.scene.model import Camera, Scene
 
 FRAMES = 60
 SIZE = [800, 600]
-TICK = 0.08  # seconds of each frame, as the viewer's own
+TICK = 0.08  # seconds per frame, as in the viewer
 JUMP = 0.05  # relative change of irradiance that counts as a jump
 LEGEND = """\
 irradiance at one place, from one frame of 80 ms to the next: root mean square of its relative change, and the share of the pixels
 that change by more than 5 %; first: from no records; second: the same flight again with those that the first one left; settled:
 everything along the way is gathered before, so that what is left is the measure's own floor\
 """
-_DARK = 0.02  # of a frame's mean luminance: darker light counts as if it were that bright
-_ALIKE = 0.95  # least cosine between the normals of one place in two frames
+_DARK = 0.02  # share of a frame's mean luminance: lower bound for relative changes
+_ALIKE = 0.95  # least cosine between the normals of one point in two frames
 
 
 @dataclass(frozen=True)
 class Flicker:
-    """One flight: rms relative change of the luminance of irradiance from frame to frame, share of `jumps`, milliseconds of the
-    middle frame, and the records at its end."""
+    """One flight: rms relative change of luminance between frames, share of `jumps`, median frame milliseconds, final records."""
 
     scene: str
     case: str
@@ -44,7 +43,7 @@ class Flicker:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What one frame shows: luminance of irradiance (H, W), position and depth (H, W, 4), normal (H, W, 3), top row first."""
+    """One frame: luminance of irradiance (H, W), position and depth (H, W, 4), normal (H, W, 3), top row first."""
 
     camera: Camera
     luminance: np.ndarray
@@ -59,8 +58,10 @@ class _Seen:
         return cls(view.camera, luminance, position, normal)
 
     def since(self, before: _Seen) -> np.ndarray:
-        """(N,) the relative change of luminance since the frame `before`, at the pixels whose place was seen there too: all four
-        pixels around it lay within a pixel's size of the plane that is seen here, and faced as it does."""
+        """Return the relative change (N,) of luminance since the frame `before`, at pixels visible in both frames.
+
+        All four pixels around the reprojected point must lie within a pixel's size of its plane and have a similar normal.
+        """
         height, width = self.luminance.shape
         camera, seen = before.camera, self.position[..., 3] > 0.0
         p, n, now = self.position[seen][:, :3], self.normal[seen], self.luminance[seen]
@@ -89,20 +90,20 @@ def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dic
     """Measure every scene, print a table, and return its rows for JSON."""
     out(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
     out(LEGEND)
-    found = [flicker for scene in scenes for flicker in measure(scene, size, preset, tell=doing)]
+    found = [flicker for scene in scenes for flicker in measure(scene, size, preset, notify=doing)]
     out("\n".join(table(found)))
     return [asdict(flicker) for flicker in found]
 
 
 def table(found: Sequence[Flicker]) -> list[str]:
-    """The lines of a table of flights."""
+    """Return the lines of a table of flights."""
     rows = [("scene", "flight", "rms", "above 5 %", "median ms", "records")]
     rows += [(f.scene, f.case, f"{f.rms:.2%}", f"{f.jumps:.3%}", f"{f.median_ms:.0f}", str(f.records)) for f in found]
     return list(columns(rows, left=2))
 
 
 def change(now: np.ndarray, then: np.ndarray, mean: float) -> np.ndarray:
-    """(N,) the relative change of luminance, where that of the frame is `mean`."""
+    """Return the relative change (N,) of luminance, in a frame with the mean luminance `mean`."""
     found: np.ndarray = np.abs(now - then) / np.maximum(0.5 * (now + then), _DARK * mean + 1e-20)
     return found
 
@@ -112,29 +113,31 @@ def measure(
     size: tuple[int, int],
     preset: str = "default",
     frames: int | None = None,
-    tell: Callable[[str], object] = lambda words: None,
+    notify: Callable[[str], object] = lambda words: None,
 ) -> Iterator[Flicker]:
-    """The flights "first", "second" and "settled" through `scene` in views of `size`, one after the other; tell: called with
-    words on what goes on."""
+    """Yield the flights "first", "second" and "settled" through `scene` in views of `size`.
+
+    notify: called with progress messages.
+    """
     path = route(scene)
     cameras = [path.camera(t) for t in np.linspace(0.0, path.frames - 1, frames or FRAMES)]
     with Renderer(scene, size, preset, tile_size=0) as renderer:
-        tell(f"{scene.name}: compiling, and the surface cache")
+        notify(f"{scene.name}: compiling, and the surface cache")
         renderer.converge(cameras[0])
         renderer.forget(lights=False)
         for case in ("first", "second"):
-            tell(f"{scene.name}: {case} flight")
+            notify(f"{scene.name}: {case} flight")
             yield _flight(case, renderer, cameras, TICK)
-        tell(f"{scene.name}: gathering along the way")
+        notify(f"{scene.name}: gathering along the way")
         for camera in cameras:
             renderer.converge(camera)
-        tell(f"{scene.name}: settled flight")
+        notify(f"{scene.name}: settled flight")
         yield _flight("settled", renderer, cameras, None)
-    tell("")
+    notify("")
 
 
 def _flight(case: str, renderer: Renderer, cameras: Sequence[Camera], seconds: float | None) -> Flicker:
-    """One flight in ticks of so many seconds; None: frames that take what they take."""
+    """Measure one flight with a frame budget in seconds; None: no limit."""
     squares = jumps = count = 0.0
     ms: list[float] = []
     before: _Seen | None = None

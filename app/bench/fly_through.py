@@ -1,4 +1,4 @@
-"""A scripted flight through the viewer's own window, in memory: how long its frames take while the cache fills, and after."""
+"""Scripted flight through an off-screen viewer window: frame times while the cache fills, and afterwards."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from irrsplat.app.viewer.viewer import Viewer
 
 FRAMES = 150
-DT = 1.0 / 30.0  # seconds that each frame stands for
+DT = 1.0 / 30.0  # seconds per frame of the script
 LEGEND = """\
 frames of the viewer's window with its interface, flown by a script; ms of wall clock from frame to frame
 filling: from an empty cache; warm: the same flight once everything along it has been gathered\
@@ -26,9 +26,9 @@ filling: from an empty cache; warm: the same flight once everything along it has
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight: `ms` of each frame, mean milliseconds by stage, records gathered on the way, and in the cache at its end.
+    """One flight: `ms` of each frame, mean milliseconds by stage, new records, and final records.
 
-    first: seconds from the loaded scene to the first picture, window and shaders included.
+    first: seconds from the loaded scene to the first picture, including window and shaders.
     """
 
     case: str
@@ -40,7 +40,7 @@ class Flown:
 
     @property
     def median(self) -> float:
-        """Milliseconds of the middle frame."""
+        """Milliseconds of the median frame."""
         return float(np.median(self.ms))
 
     @property
@@ -50,7 +50,7 @@ class Flown:
 
 
 def route(scene: Scene) -> Path:
-    """The flight that lies beside the scene, else one made from its first camera: turns to both sides and a way ahead."""
+    """Return the scene's own flight.path, or a flight from its first camera: turns to both sides and a way ahead."""
     camera = scene.camera()
     beside = File(scene.path).parent / "flight.path"
     if beside.is_file():
@@ -60,7 +60,7 @@ def route(scene: Scene) -> Path:
 
 
 def _moved(camera: Camera, ahead: float, degrees: float) -> Camera:
-    """`camera` nearer to its target by that share of the distance, and turned to the right about its own up axis."""
+    """Return `camera` nearer to its target by the share `ahead`, and turned to the right about its up axis."""
     right, up, backward = camera.axes
     distance = float(np.linalg.norm(np.subtract(camera.target, camera.eye)))
     eye = np.asarray(camera.eye) - ahead * distance * backward
@@ -75,7 +75,7 @@ def _moved(camera: Camera, ahead: float, degrees: float) -> Camera:
 
 
 def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[Flown]:
-    """Both flights through `scene`, in a window of `size`; the user's folder is not touched. Raises what the viewer raises."""
+    """Yield both flights through `scene` in a window of `size`; the user's preferences stay untouched."""
     from irrsplat.app.viewer.preferences import Preferences
     from irrsplat.app.viewer.viewer import Viewer
     from irrsplat.app.viewer.window import open_window
@@ -103,7 +103,7 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[F
 
 
 def _frame(viewer: Viewer, camera: Camera) -> float:
-    """One frame from `camera`; the milliseconds that it took."""
+    """Render one frame from `camera`; return its milliseconds."""
     start = time.perf_counter()
     viewer.actions.session.free_camera.go(camera)
     viewer.wnd.use()

@@ -1,4 +1,4 @@
-"""The truth that the benchmark's errors are told by: a fine gather at random pixels of a view, made once and kept."""
+"""Reference of the benchmark's errors: a fine gather at random pixels of a view, computed once and stored."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera
 
-VERSION = 2  # of what is gathered and how
+VERSION = 2  # version of the reference's method
 COUNT = 2000  # pixels
-SECONDS = 240.0  # after which fewer must do
+SECONDS = 240.0  # time limit, after which fewer pixels suffice
 SHADOW_SIZE = 2048  # texels
 
 
 def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
-    """Indirect irradiance of one bounce, as the scene is lit now, at COUNT smooth pixels of a view of the renderer's size, from
-    the user's cache folder or gathered now; of more bounces the path-traced truth of `verify` where it is there.
+    """Return the reference irradiance at COUNT smooth pixels of a view of the renderer's size.
 
-    None where there is none, and where no pixel can be compared.
+    One bounce: a fine gather under the present lights, from the user's cache folder or new. More bounces: the path-traced
+    reference of `verify`, if it exists. None without a reference or without comparable pixels.
     """
     scene, size, bounces = renderer.scene, renderer.size, renderer.settings.bounces
     if bounces != 1:
@@ -61,7 +61,7 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
-    """The truth in a file, None where there is no file; raises one of files.DAMAGE for one of another view."""
+    """Return the reference in a file, None without a file; raise one of files.DAMAGE for another view."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

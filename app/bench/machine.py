@@ -1,4 +1,4 @@
-"""What the benchmark says of the machine: what it is, how long starting up takes, and how much memory a case needed."""
+"""Description of the machine, start-up times, and peak memory of a case."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import moderngl
 from irrsplat.app.common.version import version
 from irrsplat.gpu.resource import Owner
 
-_STATUS, _CLEAR = "/proc/self/status", "/proc/self/clear_refs"  # Linux: the peak of the resident set, and what begins it anew
-_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}  # of a component of a texture, by its dtype
-# a process of its own, so that nothing is loaded yet; prints seconds by part
+_STATUS, _CLEAR = "/proc/self/status", "/proc/self/clear_refs"  # Linux: the peak of the resident set, and its reset
+_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}  # per texture component, by dtype
+# A new process, with nothing imported yet; prints seconds by part
 _START = """
 import json, sys, time
 source, size, times = sys.argv[1], (int(sys.argv[2]), int(sys.argv[3])), [time.perf_counter()]
@@ -38,7 +38,7 @@ print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a
 
 
 def about(gl: Mapping[str, object]) -> dict[str, object]:
-    """The machine, as the benchmark's JSON has it; gl: what `gpu.context.describe` says."""
+    """Return the machine for the benchmark's JSON; gl: result of `gpu.context.describe`."""
     return {
         **{key: gl[key] for key in ("renderer", "vendor", "version", "software")},
         "platform": platform.platform(),
@@ -50,8 +50,10 @@ def about(gl: Mapping[str, object]) -> dict[str, object]:
 
 
 def startup(source: str, size: tuple[int, int]) -> dict[str, float] | None:
-    """Seconds that a fresh process takes to import the library, to make a context, to load the scene at a path (or the bundled
-    one of that name), and to compile the shaders, its geometry's upload among it; None where that process fails."""
+    """Return the seconds of a new process for import, context, scene and shaders (with geometry upload).
+
+    source: a path or a bundled scene. None if the process fails.
+    """
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     command = [sys.executable, "-c", _START, source, *map(str, size)]
     environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
@@ -62,13 +64,13 @@ def startup(source: str, size: tuple[int, int]) -> dict[str, float] | None:
 
 
 def forget_peak() -> None:
-    """Start the peak of this process's memory anew, where the system can."""
+    """Reset the peak of this process's memory, if the system can."""
     with suppress(OSError), open(_CLEAR, "w", encoding="ascii") as file:
         file.write("5")
 
 
 def peak_memory() -> int | None:
-    """Bytes of this process's greatest resident set since `forget_peak`, or since its start; None where it is not known."""
+    """Return the peak resident set in bytes since `forget_peak` or the start; None if unknown."""
     with suppress(OSError), open(_STATUS, encoding="ascii", errors="replace") as file:
         for line in file:
             if line.startswith("VmHWM:"):
@@ -82,7 +84,7 @@ def peak_memory() -> int | None:
 
 
 def gpu_memory(owner: Owner) -> int:
-    """Bytes of the textures and buffers that a Renderer, or anything else that owns some, has on the GPU."""
+    """Return the bytes of the textures and buffers that a Renderer or another owner has on the GPU."""
     found = {id(it): it for it in owner.resources() if isinstance(it, (moderngl.Texture, moderngl.Buffer))}
     alive = (it for it in found.values() if not isinstance(it.mglo, moderngl.InvalidObject))  # not released
     return sum(it.size if isinstance(it, moderngl.Buffer) else _texture(it) for it in alive)

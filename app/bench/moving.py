@@ -1,4 +1,4 @@
-"""Things carried through a scene while a viewer's ticks go on: how far a frame's irradiance is from a render of that moment."""
+"""Objects carried through a scene under a frame budget: error of a frame's irradiance against a fresh render."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.motion import moved
 
-SPEED = 1.4  # metres a second, a walk
-RATE = 15  # frames a second
-TICK = 0.08  # seconds that each frame may take
+SPEED = 1.4  # metres per second, a walk
+RATE = 15  # frames per second
+TICK = 0.08  # seconds per frame, the frame budget
 FRAMES = 28
-EVERY = 4  # of the frames, one is held against a render of its own
-NEAR = 0.5  # metres: how far the surroundings of a mesh or of a lamp reach, from its bounding box or from its place
+EVERY = 4  # one frame in EVERY is compared with a reference
+NEAR = 0.5  # metres: neighbourhood of a moving mesh (from its bounding box) or light
 SIZE = (200, 150)
-PACE = 2e6  # rays a second of the ticks that are counted: about what two processors without a GPU trace
+PACE = 2e6  # rays per second of the counted clock: about two processors without a GPU
 LEGEND = f"""\
 something is carried at {SPEED:g} m/s, {RATE} frames a second, each one tick of {1e3 * TICK:.0f} ms
 with --counted a tick is {1e-3 * TICK * PACE:.0f} thousand rays instead, so that results do not hang on the machine
@@ -43,8 +43,7 @@ stale: records that wait to be gathered again at the end of the frame; ms: wall 
 
 @dataclass(frozen=True)
 class Case:
-    """What is carried through the scene called `scene`, by `way`, metres in all: the mesh of this name, or the first or another
-    light by its number."""
+    """Object carried through the scene `scene` along `way`, in metres: a mesh by name or a light by index."""
 
     scene: str
     carried: str | int
@@ -52,12 +51,12 @@ class Case:
 
     @property
     def name(self) -> str:
-        """What it is called in tables."""
+        """Name in tables."""
         return f"{self.scene}, {self.carried if isinstance(self.carried, str) else f'light {self.carried}'}"
 
 
 def _way(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """That direction, as far as one comes in all frames."""
+    """Return the total displacement in this direction over all frames."""
     x, y, z = (float(v) for v in np.array([x, y, z]) / np.linalg.norm([x, y, z]) * SPEED * FRAMES / RATE)
     return x, y, z
 
@@ -72,9 +71,10 @@ CASES = (
 
 @dataclass(frozen=True)
 class Step:
-    """One frame that was held against its truth; off and near: relative RMSE, None where there is nothing near.
+    """One frame compared with its reference; off, near: relative RMSE, near is None without pixels near the object.
 
-    bare: the share of the seen pixels without a record."""
+    bare: share of the visible pixels without a record.
+    """
 
     frame: int
     off: float
@@ -88,7 +88,7 @@ class Step:
 
 
 def at(scene: Scene, case: Case, share: float) -> Scene:
-    """The scene with what is carried so far on its way, 0..1."""
+    """Return the scene with the object at the share 0..1 of its way."""
     offset = share * np.asarray(case.way)
     if isinstance(case.carried, str):
         matrix = np.eye(4)
@@ -108,7 +108,7 @@ def _shifted(light: Light, offset: np.ndarray) -> Light:
 
 
 def carry(renderer: Renderer, case: Case, frames: int = FRAMES) -> Iterator[tuple[int, View, Progress, float]]:
-    """Frames 1 to `frames`, of a renderer that has served the scene before: number, picture, progress and milliseconds."""
+    """Yield frames 1 to `frames` of a renderer with a converged view: number, picture, progress and milliseconds."""
     scene = renderer.scene
     for frame in range(1, frames + 1):
         start = time.perf_counter()
@@ -122,14 +122,14 @@ def carry(renderer: Renderer, case: Case, frames: int = FRAMES) -> Iterator[tupl
         yield frame, view, progress, 1e3 * (time.perf_counter() - start)
 
 
-def measure(case: Case, scene: Scene, clock: Clock, tell: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
-    """The frames of a case that are held against their truths, with ticks by this clock; tell: called with words."""
+def measure(case: Case, scene: Scene, clock: Clock, notify: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
+    """Yield the compared frames of a case with a frame budget by this clock; notify: called with progress messages."""
     truths: dict[int, Frame] = {}
     for frame in range(EVERY, FRAMES + 1, EVERY):
-        tell(f"{case.name}: truth of frame {frame}")
+        notify(f"{case.name}: truth of frame {frame}")
         with Renderer(at(scene, case, frame / FRAMES), SIZE) as fresh:
             truths[frame] = fresh.render()
-    tell(f"{case.name}: carrying")
+    notify(f"{case.name}: carrying")
     with use_clock(clock), Renderer(scene, SIZE) as renderer:
         renderer.render()
         for frame, view, progress, milliseconds in carry(renderer, case):
@@ -146,7 +146,7 @@ def measure(case: Case, scene: Scene, clock: Clock, tell: Callable[[str], object
 
 
 def _near(case: Case, scene: Scene, frame: int, position: np.ndarray) -> np.ndarray:
-    """(H, W) True where a pixel's place (H, W, 3) lies within NEAR of what is carried, where it is or was a frame before."""
+    """Return a mask (H, W): True at positions (H, W, 3) within NEAR of the object's present or previous place."""
     near = np.zeros(position.shape[:2], bool)
     for share in ((frame - 1) / FRAMES, frame / FRAMES):
         there = at(scene, case, share)
@@ -160,9 +160,9 @@ def _near(case: Case, scene: Scene, frame: int, position: np.ndarray) -> np.ndar
 
 
 def run(args: Namespace) -> int:
-    """Measure all cases, or those of the scenes named, print their table, write JSON where asked for; the exit status.
+    """Measure all cases, or those of the named scenes, print a table, and write JSON on request; return the exit status.
 
-    Raises InputError for a command line that asks for something else, too, and for a scene without a case.
+    Raises InputError for incompatible flags and for scenes without a case.
     """
     if args.size or args.preset or args.peers or args.growth or args.compare or args.output:
         raise InputError("--moving has a size and a preset of its own; give it with scenes and --json alone")

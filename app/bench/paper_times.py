@@ -1,4 +1,4 @@
-"""The seed paper's published times, and where in a picture of ours the same work is done."""
+"""Published times of the seed paper, and the corresponding work in one of our pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from irrsplat.app.bench.cases import Timing
 from irrsplat.app.common.terminal import columns
 
 PUBLISHED = "published (Jones 2010: GeForce 8800 GT, 800x800)"
-# the paper's rows: name, milliseconds, records (section 4)
+# Rows of the paper: name, milliseconds, records (section 4)
 ROWS: tuple[tuple[str, float, int | None], ...] = (
     ("first samples", 1110.0, 1000),
     ("direct illumination", 1.95, None),
@@ -20,7 +20,7 @@ ROWS: tuple[tuple[str, float, int | None], ...] = (
 
 
 def rows(timing: Timing) -> list[tuple[float, int | None]]:
-    """Milliseconds and records of the paper's ROWS: what the first round gathers are the first samples."""
+    """Return milliseconds and records for the paper's ROWS; the first round corresponds to the first samples."""
     first, early = timing.rounds[0] if timing.rounds else (0, {})
     second = timing.rounds[1][1] if len(timing.rounds) > 1 else timing.stages
     new, end = timing.records - first, timing.stages
@@ -39,7 +39,7 @@ def rows(timing: Timing) -> list[tuple[float, int | None]]:
 
 
 def table(scene: str, ours: dict[str, Timing], clock: str) -> Iterator[str]:
-    """The paper's own rows, its times beside ours from empty by preset."""
+    """Yield the paper's rows with its times next to ours from an empty cache, by preset."""
     yield f"{scene} from empty, stage by stage in ms ({clock} clock), with the records of each; first: {PUBLISHED}"
     made: list[tuple[str, ...]] = [("stage", "published", *ours)]
     found = [rows(timing) for timing in ours.values()]

@@ -1,4 +1,4 @@
-"""`irrsplat bench --growth`: how time and memory grow with a scene's triangles, and with the picture's pixels."""
+"""`irrsplat bench --growth`: time and memory against a scene's triangles and a picture's pixels."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from irrsplat.image import frame
 TRIANGLES = (10**3, 10**4, 10**5, 10**6)
 SIDES = (400, 800, 1600, 3200)  # pixels
 QUICK = (10**3, 3 * 10**3), (32, 64)
-OWN = 6360  # triangles of `curved` as it is bundled
-REPETITIONS, SLOW = 3, 5.0  # what takes longer, in seconds, is timed once
+OWN = 6360  # triangles of the bundled `curved`
+REPETITIONS, SLOW = 3, 5.0  # repetitions; seconds above which a case runs once
 LEGEND = """\
 the scene `curved`, what is round in it cut finer and finer; preset default, all bounces; a process for each row
 load: from its files; build: the rays' tree, textures and buffers; surface: the surface cache, made once for all views
@@ -39,8 +39,11 @@ _TIMES = (("load", "load"), ("build", "build"), ("surface", "surface cache"), ("
 
 @dataclass(frozen=True)
 class Row:
-    """One scene and size: wall times in seconds, by their names in LEGEND; records; MiB of the process (None: not known here) and
-    on the GPU; milliseconds by stage from empty, and their clock."""
+    """One scene and size.
+
+    Times: wall time in seconds, named in LEGEND. Memory: MiB of the process (None: unknown) and of the GPU. stages:
+    milliseconds by stage from an empty cache; clock: their clock.
+    """
 
     triangles: int
     size: tuple[int, int]
@@ -59,14 +62,14 @@ class Row:
 
     @property
     def pixels(self) -> int:
-        """Of the picture."""
+        """Pixels of the picture."""
         return self.size[0] * self.size[1]
 
 
 def run(args: Namespace) -> int:
-    """Measure both series, print them as tables, write JSON and the plot where asked for; the exit status.
+    """Measure both series, print tables, and write JSON and the plot on request; return the exit status.
 
-    Raises InputError for a command line that asks for something else, too; IrrsplatError where a row fails.
+    Raises InputError for incompatible flags; IrrsplatError if a row fails.
     """
     if args.scenes or args.size or args.preset or args.peers or args.compare:
         raise InputError("--growth has scenes, sizes and a preset of its own; give it with --quick, --json and -o alone")
@@ -75,10 +78,10 @@ def run(args: Namespace) -> int:
     counts, sides = QUICK if args.quick else (TRIANGLES, SIDES)
     plan = [(count, sides[0]) for count in counts] + [(OWN, side) for side in sides]
     rows: list[Row] = []
-    with progress() as told:
-        tell = told or silent
+    with progress() as line:
+        notify = line or silent
         for k, (count, side) in enumerate(plan):
-            tell(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
+            notify(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
             rows.append(_apart(count, side))
     out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
     by_triangles, by_pixels = rows[: len(counts)], rows[len(counts) :]
@@ -96,7 +99,7 @@ def run(args: Namespace) -> int:
 
 
 def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
-    """A line for each row, under the names of the columns."""
+    """Return a line for each row, below the column names."""
     head = ("triangles", "size", "load s", "build s", "surface s", "from empty s", "turned s", "ms a record", "records")
     lines: list[tuple[str, ...]] = [(*head, "process MiB", "GPU MiB")]
     for row in rows:
@@ -107,7 +110,7 @@ def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
 
 
 def plot(by_triangles: Sequence[Row], by_pixels: Sequence[Row]) -> np.ndarray:
-    """(H, W, 3) display values 0..1: time and memory, one above the other, against triangles and against pixels."""
+    """Return display values (H, W, 3) in 0..1: plots of time and memory against triangles and against pixels."""
     halves = []
     for rows, name in ((by_triangles, "triangles"), (by_pixels, "pixels")):
         x = np.array([getattr(row, name) for row in rows], float)
@@ -129,7 +132,7 @@ def _lines(x: np.ndarray, series: dict[str, list[float]]) -> list[Line]:
 
 
 def _runs(row: Row) -> Iterator[dict[str, object]]:
-    """The entries of the benchmark's JSON: one for each time."""
+    """Yield the entries of the benchmark's JSON, one per time."""
     for case in ("load", "build", "surface", "empty", "moved"):
         yield {
             "scene": f"curved, {row.triangles} triangles",
@@ -150,18 +153,18 @@ def _runs(row: Row) -> Iterator[dict[str, object]]:
 
 
 def _apart(triangles: int, side: int) -> Row:
-    """The row of a process of its own; raises IrrsplatError with the last that it said where it fails."""
+    """Measure a row in a separate process; raise IrrsplatError with its last line of output if it fails."""
     command = [sys.executable, "-m", "irrsplat.app.bench.scaling", str(triangles), str(side)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {said}")
+        last_line = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {last_line}")
     values = json.loads(done.stdout.splitlines()[-1])
     return Row(**values | {"size": tuple(values["size"])})
 
 
 def measured(triangles: int, side: int) -> Row:
-    """The row of `curved` with about so many triangles in pictures of side² pixels; the process's memory is all of its own."""
+    """Return the row of `curved` with about `triangles` triangles and side² pixels; the process runs nothing else."""
     import irrsplat
     from irrsplat.scenes import generate
 

@@ -1,5 +1,5 @@
-"""The commands of irrsplat, a file for each: its flags, what is checked before the work, and the call of that work.
+"""Commands of irrsplat, one file each: flags, checks, and the call of the work.
 
-All of these files are imported for every command line. So they import libraries, and the work, only in functions: --help and
-mistakes are told at once, and a library that is missing hinders its own command alone.
+Every command line imports all of these files. They import libraries and the work only in functions: --help and errors are
+immediate, and a missing library affects only its own command.
 """

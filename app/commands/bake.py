@@ -1,4 +1,4 @@
-"""`irrsplat bake`: light for other programs; its own flags are in app/bake/arguments.py."""
+"""`irrsplat bake`: baked light for other programs; its own flags are in app/bake/arguments.py."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat bake`."""
+    """Add the flags of `irrsplat bake`."""
     words = "light into a lightmap, vertex colours or probes"
     parser = commands.add_parser("bake", help=words, description=arguments.DESCRIPTION, epilog=arguments.EPILOG)
     flags.add_scene(parser)
@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat bake`: light for other programs."""
+    """Run `irrsplat bake`."""
     from irrsplat.app.bake import command
 
     command.check(args)

@@ -1,4 +1,4 @@
-"""`irrsplat bench`: the times."""
+"""`irrsplat bench`: benchmarks."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from irrsplat.core.errors import InputError
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat bench`."""
+    """Add the flags of `irrsplat bench`."""
     parser = commands.add_parser(
         "bench",
         help="time it against the algorithm as published, and against others",
-        description="Time scenes: from an empty cache, from a kept one, turned, relit, and in flight; and tell the errors.",
-        epilog="Truths that errors are told by are gathered once and kept in the user's cache folder, or in the one that\n"
+        description="Time scenes: from an empty cache, from a kept one, turned, relit, and in flight; and print the errors.",
+        epilog="References for the errors are gathered once and kept in the user's cache folder, or in the one that\n"
         "IRRSPLAT_CACHE names. --peers needs the extra: pip install 'irrsplat[peers]'.",
     )
     add = parser.add_argument
@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
     add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
     add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")
     add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
-    add("--moving", action="store_true", help="errors while meshes and lamps are carried through cornell and atrium instead")
+    add("--moving", action="store_true", help="errors while meshes and lights are carried through cornell and atrium instead")
     add(
         "--counted",
         action="store_true",
@@ -48,13 +48,13 @@ def add(commands: Any) -> None:
 def _peers() -> str:
     try:
         from irrsplat.app.bench.peers.table import others
-    except ModuleNotFoundError:  # the other commands work without the benchmark
+    except ModuleNotFoundError:  # other commands work without the benchmark
         return "other renderers"
     return others()
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat bench`: the times."""
+    """Run `irrsplat bench`."""
     if args.json is not None:
         from irrsplat.core.files import check_file
 

@@ -1,4 +1,4 @@
-"""`irrsplat cache`: what is in files of records, several of them as one, and one with fewer records."""
+"""`irrsplat cache`: describe, merge and prune files of records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat cache`."""
+    """Add the flags of `irrsplat cache`."""
     words = "what is in files of records, several of them as one, and one with fewer records"
     parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
     tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
 
 
 def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` that the cache cannot be written."""
+    """Add an error to `mistakes` if the cache cannot be written."""
     if args.tool != "info" and "output" not in mistakes.arguments:
         from irrsplat.core import files
 
@@ -54,7 +54,7 @@ def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat cache`: what is in cache files, and what can be done with them."""
+    """Run `irrsplat cache`."""
     from irrsplat.app.commands.work import cache as work
 
     return work.run(args)

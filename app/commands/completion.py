@@ -1,4 +1,4 @@
-"""`irrsplat completion`: the script for a shell, and what that offers at Tab: commands, flags, words, scenes and files."""
+"""`irrsplat completion`: shell script for completion, and the completions: commands, flags, words, scenes and files."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from irrsplat.app.common.terminal import out
 from irrsplat.settings import SETTINGS
 
 SHELLS = ("bash", "zsh", "fish")
-Completer = Callable[..., Iterable[str]]  # called with `prefix`, what is typed of a word, and `parsed_args`
+Completer = Callable[..., Iterable[str]]  # called with the typed `prefix` of a word, and `parsed_args`
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat completion`."""
+    """Add the flags of `irrsplat completion`."""
     parser = commands.add_parser(
         "completion",
         help="the script that makes Tab complete these commands",
@@ -29,21 +29,20 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat completion`: the script for a shell."""
+    """Print the script for a shell."""
     out(script(args.shell))
     return 0
 
 
 def script(shell: str) -> str:
-    """The script that makes `shell`, one of SHELLS, ask irrsplat at Tab."""
+    """Return the script that makes `shell`, one of SHELLS, request completions from irrsplat."""
     from argcomplete.shell_integration import shellcode
 
     return str(shellcode(["irrsplat"], shell=shell))
 
 
 def answer(top: argparse.ArgumentParser) -> None:
-    """Tell the shell that asks what the word at its cursor may be, by the grammar `top`, and end the process; without a shell
-    that asks, do nothing."""
+    """Return completions of the grammar `top` to the shell and end the process; without a request, do nothing."""
     import argcomplete
 
     _complete(top)
@@ -51,7 +50,7 @@ def answer(top: argparse.ArgumentParser) -> None:
 
 
 def _complete(top: argparse.ArgumentParser) -> None:
-    """Give each argument of the grammar `top` what it may be."""
+    """Set the completer of each argument of the grammar `top`."""
     from argcomplete.completers import FilesCompleter
 
     from irrsplat.image.frame import BUFFERS, ENDINGS
@@ -83,7 +82,7 @@ def _complete(top: argparse.ArgumentParser) -> None:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """The arguments of all commands."""
+    """Yield the arguments of all commands."""
     for action in parser._actions:
         if isinstance(action.choices, dict):
             for command in action.choices.values():
@@ -97,16 +96,16 @@ def _any_of(words: tuple[str, ...]) -> Completer:
 
 
 def _listed(prefix: str, names: Iterable[str]) -> list[str]:
-    """What a list with commas that begins as `prefix` may go on with."""
+    """Return continuations of a comma-separated list that starts with `prefix`."""
     before, comma, _ = prefix.rpartition(",")
     return [f"{before}{comma}{name}" for name in names if name not in before.split(",")]
 
 
 def _cameras(args: argparse.Namespace) -> list[str]:
-    """The names of the cameras of the scene that `args` has; none where that cannot be read."""
+    """Return the camera names of the scene in `args`; none if it cannot be read."""
     from irrsplat.scene import load
 
-    with suppress(Exception):  # a scene that is wrong is told when it is opened, not at Tab
+    with suppress(Exception):  # scene errors are reported at loading, not at Tab
         return [camera.name for camera in load(args.scene or flags.DEFAULT_SCENE).cameras if camera.name]
     return []
 

@@ -1,4 +1,4 @@
-"""`irrsplat desktop`: its entry in the desktop's menu."""
+"""`irrsplat desktop`: desktop menu entry."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from irrsplat.app.common.terminal import out
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat desktop`."""
+    """Add the flags of `irrsplat desktop`."""
     parser = commands.add_parser(
         "desktop",
         help="irrsplat in the desktop's menu, with its icon",
@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat desktop`: its entry in the desktop's menu."""
+    """Install or remove the desktop menu entry."""
     from irrsplat.app.common import desktop_entry
 
     home = desktop_entry.data_home()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat fill`."""
+    """Add the flags of `irrsplat fill`."""
     parser = commands.add_parser(
         "fill",
         help="gather the records of a flight, for render --cache-mode frozen",
@@ -38,11 +38,11 @@ def add(commands: Any) -> None:
     parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
     flags.add_flight(parser, "the flight; one of --path and --turntable")
     flags.add_camera(parser)
-    flags.add_settings(parser, stages=flags.STAGES[:-1])  # those of the picture too, so that a film's flags are right here
+    flags.add_settings(parser, stages=flags.STAGES[:-1])  # picture settings too, so that a film's flags are valid here
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` that there is no flight, or that workers are to renew a file."""
+    """Add errors to `mistakes` for a missing flight, and for workers with --cache-mode update."""
     if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
         mistakes.add("fill needs a flight; give --path FILE or --turntable N")
     if args.on is not None and args.cache_mode == "update":
@@ -50,7 +50,7 @@ def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat fill`: the records of a flight, to a cache file."""
+    """Gather the records of a flight into a cache file."""
     from irrsplat import settings
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene, rendering.camera(args, scene))
     flights.check_still(flight, "render it without filling one")
-    lost.tell(scene, flight, args.size, args.turntable is not None)
+    lost.warn(scene, flight, args.size, args.turntable is not None)
     if args.on is not None:
         return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
-    """The records of a flight, gathered by the workers of --on."""
+    """Gather the records of a flight by the workers of --on."""
     from irrsplat.app.farm import cluster
     from irrsplat.app.film import fill as filling
     from irrsplat.core import files
@@ -101,13 +101,13 @@ def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
 
 
 def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
-    """Say how far a flight is filled; the exit status. Raises IrrsplatError where one of the `outputs` could not be written."""
+    """Print the coverage of a flight; return the exit status. Raise IrrsplatError if one of the `outputs` failed."""
     from irrsplat.app.film import fill as filling
 
-    outputs.tell()
+    outputs.raise_failures()
     if done.interrupted:
         return fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
-    filling.tell(done)
+    filling.warn(done)
     return 0
 
 

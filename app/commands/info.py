@@ -1,4 +1,4 @@
-"""`irrsplat info` and `irrsplat doctor`: what is in a scene, and on this machine."""
+"""`irrsplat info` and `irrsplat doctor`: contents of a scene, and state of this machine."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat info`."""
-    parser = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
+    """Add the flags of `irrsplat info`."""
+    parser = commands.add_parser("info", help="what is in a scene", description="Print the contents of a scene.")
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
     flags.add_loading(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat info`: what is in a scene, or the table of bundled ones."""
+    """Print the contents of a scene, or the table of bundled scenes."""
     from irrsplat.app.commands.work import info as report
 
     report.scene(args.scene, args.loading) if args.scene is not None else report.bundled()
@@ -25,13 +25,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def add_doctor(commands: Any) -> None:
-    """`irrsplat doctor`, which has no flags."""
-    words = "what OpenGL there is here, and what mends it"
-    commands.add_parser("doctor", help=words, description="Say what OpenGL there is here, and what mends it.")
+    """Add `irrsplat doctor`, which has no flags."""
+    words = "the OpenGL of this machine, and remedies for its faults"
+    commands.add_parser("doctor", help=words, description="Print the OpenGL of this machine, and remedies for its faults.")
 
 
 def run_doctor(args: argparse.Namespace) -> int:
-    """`irrsplat doctor`: what OpenGL there is; 1 where it is not enough."""
+    """Print the available OpenGL; return 1 if it does not suffice."""
     from irrsplat.app.commands.work import info as report
 
     return report.doctor()

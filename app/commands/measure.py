@@ -10,13 +10,13 @@ from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat measure`."""
+    """Add the flags of `irrsplat measure`."""
     parser = commands.add_parser(
         "measure",
         help="irradiance or illuminance on a plane, without a camera",
-        description="Measure the light that falls on a plane, or on single points: of lamps with their shadows, of emitters and\n"
+        description="Measure the light that falls on a plane, or on single points: of lights with shadows, of emitters and\n"
         "sky, and by all bounces. Nothing is interpolated, and no camera is needed.",
-        epilog="Points within solids, and points that a surface lies on, are said to be so and do not count in mean, minimum,\n"
+        epilog="Points within solids, and points that a surface lies on, are marked, and do not count in mean, minimum,\n"
         "maximum and uniformity.",
     )
     flags.add_scene(parser)
@@ -59,7 +59,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat measure`: light on a plane or at points."""
+    """Run `irrsplat measure`."""
     from irrsplat.app.commands.work import measure as measuring
 
     measuring.check(args)

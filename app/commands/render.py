@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
-SAMPLES = 16  # samples a pixel of a picture without --samples; arrays are those of the pixels' centres
+SAMPLES = 16  # samples per pixel of a picture without --samples; arrays have one, at the pixel's centre
 _FROZEN_ALONE = (
     "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
     "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"
@@ -32,7 +32,7 @@ _FROZEN_ALONE = (
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat render`."""
+    """Add the flags of `irrsplat render`."""
     parser = commands.add_parser(
         "render",
         help="render a scene to files",
@@ -105,7 +105,7 @@ def _add_false_colours(parser: argparse.ArgumentParser) -> None:
 
 
 def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` which outputs, and files of --stats and --cache, cannot be written, and which buffers there are not."""
+    """Add errors to `mistakes` for unknown buffers, and for files of outputs, --stats and --cache that cannot be written."""
     from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
@@ -124,12 +124,12 @@ def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
 
 
 def _buffers(args: argparse.Namespace) -> list[str] | None:
-    """The names that --buffers has; None: all."""
+    """Return the names in --buffers; None for all."""
     return None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
 
 
 def _has_folder(args: argparse.Namespace) -> bool:
-    """Whether one of the outputs is a folder, which has the paper's figures."""
+    """True if one of the outputs is a folder, which has the paper's figures."""
     from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
@@ -141,8 +141,10 @@ def _has_folder(args: argparse.Namespace) -> bool:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
-    cannot be written in the end, the others are."""
+    """Render a scene, or a flight, to files.
+
+    All checks precede the work; a failed output does not affect the others.
+    """
     from irrsplat import settings
     from irrsplat.app.common import pictures
     from irrsplat.app.film import films, frames, frozen, lost
@@ -171,13 +173,13 @@ def run(args: argparse.Namespace) -> int:
         flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
-        lost.tell(scene, flight, args.size, args.turntable is not None)
+        lost.warn(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
-    # the light of lamps alone is drawn of whole views
+    # direct light alone requires whole views
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
-    small = args.size[0] * args.size[1] < LARGE  # a larger one would take twice the memory
+    small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
     pictures_sampled = flight is None and small and "samples" not in args.values and not files.of_all_buffers
     arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
     sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
@@ -195,9 +197,9 @@ def run(args: argparse.Namespace) -> int:
                 how = {"frozen": keeps, "resume": args.resume, "kept": kept}
                 done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
             else:
-                wanted = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
+                needed_buffers = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
-                frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
+                frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         pngs = [path for path in args.output if path.lower().endswith(".png")]
@@ -214,7 +216,7 @@ def run(args: argparse.Namespace) -> int:
         if flight is not None and made is not None and complete:
             made.write(flight, outputs)
     if keeps:
-        frozen.tell([frame.stats] if flight is None else done)
+        frozen.warn([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
     unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
@@ -229,7 +231,7 @@ def _render_on(
     buffers: list[str] | None,
     files: Pictures,
 ) -> int:
-    """The frames of a flight, rendered by the workers of --on, and the films `made` of them."""
+    """Render the frames of a flight by the workers of --on, and the films `made` of them."""
     from irrsplat.app.farm import cluster
     from irrsplat.app.film import frozen
     from irrsplat.records import cache_file
@@ -242,7 +244,7 @@ def _render_on(
         say(f"notice: {notice}")
     outputs = Outputs()
     done, complete = cluster.render(args, job, flight, buffers, files, outputs)
-    frozen.tell(done)
+    frozen.warn(done)
     if made is not None and complete:
         made.write(flight, outputs)
     return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
@@ -252,10 +254,12 @@ def _render_on(
 
 
 def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs) -> int:
-    """Write the statistics of a picture where they are asked for, say what is missing in it; the exit status. Raises
-    IrrsplatError where one of the `outputs` could not be written."""
+    """Write a picture's statistics on request, print its gaps, and return the exit status.
+
+    Raises IrrsplatError if one of the `outputs` failed.
+    """
     rendering.write_stats(args, stats, outputs)
-    outputs.tell()
+    outputs.raise_failures()
     if stats.get("interrupted"):
         return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True) and "uncovered" not in stats:
@@ -266,7 +270,7 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
 
 
 def _so_far(flight: Flight, written: int, resumes: bool) -> str:
-    """How far a flight came that was interrupted. resumes: whether frames that were there before count as well."""
+    """Return the progress of an interrupted flight in words. resumes: also count frames of earlier runs."""
     from irrsplat.app.film.kept import unwritten
 
     if resumes:
@@ -275,9 +279,9 @@ def _so_far(flight: Flight, written: int, resumes: bool) -> str:
 
 
 def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:
-    """The same for the frames of a path that are `done`. interrupted: how far it came; None: to its end."""
+    """Finish a path with the frames `done`, as _end_of_render. interrupted: progress in words; None for a complete path."""
     rendering.write_stats(args, {"frames": done}, outputs)
-    outputs.tell()
+    outputs.raise_failures()
     if interrupted is not None:
         return fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
@@ -295,7 +299,7 @@ def _bounces_notice(stats: Sequence[Statistics]) -> str | None:
 
 
 def _unserved(stats: Sequence[Statistics]) -> str:
-    """The end of the notice on pictures that stopped early: which limit to raise."""
+    """Return the end of the notice on incomplete pictures: the limit to raise."""
     full = any(one.get("full") for one in stats)
     return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
 

@@ -1,4 +1,4 @@
-"""`irrsplat verify`: the errors against a path tracer."""
+"""`irrsplat verify`: errors against a path tracer."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat verify`."""
+    """Add the flags of `irrsplat verify`."""
     parser = commands.add_parser(
         "verify",
-        help="hold a rendering against a path tracer",
-        description="Render a scene and tell how far its indirect light is from a path tracer's.",
+        help="compare a rendering with a path tracer",
+        description="Render a scene and print the error of its indirect light against a path tracer.",
         epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
         "cache folder, or in the one that IRRSPLAT_CACHE names.",
     )
@@ -38,18 +38,18 @@ def add(commands: Any) -> None:
         help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
     )  # fmt: skip
     flags.add_camera(parser)
-    flags.add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
+    flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here
     parser.set_defaults(path=None, turntable=None, frames=None)
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` that two series are asked for."""
+    """Add an error to `mistakes` for two series at once."""
     if args.curve and args.techniques:
         mistakes.add("--curve and --techniques are two different series; give one of them")
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat verify`: the errors against a path tracer."""
+    """Run `irrsplat verify`."""
     from irrsplat import settings
     from irrsplat.app.verify import verify as verification
 

@@ -1,4 +1,4 @@
-"""`irrsplat view`: the window."""
+"""`irrsplat view`: the viewer's window."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def add(commands: Any) -> None:
-    """The flags of `irrsplat view`."""
+    """Add the flags of `irrsplat view`."""
     parser = commands.add_parser(
         "view",
         help="fly through a scene in a window",
@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """`irrsplat view`: the window."""
+    """Open the viewer."""
     import irrsplat
     from irrsplat.app.viewer import preferences
 
@@ -56,15 +56,14 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.viewer import viewer
 
     size = tuple(args.size) if args.size else None
-    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
-    if said is not None:
-        say(f"notice: {said}")
+    closing_notice = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
+    if closing_notice is not None:
+        say(f"notice: {closing_notice}")
     return 0
 
 
 def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues, update: bool) -> None:
-    """Raises InputError where a cache file cannot be written, or where the one that is there belongs to other settings or,
-    without `update`, to another scene."""
+    """Raise InputError for a cache file that cannot be written or has other settings or, without `update`, another scene."""
     from irrsplat import settings
     from irrsplat.core import files
     from irrsplat.records import cache_file

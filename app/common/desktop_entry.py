@@ -1,6 +1,6 @@
-"""irrsplat in a desktop's menu: the entry and the icons, where freedesktop.org's specifications have them for one user.
+"""Desktop menu entry and icons of irrsplat, at one user's places by freedesktop.org's specifications.
 
-A wheel's data files do not do: pip and pipx put them into the environment, where no desktop looks.
+A wheel's data files do not suffice: pip and pipx put them into the environment, outside the desktop's search path.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from irrsplat.core.files import write_picture, write_text
 
 NAME = "irrsplat"
 KINDS = "model/gltf-binary;model/gltf+json;model/obj;model/stl;application/x-ply;"
-_QUOTED = '"`$\\'  # what an Exec line needs a backslash before, within quotes
+_QUOTED = '"`$\\'  # characters escaped within quotes in an Exec line
 
 
 def data_home() -> Path:
-    """The folder of the user's data, $XDG_DATA_HOME or ~/.local/share; IrrsplatError where desktops do not look there."""
+    """Return the user's data folder, $XDG_DATA_HOME or ~/.local/share; raise IrrsplatError on systems without it."""
     if sys.platform in ("win32", "darwin"):
         raise IrrsplatError("menus of this system know no desktop entries; make a shortcut to the command irrsplat yourself")
     named = os.environ.get("XDG_DATA_HOME", "")
@@ -28,14 +28,14 @@ def data_home() -> Path:
 
 
 def files(home: Path) -> dict[Path, int | None]:
-    """The files that `install` writes below `home`: icons with their side in pixels, None for the others."""
+    """Return the files of `install` below `home`: icons with their side in pixels, None for other files."""
     icons = home / "icons/hicolor"
     found: dict[Path, int | None] = {icons / f"{side}x{side}/apps/{NAME}.png": side for side in SIZES}
     return {home / f"applications/{NAME}.desktop": None, icons / f"scalable/apps/{NAME}.svg": None, **found}
 
 
 def install(home: Path) -> list[Path]:
-    """Write the entry and the icons; the files that were written."""
+    """Write the entry and the icons; return the written files."""
     for path, side in files(home).items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +50,7 @@ def install(home: Path) -> list[Path]:
 
 
 def remove(home: Path) -> list[Path]:
-    """Remove what `install` has written; the files that were there."""
+    """Remove the files of `install`; return the removed files."""
     there = [path for path in files(home) if path.is_file()]
     for path in there:
         path.unlink()
@@ -59,16 +59,16 @@ def remove(home: Path) -> list[Path]:
 
 
 def command() -> list[str]:
-    """The words that run this irrsplat: the script that was called, else the one on the path, else by this Python."""
+    """Return the words that run this irrsplat: the called script, the one on the path, or this Python."""
     called = Path(sys.argv[0])
     found = str(called.resolve()) if called.name == NAME and called.is_file() else shutil.which(NAME)
     return [found] if found else [sys.executable, "-m", NAME]
 
 
 def entry(words: list[str]) -> str:
-    """The desktop entry, by which `words` open a window, and a file that is dropped on it."""
+    """Return the desktop entry; `words` open a window, also for a file dropped on the icon."""
     quoted = " ".join('"' + "".join("\\" * (c in _QUOTED) + c for c in word).replace("%", "%%") + '"' for word in words)
-    # the value as a whole is a string with escapes of its own
+    # the value is itself a string with escapes
     executed = f"{quoted} view %f".replace("\\", "\\\\")
     return (
         "[Desktop Entry]\n"
@@ -86,7 +86,7 @@ def entry(words: list[str]) -> str:
 
 
 def _notice(home: Path) -> None:
-    """Desktops look again where the time of this folder changes."""
+    """Update the folder's time, so that desktops search it again."""
     icons = home / "icons/hicolor"
     if icons.is_dir():
         os.utime(icons)

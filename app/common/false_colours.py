@@ -1,4 +1,4 @@
-"""`irrsplat render --falsecolor`: the pictures of a render in false colours, in photometric or radiometric units."""
+"""`irrsplat render --falsecolor`: false-colour pictures in photometric or radiometric units."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera
 
-WORDS = {  # of what can be shown, FALSE_COLOURED in app/commands/render.py
+WORDS = {  # of the buffers FALSE_COLOURED in app/commands/render.py
     "light": "light on surfaces",
     "irradiance": "indirect light on surfaces",
     "image": "luminance",
@@ -26,12 +26,12 @@ WORDS = {  # of what can be shown, FALSE_COLOURED in app/commands/render.py
     "indirect": "indirect light, reflected",
     "emission": "emitted light",
 }
-_ON_SURFACES = ("light", "irradiance")  # lux or W/m²; of the others cd/m² or W/(m² sr)
+_ON_SURFACES = ("light", "irradiance")  # lux or W/m²; for other buffers cd/m² or W/(m² sr)
 _FLAGS = ("scale", "log", "unit", "lines")
 
 
 def checked(args: argparse.Namespace) -> FalseColours | None:
-    """The false colours that the flags ask for; None for none. Raises InputError for flags that do not go together."""
+    """Return the false colours for the flags, or None; raise InputError for incompatible flags."""
     if args.falsecolor is None:
         given = next((flag for flag in _FLAGS if getattr(args, flag) is not None), None)
         if given is not None:
@@ -48,13 +48,13 @@ def checked(args: argparse.Namespace) -> FalseColours | None:
 
 @dataclass
 class FalseColours:
-    """Pictures of `buffer` by `scale`; where that ends by itself, the first picture decides, and the others of a path follow."""
+    """False-colour pictures of `buffer` with `scale`; the first picture of a path sets an automatic end of the scale."""
 
     buffer: str
     scale: LightScale
 
     def save(self, path: Pathlike, frame: Frame, renderer: Renderer, camera: Camera) -> None:
-        """Write a frame that `renderer` has just made from `camera` as a PNG; raises IrrsplatError where that fails."""
+        """Write a new frame of `renderer` from `camera` as a PNG; raise IrrsplatError for a failed write."""
         from irrsplat.image.output import false_colours
 
         light, depth = self.settle(frame, renderer, camera)
@@ -63,14 +63,14 @@ class FalseColours:
         files.write_picture(path, picture)
 
     def settle(self, frame: Frame, renderer: Renderer, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """Let the scale end above what this frame shows, where it has no end yet; its light and depth, (H, W) each."""
+        """Return the frame's light and depth, (H, W) each; set an automatic end of the scale above the light."""
         from irrsplat.image.output import false_colours
 
         lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
         light = (lamps + values) @ self.scale.weights
         depth = frame.depth
-        if self.buffer in ("image", "emission"):  # where a sky is seen, that has light as well
+        if self.buffer in ("image", "emission"):  # a visible sky counts as light
             depth = np.where(np.isfinite(depth) | (light > 0.0), np.minimum(depth, np.float32(1e9)), depth)
         if self.scale.highest is None:
             self.scale = replace(self.scale, highest=round_above(false_colours.brightest(light, depth)))
@@ -78,7 +78,7 @@ class FalseColours:
 
     @property
     def _unit(self) -> str:
-        """The unit as people read it."""
+        """Unit for display."""
         if self.buffer in _ON_SURFACES:
             return self.scale.shown_unit
         return "cd/m²" if self.scale.unit == "lux" else "W/(m² sr)"

@@ -1,31 +1,31 @@
-"""The icon: some splats on a dark square, drawn at any size, or as SVG, from the same numbers."""
+"""The icon: splats on a dark square, rasterized at any size or as SVG from the same data."""
 
 from __future__ import annotations
 
 import numpy as np
 
-SIZES = (16, 32, 48, 64, 128, 256, 512)  # pixels, as desktops look for them
+SIZES = (16, 32, 48, 64, 128, 256, 512)  # pixels, the sizes of desktops
 GROUND = (0.075, 0.085, 0.110)
 CORNER = 0.20  # radius of the square's corners, as a share of its side
-SPLATS = (  # x, y (down), radius, as shares of the side, and the colour in the middle
+SPLATS = (  # x, y (down), radius, as shares of the side, and the centre's colour
     (0.50, 0.30, 0.40, (1.00, 0.90, 0.68)),
     (0.24, 0.62, 0.36, (0.93, 0.24, 0.13)),
     (0.77, 0.60, 0.36, (0.22, 0.78, 0.30)),
     (0.50, 0.76, 0.30, (0.95, 0.72, 0.34)),
     (0.62, 0.44, 0.20, (0.98, 0.95, 0.85)),
 )
-_STOPS = 8  # of a gradient of the SVG
-_FINER = 4  # samples a pixel, in each direction
+_STOPS = 8  # gradient stops of the SVG
+_FINER = 4  # samples per pixel in each direction
 
 
 def kernel(distance: np.ndarray) -> np.ndarray:
-    """How much a splat counts at a distance from its middle, in radii: 1 there, 0 at the rim, smooth at both."""
+    """Return a splat's weight at a distance in radii: 1 at the centre, 0 at the rim, smooth at both."""
     found: np.ndarray = np.maximum(0.0, 1.0 - distance**2) ** 2
     return found
 
 
 def icon(side: int) -> np.ndarray:
-    """(side, side, 4) sRGB values 0..1 with alpha; colours are screened over each other, as the SVG asks for."""
+    """Return sRGB values (side, side, 4) in 0..1 with alpha; colours combine by screen blending, as in the SVG."""
     step = (np.arange(side * _FINER) + 0.5) / (side * _FINER)
     x, y = np.meshgrid(step, step)
     rest = np.broadcast_to(1.0 - np.array(GROUND), (*x.shape, 3)).copy()
@@ -40,7 +40,7 @@ def icon(side: int) -> np.ndarray:
 
 
 def svg() -> str:
-    """The same as an SVG of 256 units' side."""
+    """Return the icon as an SVG of 256 units' side."""
     gradients = circles = ""
     shares = np.linspace(0.0, 1.0, _STOPS + 1)
     for i, (x, y, radius, colour) in enumerate(SPLATS):

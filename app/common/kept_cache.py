@@ -1,4 +1,4 @@
-"""The record cache in a file that several processes may use: none loses the records of another."""
+"""Record cache file shared between processes, without loss of records."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from irrsplat.core.errors import IrrsplatError
 
 
 class KeptCache:
-    """The file at `path` as this process has seen it last, which is to be made before the file is read."""
+    """Record cache file at `path`; create the object before the file is read."""
 
     def __init__(self, path: str) -> None:
         self.path = path
         self._seen = self._state()
-        self._shared = False  # whether another process writes the file too
+        self._shared = False  # True after another process has written the file
 
     def save(self, write: Callable[[str], object]) -> None:
-        """Let `write` make the file, a path of which it is given. Where another process has written the file since this one has
-        seen it, the records of both are merged, with a notice.
+        """Call `write` with a path to make the file.
 
-        Raises IrrsplatError where that fails, and where the other one's records belong to another scene or to other settings: its
-        file stays.
+        Records that another process wrote meanwhile are merged, with a notice. Raises IrrsplatError for a failed write, and
+        if the other records belong to another scene or other settings: that file stays.
         """
-        from irrsplat.core import files  # which needs numpy, and --help does not
+        from irrsplat.core import files  # needs numpy, which --help does not import
 
         with files.locked(Path(os.path.realpath(self.path)).parent):
             if not self._shared and self._state() in (self._seen, None):
@@ -52,7 +51,7 @@ class KeptCache:
         self._shared = True
 
     def _state(self) -> tuple[int, int, int] | None:
-        """Return a value that differs once the file is written again; None: there is no file."""
+        """Return a value that changes with each write of the file; None without a file."""
         try:
             found = os.stat(self.path)
         except FileNotFoundError:

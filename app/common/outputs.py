@@ -1,4 +1,4 @@
-"""The files that a command writes: none twice, and where one cannot be written, the others are all the same."""
+"""Output files of a command: no duplicates, and independent of each other's failures."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 
 def missing(error: ModuleNotFoundError) -> str:
-    """What is said where a Python module is not there."""
+    """Return the message for a missing Python module."""
     return f"this needs the Python module '{error.name}', which is missing; irrsplat doctor lists what is there"
 
 
 def twins(outputs: Sequence[str], others: Iterable[tuple[str, str | None]]) -> list[str]:
-    """What is wrong where two of the files that are to be written are one, a line for each such file. outputs: of -o; others:
-    flags and their files, None where a flag is not given."""
+    """Return an error for each file that two outputs share. outputs: of -o; others: flags and their files, None for absent
+    ones.
+    """
     flags_of: dict[str, list[tuple[str, str]]] = {}
     given = [("-o", output) for output in outputs] + [(flag, path) for flag, path in others if path is not None]
     for flag, path in given:
@@ -26,14 +27,16 @@ def twins(outputs: Sequence[str], others: Iterable[tuple[str, str | None]]) -> l
 
 
 class Outputs:
-    """Writes files one after the other and keeps what went wrong, so that each stands alone; `tell` says it in the end."""
+    """Writer of independent files that collects failures; `raise_failures` raises them at the end."""
 
     def __init__(self) -> None:
         self.failures: dict[str, IrrsplatError] = {}
 
     def write(self, path: str, write: Callable[[], object], name: str = "", tells: bool = True) -> bool:
-        """Let `write` make the file `path`; whether it did. An output that failed once is not tried again. name: of the output,
-        where that is not the file: the pattern of a path's frames. tells: whether it is said once the file is there."""
+        """Call `write` to make the file `path`; return True for success. A failed output is not tried again.
+
+        name: of an output other than the file: the pattern of a path's frames. tells: print a message for the written file.
+        """
         if (name or path) in self.failures:
             return False
         if tells:
@@ -52,8 +55,8 @@ class Outputs:
             return True
         return False
 
-    def tell(self) -> None:
-        """Raises an error that names every file that could not be written; nothing where there is none."""
+    def raise_failures(self) -> None:
+        """Raise an error with every failed file, if any."""
         errors = list(self.failures.values())
         if len(errors) == 1:
             raise errors[0]

@@ -1,4 +1,4 @@
-"""argparse that tells all mistakes of a command line at once, in one line, with what was probably meant."""
+"""argparse variant that reports all errors of a command line in one line, with suggestions."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from irrsplat.settings import removed
 
 
 class Mistakes:
-    """What is wrong with a command line, gathered until all of it is known.
+    """Errors of a command line, collected before they are reported.
 
-    page: the help to look into, such as ``irrsplat render --help``; empty where none would help. arguments: those by name that
-    were given, but wrongly, so that nothing more can be said of them.
+    page: the relevant help, such as ``irrsplat render --help``, or "". arguments: names of invalid arguments, for which
+    further checks are skipped.
     """
 
     def __init__(self) -> None:
@@ -27,59 +27,62 @@ class Mistakes:
         self.arguments: set[str] = set()
 
     def add(self, message: str, page: str = "") -> None:
-        """Keep one mistake, once, and the help page for it."""
+        """Add an error, once, and its help page."""
         if message not in self.found:
             self.found.append(message)
         self.page = self.page or page
 
     @contextmanager
     def gathered(self) -> Iterator[None]:
-        """Keeps the InputError that its block raises instead of passing it on."""
+        """Collect the InputError of the block."""
         try:
             yield
         except InputError as error:
             self.add(str(error))
 
-    def tell(self) -> None:
-        """Raises InputError, one line with all that was found; does nothing where that is nothing."""
+    def raise_all(self) -> None:
+        """Raise InputError, one line with all errors; do nothing without errors."""
         if not self.found:
             return
         several = len(self.found) > 1
         numbered = "; ".join(f"({i}) {message}" for i, message in enumerate(self.found, 1))
-        said = f"{len(self.found)} mistakes: {numbered}" if several else self.found[0]
-        raise InputError(f"{said}; see {self.page}" if self.page else said)
+        text = f"{len(self.found)} mistakes: {numbered}" if several else self.found[0]
+        raise InputError(f"{text}; see {self.page}" if self.page else text)
 
 
 class Parser(argparse.ArgumentParser):
-    """argparse with no abbreviations and every spelling of a negative number. What is wrong goes to `mistakes`, with a stand-in
-    for the value, so that the rest is looked at too; only where nothing more can be made out, InputError is raised at once."""
+    """argparse without abbreviations and with all spellings of negative numbers.
+
+    Errors go to `mistakes`, with a placeholder value, so that all arguments are checked. InputError is raised at once only
+    if parsing cannot continue.
+    """
 
     def __init__(self, mistakes: Mistakes | None = None, **options: Any) -> None:
         super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
         self.mistakes = mistakes or Mistakes()
-        self._incomplete: list[argparse.Action] = []  # those with too few values
+        self._incomplete: list[argparse.Action] = []  # arguments with too few values
         # argparse's own pattern takes -1e-3 and -inf for flags
         self._negative_number_matcher = re.compile(r"-\.?\d|-(inf|nan)", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """Raises InputError with all mistakes so far and this one; main() prints it."""
+        """Raise InputError with all errors so far and this one; main() prints it."""
         begin = gettext("the following arguments are required: %s").partition("%s")[0]
         if message.startswith(begin):
             names = message.removeprefix(begin).split(", ")
             message = "; ".join(self._missing(action) for action in self._actions if argparse._get_action_name(action) in names)
         self._wrong(message)
-        self.mistakes.tell()
+        self.mistakes.raise_all()
         raise AssertionError("there is a mistake to tell")
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """As argparse has it, but unknown flags are told and left out, and missing ones told and stood in for."""
+        """Parse as argparse does, but report and skip unknown flags, and replace missing ones by placeholders."""
         words = list(args or ())
         if not _completing():
             words = self._without_unknown_flags(words)
         return super().parse_known_args(words, namespace)
 
     def _missing(self, action: argparse.Action) -> str:
-        """What is said where there is no word for `action`: what it may be."""
+        """Return the message for a missing `action`, with its choices."""
         if action.choices is None:
             return f"{argparse._get_action_name(action)} is missing"
         if action.nargs == argparse.PARSER:
@@ -87,7 +90,7 @@ class Parser(argparse.ArgumentParser):
         return f"{self._words(action)}, and none is given"
 
     def _words(self, action: argparse.Action) -> str:
-        """Which words `action` takes."""
+        """Return the accepted words of `action`."""
         words = f"takes {'|'.join(str(name) for name in action.choices or ())}"
         return words if action.option_strings else f"{self.prog.split()[-1]} {words}"
 
@@ -95,11 +98,13 @@ class Parser(argparse.ArgumentParser):
         self.mistakes.add(message, f"{self.prog} --help")
 
     def _without_unknown_flags(self, words: list[str]) -> list[str]:
-        """`words` without the flags that there are none of, and without their values, each told as a mistake; with a value for
-        each flag that must be given and is not."""
+        """Return `words` without unknown flags and their values; add placeholders for missing required flags.
+
+        Each unknown flag is reported.
+        """
         kept: list[str] = []
         given: set[str] = set()
-        probably: set[str] = set()  # what unknown ones are
+        probably: set[str] = set()  # suggestions for unknown flags
         position = 0
         commands = any(action.nargs == argparse.PARSER for action in self._actions)
         while position < len(words):
@@ -132,11 +137,11 @@ class Parser(argparse.ArgumentParser):
         return kept
 
     def _like_a_flag(self, word: str) -> bool:
-        """Whether argparse takes `word` for a flag rather than for a value."""
+        """True if argparse takes `word` for a flag rather than for a value."""
         return len(word) > 1 and word[0] == "-" and " " not in word and not self._negative_number_matcher.match(word)
 
     def _known_flag(self, word: str) -> str:
-        """The flag that `word` is, with or without a value in it; empty where there is none."""
+        """Return the flag in `word`, with or without an attached value; "" if unknown."""
         for flag in (word, word.partition("=")[0], word[:2] if word[1] != "-" else word):
             if flag in self._option_string_actions:
                 return flag
@@ -146,13 +151,13 @@ class Parser(argparse.ArgumentParser):
         return self._option_string_actions[flag].help != argparse.SUPPRESS
 
     def _values_of(self, flag: str, following: list[str]) -> int:
-        """How many words behind `flag` are its values, where `following` is the next one."""
+        """Return the number of words after `flag` that are its values; `following` is the next word."""
         action = self._option_string_actions[flag]
         if action.metavar == "on|off":
             return int(any(word.lower() in ("on", "off") for word in following))
         return action.nargs if isinstance(action.nargs, int) else 1
 
-    # ---- inside of argparse: where it would raise at the first mistake -----------------------------------------------
+    # ---- overrides of argparse methods that raise at the first error -------------------------------------------------
 
     def _match_argument(self, action: argparse.Action, arg_strings_pattern: str) -> int:
         try:
@@ -184,10 +189,10 @@ class Parser(argparse.ArgumentParser):
         if action.nargs == argparse.PARSER:
             words = f"there is no command '{value}'{did_you_mean(str(value), names)}; the commands are {', '.join(names)}"
             raise argparse.ArgumentError(None, words)
-        said = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
-        raise argparse.ArgumentError(action if action.option_strings else None, said)
+        text = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
+        raise argparse.ArgumentError(action if action.option_strings else None, text)
 
 
 def _completing() -> bool:
-    """Whether a shell asks what may come next (see completion.py), so that a command line is no mistake for being unfinished."""
+    """True during shell completion (see completion.py), where an unfinished command line is no error."""
     return "_ARGCOMPLETE" in os.environ

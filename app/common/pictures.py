@@ -1,4 +1,4 @@
-"""How `irrsplat render` writes its files: bits of a PNG, names in an EXR, false colours, and the contact sheet."""
+"""Output options of `irrsplat render`: PNG depth, EXR layer names, false colours, and the contact sheet."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ PNG_BITS = (8, 16)
 
 @dataclass(frozen=True)
 class Pictures:
-    """How frames are written. png_bits: 8 or 16. exr_names: whose names an EXR's layers have. contact_sheet: whether a .png shows
-    all buffers. coloured: the false colours of a .png, if any."""
+    """Output options of frames.
+
+    png_bits: 8 or 16. exr_names: naming scheme of an EXR's layers. contact_sheet: True for a .png of all buffers. coloured:
+    false colours of a .png, or None.
+    """
 
     png_bits: int = 8
     exr_names: ExrNames = "irrsplat"
@@ -31,11 +34,11 @@ class Pictures:
 
     @property
     def of_all_buffers(self) -> bool:
-        """Whether a .png is made of more than the picture."""
+        """True if a .png needs more than the picture."""
         return self.contact_sheet or self.coloured is not None
 
     def save(self, name: str, frame: Frame, buffers: list[str] | None, renderer: Renderer, camera: Camera) -> None:
-        """Write a frame that `renderer` has just made from `camera`; raises IrrsplatError where that fails."""
+        """Write a new frame of `renderer` from `camera`; raise IrrsplatError for a failed write."""
         if self.coloured is not None and name.lower().endswith(".png"):
             self.coloured.save(name, frame, renderer, camera)
         else:
@@ -43,7 +46,7 @@ class Pictures:
 
 
 def checked(args: argparse.Namespace) -> Pictures:
-    """What the flags ask for; raises InputError for flags that do not go together, or that no output is for."""
+    """Return the options for the flags; raise InputError for incompatible or unused flags."""
     endings = [output.lower().rpartition(".")[2] for output in args.output]
     if args.contact_sheet and "png" not in endings:
         raise InputError("--contact-sheet is for a .png, and no output is one; give -o NAME.png")

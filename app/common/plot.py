@@ -1,4 +1,4 @@
-"""A plot of lines over two logarithmic axes, drawn with the pen of the diagrams."""
+"""Log-log line plots, drawn with the pen of the diagrams."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from irrsplat.image.figures.pen import Colour, Pen, width_of
 
 _SIZE = (1040, 720)  # pixels
 _FONT = 20.0
-_FINER = 2  # drawn this many times larger, then reduced, so that edges are smooth
+_FINER = 2  # supersampling factor for smooth edges
 _LEFT, _RIGHT, _TOP, _BOTTOM = 96, 32, 64, 84  # margins
 _INK, _FAINT, _GRID = (40, 40, 40), (110, 110, 110), (224, 224, 224)
 _PALETTE: tuple[Colour, ...] = ((27, 94, 160), (200, 80, 20), (60, 130, 60), (130, 60, 150), (90, 90, 90))
-_STEPS = (1, 2, 5)  # of every decade, with a number
-_WIDE = 500.0  # an axis whose ends differ by more than this factor has room for the powers of ten alone
+_STEPS = (1, 2, 5)  # numbered multiples in each decade
+_WIDE = 500.0  # ratio of an axis's ends above which only powers of ten fit
 
 
 Place = Callable[[np.ndarray, np.ndarray], np.ndarray]  # x and y to pixels (…, 2)
@@ -27,7 +27,7 @@ Place = Callable[[np.ndarray, np.ndarray], np.ndarray]  # x and y to pixels (…
 
 @dataclass(frozen=True)
 class Line:
-    """Points (x, y), both (N,) and positive, joined in their order; `words` are its entry in the legend."""
+    """Points (x, y), both (N,) and positive, joined in order; `words` are the legend's entry."""
 
     words: str
     x: np.ndarray
@@ -36,15 +36,15 @@ class Line:
 
 
 def palette(count: int) -> list[Colour]:
-    """`count` colours that are told apart, the same ones each time: some chosen by hand, then hues around the circle."""
+    """Return `count` distinct, reproducible colours: a fixed list, then hues around the circle."""
     steps = np.arange(max(0, count - len(_PALETTE)))
-    hues = (0.12 + steps * 0.618034) % 1.0  # steps of the golden ratio never come back to a hue
+    hues = (0.12 + steps * 0.618034) % 1.0  # steps of the golden ratio never repeat a hue
     made = [tuple(round(160 * channel) for channel in colorsys.hsv_to_rgb(hue, 0.9, 1.0)) for hue in hues]
     return [*_PALETTE[:count], *((r, g, b) for r, g, b in made)]
 
 
 def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.ndarray:
-    """(H, W, 3) display values 0..1 of the lines with axes, a grid, numbers, and each line's words in its colour."""
+    """Return display values (H, W, 3) in 0..1 of the lines with axes, grid, numbers, and a legend."""
     size = tuple(_FINER * n for n in _SIZE)
     image = Image.new("RGB", (size[0], size[1]), (255, 255, 255))
     pen = Pen(image, _FINER * _FONT)
@@ -59,7 +59,7 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
 
     legend = _legend_size(pen, lines)
     corner = _free_corner(frame, legend, pen.font, [place(line.x, line.y) for line in lines])
-    if corner is None:  # it stands beside the axes
+    if corner is None:  # place it outside the axes
         frame[1][0] -= legend[0]
         corner = frame[1][0], frame[1][1], False
     _axes(pen, frame, spans, place)
@@ -77,7 +77,7 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
 
 
 def _span(values: np.ndarray) -> tuple[float, float]:
-    """The ends of an axis that holds these values, with some room on either side; (1, 10) where there are none."""
+    """Return the ends of an axis for these values, with a margin; (1, 10) without values."""
     if not len(values):
         return 1.0, 10.0
     low, high = float(values.min()), float(values.max())
@@ -86,7 +86,7 @@ def _span(values: np.ndarray) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
-    """The multiples of powers of ten from low to high, and whether each has a number; over many decades the powers alone do."""
+    """Yield multiples of powers of ten from low to high, with True for numbered ones; wide ranges have powers only."""
     steps = _STEPS if high < _WIDE * low else _STEPS[:1]
     for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         for step in range(1, 10):
@@ -96,7 +96,7 @@ def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
 
 
 def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: Place) -> None:
-    """The grid, the frame around it, and its numbers."""
+    """Draw the grid, the frame, and its numbers."""
     for value, numbered in ticks(*spans[0]):
         x = place(np.array(value), np.array(spans[1][0]))[0]
         ends = np.array([[x, frame[0][1]], [x, frame[1][1]]])
@@ -116,7 +116,7 @@ def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: 
 
 
 def _legend_size(pen: Pen, lines: Sequence[Line]) -> np.ndarray:
-    """(2,) pixels, of all lines' words."""
+    """Return the size (2,) of the legend in pixels."""
     widest = max((width_of(line.words, pen.font) for line in lines), default=0.0)
     return np.array([widest + 2.2 * pen.font, (1.5 * len(lines) + 0.6) * pen.font])
 
@@ -124,11 +124,13 @@ def _legend_size(pen: Pen, lines: Sequence[Line]) -> np.ndarray:
 def _free_corner(
     frame: np.ndarray, size: np.ndarray, room: float, places: Sequence[np.ndarray]
 ) -> tuple[float, float, bool] | None:
-    """The left and upper end of a legend of this size in a corner that the lines, whose points lie at `places` (N, 2), leave
-    free, with `room` pixels around it, and whether that is one on the right; None where none is free."""
+    """Return the upper left corner of a legend in a free corner of the frame, and True for a right corner.
+
+    places: (N, 2) points of each line. room: margin in pixels. None: no corner is free.
+    """
     (left, bottom), (right, top) = frame
     drawn = np.concatenate([np.zeros((0, 2)), *(_along(at) for at in places)])
-    for x, y in ((right, top), (left, bottom), (right, bottom), (left, top)):  # falling curves leave the first ones free
+    for x, y in ((right, top), (left, bottom), (right, bottom), (left, top)):  # falling curves leave the first corners free
         low = np.array([x - size[0] if x == right else x, y if y == top else y - size[1]])
         if not ((drawn > low - room) & (drawn < low + size + room)).all(1).any():
             return float(low[0]), float(low[1]), bool(x == right)
@@ -136,7 +138,7 @@ def _free_corner(
 
 
 def _legend(pen: Pen, lines: Sequence[Line], size: np.ndarray, x: float, y: float, flush_right: bool) -> None:
-    """Each line's words in its colour, in the box of this size whose left and upper ends are x and y."""
+    """Draw the legend in line colours, in the box with upper left corner (x, y)."""
     for number, line in enumerate(lines):
         width = width_of(line.words, pen.font)
         at = x + size[0] - 0.6 * pen.font - width if flush_right else x + 1.6 * pen.font
@@ -146,13 +148,13 @@ def _legend(pen: Pen, lines: Sequence[Line], size: np.ndarray, x: float, y: floa
 
 
 def _along(at: np.ndarray) -> np.ndarray:
-    """(M, 2) places along the line through (N, 2), close to each other."""
+    """Return dense points (M, 2) along the polyline (N, 2)."""
     steps = np.linspace(0.0, 1.0, 32)[:, None, None]
     return np.concatenate([at, (at[:-1] + steps * (at[1:] - at[:-1])).reshape(-1, 2)])
 
 
 def _upright(image: Image.Image, pen: Pen, words: str, frame: np.ndarray) -> None:
-    """Words along the left edge, read from below."""
+    """Draw words along the left edge, upwards."""
     strip = Image.new("RGB", (math.ceil(width_of(words, pen.font)) + 8, math.ceil(1.5 * pen.font)), (255, 255, 255))
     Pen(strip, pen.font).text((4, 0.1 * pen.font), words, _INK)
     turned = strip.rotate(90, expand=True)

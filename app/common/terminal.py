@@ -1,6 +1,6 @@
-"""Writes to the terminal: results on stdout, errors, notices and a progress line on stderr, and tables in columns.
+"""Terminal output: results on stdout, errors, notices and progress on stderr, and tables in columns.
 
-All of it goes through this module, which spells out what a terminal would act upon: names come from files of others.
+All output goes through this module, which escapes control characters: names may come from foreign files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ INTERRUPTED = 130  # the exit status after Ctrl-C
 
 
 class OnShare(Protocol):
-    """Shows the share done, 0..1, and words in a progress line. stage: whose share it is, and whose time is left."""
+    """Callback of a progress line: completed share 0..1 and a message. stage: the task of the share and of the time left."""
 
     def __call__(self, share: float, words: str, stage: str = "") -> None: ...
 
@@ -33,27 +33,27 @@ def say(line: str) -> None:
 
 
 def fail(message: str, status: int) -> int:
-    """Print what went wrong in one line to stderr; the exit status."""
+    """Print an error in one line to stderr; return the exit status."""
     with suppress(OSError):
         print("irrsplat:", spelled(" ".join(message.split())), file=sys.stderr, flush=True)
     return status
 
 
 def doing(words: str) -> None:
-    """Show what goes on, in a line that the next one replaces, where stderr is a terminal."""
+    """Show the current activity in a replaceable line, if stderr is a terminal."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{spelled(words)}", end="", file=sys.stderr, flush=True)
 
 
 def wrote(path: str | os.PathLike[str]) -> None:
-    """Say that a file is written, where stderr is a terminal."""
+    """Report a written file, if stderr is a terminal."""
     if sys.stderr.isatty():
         doing("")
         say(f"wrote {os.fspath(path)}")
 
 
 def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
-    """The lines of a table, its first `left` columns aligned to the left, the others to the right."""
+    """Yield the lines of a table, its first `left` columns aligned to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         cells = (c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True)))
@@ -62,8 +62,7 @@ def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
 
 @contextmanager
 def progress(first: str = "") -> Iterator[OnShare | None]:
-    """A progress line with the time left, for what takes a while; None where stderr is no terminal. first: what it shows until
-    a share is known."""
+    """Provide a progress line with the time left; None if stderr is no terminal. first: initial message."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -72,7 +71,7 @@ def progress(first: str = "") -> Iterator[OnShare | None]:
     from rich.text import Text
 
     class TimeLeft(ProgressColumn):
-        """The time left in words, where it can be told."""
+        """Time left in words, if known."""
 
         max_refresh = 0.5  # seconds
 

@@ -1,4 +1,4 @@
-"""The version that is installed, and its code."""
+"""Installed version and a digest of its code."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import cache
 
 
 def version() -> str:
-    """The installed version."""
+    """Return the installed version."""
     from importlib import metadata
 
     try:
@@ -17,7 +17,7 @@ def version() -> str:
 
 @cache
 def software() -> str:
-    """The version, and a digest of all code and shaders: equal ones make equal pictures with one driver."""
+    """Return the version and a digest of code and shaders: equal digests give equal pictures with one driver."""
     import hashlib
     from pathlib import Path
 

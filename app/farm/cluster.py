@@ -1,4 +1,4 @@
-"""`--on tcp://…`: a flight filled, or its frames rendered, by the workers of a Dask scheduler."""
+"""`--on tcp://…`: fill a flight or render its frames on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ if TYPE_CHECKING:
 
 _PATIENCE = 5.0  # seconds until a scheduler answers
 _MANNED = 10.0  # seconds until it has a first worker
-_PARTS = 4  # of frames a worker: so that none is left waiting for long, and a killed one has little to do again
+_PARTS = 4  # parts of a flight per worker: short waits at the end, and little lost work after a failure
 
 
 def job_of(args: argparse.Namespace, scene: Scene, flight: Flight) -> Job:
-    """What workers are to know of a command."""
+    """Return the job description of a command for workers."""
     name = args.scene if args.scene in bundled() else os.path.abspath(args.scene)
     key = cache_file.key(scene.recentred.local, preset(args.preset, **args.values))
     return Job(name, args.loading, key, tuple(args.size), args.preset, args.values, flight.path)
 
 
 def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Filled]:
-    """The bytes of a cache file that has the records of a flight, and what came of filling it.
+    """Return the bytes of a cache file with the records of a flight, and the result of the filling.
 
-    Each worker fills a part of the flight; the caches are merged, and one worker flies once more for what is missing then.
-    Ctrl-C: what is complete by then is merged. Raises IrrsplatError where there is no scheduler or no worker.
+    Each worker fills a part of the flight. The caches are merged, and one worker repeats the flight for missing records.
+    After Ctrl-C, the complete parts are merged. Raises IrrsplatError without a scheduler or a worker.
     """
     start = File(args.cache).read_bytes() if os.path.exists(args.cache) else None
     with _client(args.on) as (client, workers), progress("filling") as line:
@@ -60,7 +60,7 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
         crew, send = Crew(client), _sender(client, start)
         try:
             tasks = [_task(client, work.fill, send, job, part) for part in split(flight.numbers, workers)]
-            for part in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are filled"):
+            for part in _with_progress(crew.collected(tasks), len(tasks), line, "parts of the flight are filled"):
                 parts.append(part)
         except KeyboardInterrupt:
             return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
@@ -83,18 +83,18 @@ def render(
     files: Pictures,
     outputs: Outputs,
 ) -> tuple[list[Statistics], bool]:
-    """Have the frames of a flight rendered from the frozen cache and write them here; as frames.render."""
+    """Render the frames of a flight remotely from the frozen cache and write them here; as frames.render."""
     done: dict[int, Statistics] = {}
-    wanted = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
-    if not wanted:
+    pending = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
+    if not pending:
         return [], True
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
         crew, send = Crew(client), _sender(client, records)
         more = {"outputs": flight.outputs, "buffers": buffers, "files": files, "drawn_by": _one_driver(crew)}
-        tasks = [_task(client, work.render, send, job, numbers, **more) for numbers in runs(wanted, _PARTS * workers)]
+        tasks = [_task(client, work.render, send, job, numbers, **more) for numbers in runs(pending, _PARTS * workers)]
         try:
-            for rendered in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
+            for rendered in _with_progress(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
                 _write(rendered, flight, outputs, args.resume)
                 done |= {stats["frame"]: stats for stats in rendered.stats}
         except KeyboardInterrupt:
@@ -103,19 +103,19 @@ def render(
 
 
 def count(data: bytes) -> int:
-    """How many records a cache file's bytes hold."""
+    """Return the number of records in a cache file's bytes."""
     return len(_contents([data])[0].state.records["name"]) if data else 0
 
 
 def split(numbers: range, parts: int) -> list[range]:
-    """The numbers in so many parts of one after the other, as equal as can be, none of them empty."""
+    """Split the numbers into `parts` consecutive, non-empty ranges of about equal length."""
     count = len(numbers)
     cuts = [count * i // parts for i in range(parts + 1)]
     return [numbers[low:high] for low, high in pairwise(cuts) if high > low]
 
 
 def runs(numbers: Sequence[int], parts: int) -> list[range]:
-    """These numbers, ascending, in ranges of one after the other: about so many, and more where there are gaps."""
+    """Split ascending numbers into about `parts` consecutive ranges, more if there are gaps."""
     longest, found = -(-len(numbers) // parts), list[range]()
     for number in numbers:
         if found and found[-1].stop == number and len(found[-1]) < longest:
@@ -130,12 +130,12 @@ def runs(numbers: Sequence[int], parts: int) -> list[range]:
 
 @contextmanager
 def _client(address: str) -> Iterator[tuple[Any, int]]:
-    """A client of the scheduler at `address`, and the number of its workers; its tasks end with the block."""
+    """Provide a client of the scheduler at `address` and its number of workers; tasks end with the block."""
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
         raise IrrsplatError(f"--on needs Dask's '{error.name}': pip install 'irrsplat[cluster]'") from error
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # its tracebacks tell what errors here do in one line
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # its tracebacks repeat the one-line errors here
     nobody = f"--on {address}: no Dask scheduler answers there; start one with: dask scheduler"
     with _waiting_for(f"a Dask scheduler at {address}"):
         try:
@@ -143,7 +143,7 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
             client = Client(address, timeout=_PATIENCE, set_as_default=False)
         except ImportError:
             raise
-        except Exception as error:  # whatever Dask makes of another program's answer
+        except Exception as error:  # any exception from Dask if another program answers
             raise IrrsplatError(nobody) from error
     try:
         with _waiting_for(f"the first worker of {address}"):
@@ -154,13 +154,15 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
                 raise IrrsplatError(f"--on {address}: {words}") from error
         yield client, len(Crew(client).well())
     finally:
-        with suppress(TimeoutError):  # of a scheduler that no longer answers
+        with suppress(TimeoutError):  # the scheduler no longer answers
             client.close()
 
 
 async def _reach(address: str) -> None:
-    """Shake hands with the scheduler at `address`; raises what Dask does where that fails. A client that is made where nobody, or
-    another program, answers would hold the process up when it goes."""
+    """Test the connection to the scheduler at `address`; raise Dask's error for a failure.
+
+    A Dask client at a wrong address would block the exit of the process.
+    """
     from distributed.comm.core import connect
     from distributed.security import Security
 
@@ -171,7 +173,7 @@ async def _reach(address: str) -> None:
 
 @contextmanager
 def _waiting_for(what: str) -> Iterator[None]:
-    """Says on a terminal what it is that takes a while."""
+    """Show on a terminal what the process waits for."""
     doing(f"waiting for {what}")
     try:
         yield
@@ -179,8 +181,8 @@ def _waiting_for(what: str) -> Iterator[None]:
         doing("")
 
 
-def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:
-    """The results, as each is there, told in the progress line."""
+def _with_progress(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:
+    """Yield the results as they arrive, with progress."""
     for done, result in enumerate(results, 1):
         if line is not None:
             line(done / count, f"{done} of {count} {words}")
@@ -188,12 +190,12 @@ def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) 
 
 
 def _sender(client: Any, data: bytes | None) -> Task:
-    """Gives `data` to tasks, once to any workers and once to each choice of them."""
+    """Return a function that sends `data` to tasks, once per choice of workers."""
     sent: dict[tuple[str, ...], Any] = {}
 
     def send(workers: list[str] | None) -> Any:
         if data is not None and (key := tuple(workers or ())) not in sent:
-            # a task itself, so that it outlives the workers that have the data: what is only scattered is lost with them
+            # a task, because scattered data is lost with its workers
             sent[key] = client.submit(bytes, data, workers=workers, pure=False)
         return sent.get(tuple(workers or ()))
 
@@ -201,7 +203,7 @@ def _sender(client: Any, data: bytes | None) -> Task:
 
 
 def _task(client: Any, what: Callable[..., object], send: Task, job: Job, numbers: range, **more: object) -> Task:
-    """A task of work.fill or work.render for these frames."""
+    """Return a task of work.fill or work.render for these frames."""
 
     def begin(workers: list[str] | None) -> Any:
         key = f"{what.__name__}-{secrets.token_hex(8)}"
@@ -211,7 +213,7 @@ def _task(client: Any, what: Callable[..., object], send: Task, job: Job, number
 
 
 def _one_driver(crew: Crew) -> str:
-    """Return the driver of most workers; the others are left out, since their frames would differ in their bits."""
+    """Return the driver of most workers; leave out the others, whose frames would differ in their bits."""
     kinds = crew.answers(work.driver)
     chosen: str = max(sorted(set(kinds.values())), key=list(kinds.values()).count)
     for worker, kind in sorted(kinds.items()):
@@ -220,11 +222,11 @@ def _one_driver(crew: Crew) -> str:
     return chosen
 
 
-# ---- what comes back ---------------------------------------------------------------------------------------------------
+# ---- results -----------------------------------------------------------------------------------------------------------
 
 
 def _merged(caches: Sequence[bytes], start: bytes | None) -> bytes:
-    """One cache file of several; the records that all began with are in it once."""
+    """Merge several cache files; the common initial records occur once."""
     if len(caches) < 2:
         return caches[0] if caches else start or b""
     contents = _contents(caches)
@@ -236,7 +238,7 @@ def _merged(caches: Sequence[bytes], start: bytes | None) -> bytes:
 
 
 def _contents(caches: Sequence[bytes]) -> list[cache_file.Content]:
-    """What these files' bytes hold."""
+    """Return the contents of these files' bytes."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for data in caches:
@@ -253,7 +255,7 @@ def _summed(parts: Sequence[Part], interrupted: bool) -> Filled:
 
 
 def _write(rendered: Rendered, flight: Flight, outputs: Outputs, resume: bool) -> None:
-    """Write these files; to `resume`, those that are there stay."""
+    """Write these files; with `resume`, keep existing ones."""
     for (number, i), content in rendered.files.items():
         pattern = flight.outputs[i]
         name = numbered(pattern, number)

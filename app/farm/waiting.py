@@ -1,6 +1,6 @@
-"""Waiting for the workers of a Dask scheduler: for as long as there are some that are well, and never for one that is not.
+"""Waiting for the workers of a Dask scheduler, without waiting for failed workers.
 
-Dask itself waits without end where a task has no worker to go to: https://distributed.dask.org/en/stable/resilience.html
+Dask itself waits forever if a task has no worker: https://distributed.dask.org/en/stable/resilience.html
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from typing import Any, NamedTuple
 from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import IrrsplatError
 
-_LOOK = 1.0  # seconds between two looks at which workers are there
-_ALONE = 30.0  # seconds without any worker until a farm is given up; one that died may be started again meanwhile
-_SILENT = 60.0  # seconds without a sign of life, which a worker gives some times a minute
-_ROUNDS = 3  # of asking all workers, where all of those that were asked have left
+_LOOK = 1.0  # seconds between two checks of the workers
+_ALONE = 30.0  # seconds without any worker until the farm is given up; a dead worker may restart meanwhile
+_SILENT = 60.0  # seconds without a heartbeat; workers send several per minute
+_ROUNDS = 3  # attempts to query all workers, if all queried ones have left
 
-Task = Callable[[list[str] | None], Any]  # begins a task by `submit` for one of these workers; None: for any
+Task = Callable[[list[str] | None], Any]  # submits a task to one of these workers; None: to any
 
 
 class Outcome(NamedTuple):
-    """The result of a task, or the error that it ended with, and the address of the worker that did it."""
+    """Result or error of a task, and the address of its worker."""
 
     worker: str
     result: Any = None
@@ -34,9 +34,9 @@ class Outcome(NamedTuple):
 
 
 def attempt(call: bytes, data: list[object]) -> tuple[str, object, object]:
-    """Return the address of this worker, what the pickled `call` gives for `data`, and the error that it ends with.
+    """Return this worker's address, the result of the pickled `call` for `data`, and its error.
 
-    Workers get the source of this function: Dask ends a worker that cannot import what a task names.
+    Workers receive the source of this function: Dask ends a worker that cannot import a task's function.
     """
     import pickle
 
@@ -45,30 +45,33 @@ def attempt(call: bytes, data: list[object]) -> tuple[str, object, object]:
     here = str(get_worker().address)
     try:
         work = pickle.loads(call)
-    except Exception as error:  # no irrsplat, or one that fails to import
+    except Exception as error:  # irrsplat is missing or fails to import
         cause = f"{type(error).__name__}: {error}"
         return here, None, f"irrsplat cannot be loaded there ({cause}); install the same irrsplat on all machines"
     try:
         return here, work(*data), None
-    except Exception as error:  # a full disk, too little memory, a driver that fails
+    except Exception as error:  # a full disk, too little memory, or a driver failure
         ours = type(error).__module__.startswith("irrsplat.")
         return here, None, error if ours else f"{type(error).__name__}: {error}"
 
 
 def submit(client: Any, call: Callable[..., object], *data: object, **options: object) -> Any:
-    """Return a future of what `attempt` gives for a call and its data. options: Dask's own."""
+    """Return a future of `attempt` for a call and its data. options: Dask's own."""
     names = {"source": inspect.getsource(attempt), "call": pickle.dumps(call), "data": [*data]}
     return client.submit(eval, "exec(source) or attempt(call, data)", names, pure=False, **options)
 
 
 class Silence:
-    """Finds workers that give no sign of life."""
+    """Detector of workers without a heartbeat."""
 
     def __init__(self) -> None:
-        self._heard: dict[str, tuple[float, float]] = {}  # by worker: its last sign by the scheduler's clock, and when that came
+        self._heard: dict[str, tuple[float, float]] = {}  # by worker: last heartbeat by the scheduler's clock, and its arrival
 
     def of(self, signs: Mapping[str, float], now: float) -> set[str]:
-        """Return the workers that have given none for a minute. signs: the last of each, by any clock; now: seconds."""
+        """Return the workers without a heartbeat for a minute.
+
+        signs: the last heartbeat of each, by any clock; now: seconds.
+        """
         for worker, sign in signs.items():
             if worker not in self._heard or self._heard[worker][0] != sign:
                 self._heard[worker] = sign, now
@@ -76,7 +79,7 @@ class Silence:
 
 
 class Crew:
-    """The workers of a scheduler without the sick ones, whose errors are reported once and whose tasks others do."""
+    """Healthy workers of a scheduler; a failed worker is reported once, and others take over its tasks."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -84,20 +87,20 @@ class Crew:
         self._silence = Silence()
 
     def well(self) -> set[str]:
-        """Return the addresses of the workers that are there and not sick; raises IrrsplatError where the scheduler is gone."""
+        """Return the addresses of the healthy workers; raise IrrsplatError if the scheduler is gone."""
         return set(self._signs()) - self._sick
 
     def leave_out(self, worker: str, why: object) -> None:
-        """Give no further tasks to a worker, with a notice."""
+        """Exclude a worker from further tasks, with a notice."""
         if worker not in self._sick:
             self._sick.add(worker)
             say(f"notice: the worker {worker} is left out: {why}")
 
     def collected(self, tasks: Sequence[Task]) -> Iterator[Any]:
-        """Yield the results of the tasks, as each is done. A task that fails, or whose worker is silent, is done by another one.
+        """Yield the results of the tasks as they finish; repeat failed tasks and tasks of silent workers elsewhere.
 
-        Raises the task's error where no other worker is left, IrrsplatError where the scheduler has gone or no worker has come
-        for a while. The tasks that are not done are cancelled then, and also where the iterator is closed.
+        Raises the task's error without another worker; IrrsplatError without a scheduler or, for a while, without workers.
+        Then, and when the iterator is closed, unfinished tasks are cancelled.
         """
         awaited: dict[threads.Future[Any], tuple[Task, Any, list[str] | None]] = {}
 
@@ -109,7 +112,7 @@ class Crew:
         try:
             for task in tasks:
                 begin(task)
-            manned = time.monotonic()  # when there was a worker last
+            manned = time.monotonic()  # time of the last check with a worker
             while awaited:
                 done, _ = threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED)
                 for one in done:
@@ -128,7 +131,7 @@ class Crew:
                 manned = time.monotonic() if there else manned
                 if time.monotonic() - manned > _ALONE:
                     raise _alone()
-                # what only a silent worker has, others may wait for: so all is begun again
+                # other tasks may depend on data of a silent worker: restart all
                 stuck = [one for one, (_, _, workers) in awaited.items() if silent or not there.intersection(workers or there)]
                 for task in [awaited[one][0] for one in stuck if there]:
                     begin(task)
@@ -137,19 +140,18 @@ class Crew:
             _drop(self._client, {one: future for one, (_, future, _) in awaited.items()})
 
     def answers(self, question: Callable[[], object]) -> dict[str, Any]:
-        """Return the answer of each worker, by its address; at least one answers. Workers that leave before, fail, or are silent
-        for a minute are left out.
+        """Return the answer of each worker, by its address; at least one answers.
 
-        Raises as `collected`.
+        Workers that leave, fail, or send no heartbeat for a minute are left out. Raises as `collected`.
         """
         failed: IrrsplatError | None = None
         for _ in range(_ROUNDS):
             with suppress(TimeoutError):
                 self._client.wait_for_workers(1, timeout=_ALONE)
-            asked = {worker: submit(self._client, question, workers=[worker]) for worker in self.well()}
-            if not asked:
+            queries = {worker: submit(self._client, question, workers=[worker]) for worker in self.well()}
+            if not queries:
                 raise failed or _alone()
-            awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in asked.items()}
+            awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in queries.items()}
             found, begun = dict[str, Any](), time.monotonic()
             try:
                 while awaited:
@@ -163,51 +165,51 @@ class Crew:
                     there, late = self.well(), time.monotonic() - begun > _SILENT
                     for one in [one for one, worker in awaited.items() if late or worker not in there]:
                         worker = awaited.pop(one)
-                        _drop(self._client, {one: asked[worker]})
+                        _drop(self._client, {one: queries[worker]})
                         if late:
                             self.leave_out(worker, f"no answer for {_SILENT:g} s")
             finally:
-                _drop(self._client, {one: asked[worker] for one, worker in awaited.items()})
+                _drop(self._client, {one: queries[worker] for one, worker in awaited.items()})
             if found:
                 return found
         raise failed or IrrsplatError("--on: workers die as soon as they are to draw; their logs say more")
 
     def _silent(self) -> set[str]:
-        """Leave out the workers that give no sign of life, and return those that did until now."""
+        """Leave out the workers without a heartbeat, and return the new ones among them."""
         found = self._silence.of(self._signs(), time.monotonic()) - self._sick
         for worker in found:
             self.leave_out(worker, f"no sign of life for {_SILENT:g} s")
         return found
 
     def _signs(self) -> dict[str, float]:
-        """Return when the scheduler last heard of each worker, by its clock; raises IrrsplatError where it is not there."""
+        """Return the last heartbeat of each worker by the scheduler's clock; raise IrrsplatError without a scheduler."""
         try:
-            asked = _begun(self._client, self._client.scheduler.identity(n_workers=-1))
-        except AttributeError as error:  # a client that lost its scheduler has None for it
+            identity = _begun(self._client, self._client.scheduler.identity(n_workers=-1))
+        except AttributeError as error:  # a client without a connection has None as its scheduler
             raise _lost() from error
         try:
-            return {worker: float(known["last_seen"]) for worker, known in asked.result(_ALONE)["workers"].items()}
+            return {worker: float(known["last_seen"]) for worker, known in identity.result(_ALONE)["workers"].items()}
         except (threads.CancelledError, TimeoutError, OSError) as error:
-            asked.cancel()
+            identity.cancel()
             raise _lost() from error
 
 
 def _begun(client: Any, work: Coroutine[Any, Any, Any]) -> threads.Future[Any]:
-    """What the client's own thread does, to be waited for with a limit; Dask's own limits would begin a transfer anew."""
+    """Start work in the client's thread, for a wait with a time limit; Dask's own limits would restart a transfer."""
     return asyncio.run_coroutine_threadsafe(work, client.loop.asyncio_loop)
 
 
 def _drop(client: Any, awaited: Mapping[threads.Future[Any], Any]) -> None:
-    """Cancel these tasks, which ends the wait for them as well."""
+    """Cancel these tasks, which also ends the wait for them."""
     try:
         client.cancel(list(awaited.values()))
-    except Exception:  # a client that is closed cancels nothing
+    except Exception:  # a closed client cannot cancel
         for result in awaited:
             result.cancel()
 
 
 def _outcome(done: threads.Future[Any]) -> Outcome:
-    """Return the outcome of a task that ended; raises IrrsplatError where no worker can do it."""
+    """Return the outcome of a finished task; raise IrrsplatError if no worker can do it."""
     from distributed import KilledWorker
 
     try:
@@ -215,7 +217,7 @@ def _outcome(done: threads.Future[Any]) -> Outcome:
     except KilledWorker as error:
         words = "several workers have died at one task, of too little memory perhaps; their logs say more"
         raise IrrsplatError(f"--on: {words}") from error
-    except threads.CancelledError as error:  # Dask's own, for tasks of a scheduler whose connection is lost
+    except threads.CancelledError as error:  # Dask's own, for tasks of a scheduler with a lost connection
         raise _lost() from error
     return Outcome(worker, result, IrrsplatError(failure) if isinstance(failure, str) else failure)
 

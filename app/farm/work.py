@@ -1,4 +1,4 @@
-"""What a worker of a farm does: it fills caches and renders frames of a job, with one renderer that it keeps."""
+"""Tasks of a farm's worker: fill caches and render frames of a job with one persistent renderer."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-# OpenGL belongs to one thread, and Dask calls a worker's tasks from several
+# OpenGL belongs to one thread, and Dask runs a worker's tasks in several
 _thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="irrsplat")
-_kept: dict[Job, Renderer] = {}  # of the last job alone
-_loaded: dict[str, int] = {}  # what the kept renderer's records are: the hash of a file's bytes
+_kept: dict[Job, Renderer] = {}  # of the last job only
+_loaded: dict[str, int] = {}  # hash of the file behind the renderer's records
 
 
 @dataclass(frozen=True)
 class Job:
-    """The facts that all tasks of one command share, to be sent to workers.
+    """Common data of all tasks of a command.
 
-    scene: a path that is the same on all machines, or a bundled scene's name. key: what the scene and the settings are to be
-    there. software: the irrsplat that asks, by its version and code.
+    scene: a path valid on all machines, or a bundled scene's name. key: expected key of scene and settings on the worker.
+    software: version and code digest of the sender's irrsplat.
     """
 
     scene: str
@@ -56,7 +56,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Part:
-    """A cache file's bytes with the records of some frames, and what came of filling it."""
+    """Bytes of a cache file with the records of some frames, and the result of the filling."""
 
     cache: bytes
     done: filling.Filled
@@ -64,15 +64,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Rendered:
-    """The statistics of some frames, and the files that they went to: bytes by the number of the frame and of its output, of a
-    folder by the names in it; that of a plain file is the empty text."""
+    """Statistics and files of some frames.
+
+    files: bytes by frame number and output index. A folder has an entry for each name; a plain file has the empty name.
+    """
 
     stats: list[Statistics]
     files: dict[tuple[int, int], dict[str, bytes]]
 
 
 def driver() -> str:
-    """The OpenGL of this process and the version of irrsplat: what is rendered depends on both, to the bit."""
+    """Return this process's OpenGL and irrsplat version: rendered bits depend on both."""
     return _in_thread(_driver)
 
 
@@ -88,9 +90,9 @@ def _driver() -> str:
 
 
 def fill(job: Job, numbers: range, start: bytes | None = None) -> Part:
-    """The records that the frames of these numbers ask for, beside those of the cache file `start`.
+    """Gather the records of these frames, starting with those of the cache file `start`.
 
-    Raises InputError where scene, settings or irrsplat are others here than where the job comes from.
+    Raises InputError if scene, settings or irrsplat differ from the job's.
     """
 
     def work() -> Part:
@@ -112,9 +114,9 @@ def render(
     files: Pictures,
     drawn_by: str,
 ) -> Rendered:
-    """The frames of these numbers from the frozen cache, as files. drawn_by: what `driver` is to be here.
+    """Render these frames from the frozen cache as files. drawn_by: expected `driver`.
 
-    Raises InputError as `fill`, and where the driver is another, since bits would differ.
+    Raises InputError as `fill`, and for another driver, whose bits would differ.
     """
     if (here := driver()) != drawn_by:
         raise InputError(f"this worker draws by '{here}', another by '{drawn_by}', and their frames would differ in their bits")
@@ -127,7 +129,7 @@ def render(
             written = Outputs()
             flight = Flight(job.path, numbers, tuple(names))
             stats, _ = frames.render(renderer, flight, buffers, False, None, written, files, frozen=True)
-            written.tell()
+            written.raise_failures()
             found = {(number, i): _read(File(numbered(name, number))) for number in numbers for i, name in enumerate(names)}
         return Rendered(stats, found)
 
@@ -135,7 +137,7 @@ def render(
 
 
 def release() -> None:
-    """Free what this process keeps between tasks."""
+    """Free all data kept between tasks."""
 
     def free() -> None:
         while _kept:
@@ -146,7 +148,7 @@ def release() -> None:
 
 
 def _renderer(job: Job) -> Renderer:
-    """The renderer of a job, the one of the last task where that was for the same."""
+    """Return the renderer of a job; reuse the previous one for an equal job."""
     import irrsplat
 
     if job in _kept:
@@ -168,7 +170,7 @@ def _renderer(job: Job) -> Renderer:
 
 
 def _take(renderer: Renderer, records: bytes | None) -> None:
-    """Let the renderer hold the records of a cache file, and no others."""
+    """Replace the renderer's records with those of a cache file."""
     if records is None:
         renderer.forget()
         _loaded.clear()
@@ -188,12 +190,12 @@ def _bytes(renderer: Renderer) -> bytes:
 
 
 def _read(path: File) -> dict[str, bytes]:
-    """The bytes of a file, by the empty text, or of all files in a folder, by their names."""
+    """Return the bytes of a file under the empty name, or of all files in a folder by name."""
     if not path.is_dir():
         return {"": path.read_bytes()}
     return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
 
 
 def _in_thread(work: Callable[[], Result]) -> Result:
-    """What `work` gives, done in the thread that OpenGL belongs to. Errors come back as such that can be sent."""
+    """Run `work` in the OpenGL thread and return its result; errors are converted to serializable ones."""
     return _thread.submit(work).result()

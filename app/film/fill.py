@@ -1,4 +1,4 @@
-"""`irrsplat fill`: a cache that has the records of a whole flight, for frames that are rendered from it as it is."""
+"""`irrsplat fill`: gather the records of a whole flight into a cache, for frames with a frozen cache."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
-from irrsplat.app.film.frames import OnRound, told
+from irrsplat.app.film.frames import OnRound, frame_callback
 
 if TYPE_CHECKING:
     from irrsplat.app.film.flight import Flight
     from irrsplat.renderer import Renderer
 
-_SAVED_EACH = 60.0  # seconds: what a killed process loses at most
-PASSES = 8  # at most: records of one frame take reach from those of another, which then lacks some
+_SAVED_EACH = 60.0  # seconds: the most work that a killed process loses
+PASSES = 8  # limit: a frame's records can reduce the radii of others, which opens gaps there
 
 
 @dataclass(frozen=True)
 class Filled:
-    """What came of filling a cache.
+    """Result of filling a cache.
 
-    frames: the coverage of each frame that was done, by its number: the share of the seen pixels that ask for no record, 0..1.
-    passes: how often the flight was flown. evicted: records that had to go for want of room. interrupted: by Ctrl-C.
+    frames: coverage 0..1 of each frame by its number, the share of visible pixels without a request. passes: repetitions of
+    the flight. evicted: records removed for lack of space. interrupted: True after Ctrl-C.
     """
 
     frames: dict[int, float] = field(default_factory=dict)
@@ -33,16 +33,16 @@ class Filled:
 
     @property
     def short(self) -> list[int]:
-        """The numbers of the frames that still ask for records."""
+        """Numbers of the frames with under-covered pixels."""
         return [number for number, coverage in self.frames.items() if coverage < 1.0]
 
 
 def fill(
     renderer: Renderer, flight: Flight, on_round: OnRound | None = None, after_frame: Callable[[], object] = lambda: None
 ) -> Filled:
-    """Gather the records that the frames of `flight` ask for, and fly again until none has lost any by those of the others.
+    """Gather the records of the frames of `flight`; repeat until no frame has lost coverage to another frame's records.
 
-    Nothing is written. after_frame: called between two frames, when all records are in place.
+    No file is written. after_frame: called between two frames, with all records in place.
     """
     found: dict[int, float] = {}
     evicted, flown = renderer.cache.evicted, 0
@@ -54,7 +54,7 @@ def fill(
                 camera = flight.path.camera(number)
                 if flown == 1 or renderer.coverage(camera) < found[number]:
                     lost += 1
-                    show = told(on_round, words, i, len(flight.numbers))
+                    show = frame_callback(on_round, words, i, len(flight.numbers))
                     _, stats = renderer.converge(camera, show)
                     if stats["interrupted"]:
                         raise KeyboardInterrupt
@@ -69,7 +69,7 @@ def fill(
 
 
 def saved_at_times(save: Callable[[], object]) -> Callable[[], None]:
-    """To be called after each frame: saves the cache once a minute, so that a process that is killed leaves most of its work."""
+    """Return a function to call after each frame; it saves the cache once a minute, so that a kill loses little work."""
     last = time.monotonic()
 
     def after_frame() -> None:
@@ -82,13 +82,13 @@ def saved_at_times(save: Callable[[], object]) -> Callable[[], None]:
 
 
 def statistics(done: Filled, records: int) -> dict[str, object]:
-    """For --stats: records, passes, and the coverage of each frame."""
+    """Return the data for --stats: records, passes, and the coverage of each frame."""
     frames = [{"frame": number, "coverage": coverage} for number, coverage in done.frames.items()]
     return {"records": records, "passes": done.passes, "evicted": done.evicted, "frames": frames}
 
 
-def tell(done: Filled) -> None:
-    """Say what is missing, if anything."""
+def warn(done: Filled) -> None:
+    """Print missing coverage, if any."""
     if done.evicted:
         say(f"notice: the flight needs more records than there may be, {done.evicted} had to go; raise --max-records")
     if short := done.short:

@@ -1,4 +1,4 @@
-"""The films among the outputs of a flight: which pictures they are made of, and their encoding once all of these are there."""
+"""Films among the outputs of a flight: their source pictures, and encoding after the last frame."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Films:
-    """The films `names`, of the PNG files of `pattern`. kept: the folder that these are in for that alone, None where they are
-    outputs themselves."""
+    """Films `names`, made from the PNG files of `pattern`.
+
+    kept: temporary folder of these files; None if they are outputs themselves.
+    """
 
     names: tuple[str, ...]
     pattern: str
@@ -32,12 +34,12 @@ class Films:
     kept: KeptFrames | None = None
 
     def begin(self, renderer: Renderer, flight: Flight, files: object, cache: str | None, resume: bool) -> None:
-        """Have the folder ready; arguments as of key_of and KeptFrames.begin."""
+        """Prepare the folder; arguments as in key_of and KeptFrames.begin."""
         if self.kept is not None:
             self.kept.begin(key_of(renderer, flight, files, cache), resume)
 
     def write(self, flight: Flight, outputs: Outputs) -> None:
-        """Encode the films of a flight whose frames are all there."""
+        """Encode the films of a flight after all frames are written."""
         pictures = [Path(numbered(self.pattern, number)) for number in flight.numbers]
         done = [outputs.write(name, partial(self._encode, name, pictures)) for name in self.names]
         if all(done) and self.kept is not None:
@@ -54,10 +56,10 @@ class Films:
 
 
 def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None]:
-    """The flight with outputs for pictures alone, and the films to make of these; None for none.
+    """Return the flight with picture outputs only, and its films, or None.
 
-    Where a .png is among the outputs, the films are made of that, else of pictures that are kept beside the first film until it
-    is whole. Raises InputError where something is in the way there.
+    The films are made from a .png output if one exists, else from pictures in a temporary folder next to the first film.
+    Raises InputError if another file is in the folder's place.
     """
     names = tuple(output for output in flight.outputs if video.is_film(output))
     if not names:
@@ -73,7 +75,7 @@ def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None
 
 
 def check(args: argparse.Namespace) -> None:
-    """Raises InputError for flags of films and flights that do not go with the others."""
+    """Raise InputError for incompatible flags of films and flights."""
     films = [output for output in args.output if video.is_film(output)]
     if not films and (args.fps is not None or args.film_quality is not None):
         flag = "--fps" if args.fps is not None else "--film-quality"

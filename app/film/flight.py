@@ -1,4 +1,4 @@
-"""Which frames of which flight a command is about, and the files that they go to."""
+"""Frames of a command's flight, and their output files."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Flight:
-    """The frames `numbers` of `path`, each to be written to every one of `outputs`, names with a {frame} in them; but for those
-    that are films, which hold all of them."""
+    """Frames `numbers` of `path`, written to each of `outputs`: patterns with {frame}, or films of all frames."""
 
     path: Path
     numbers: range
@@ -31,33 +30,32 @@ class Flight:
 
 
 def flies(args: argparse.Namespace) -> bool:
-    """Whether a command is about a flight, and not about one picture."""
+    """True if a command renders a flight rather than one picture."""
     return args.path is not None or args.turntable is not None
 
 
 def first_name(args: argparse.Namespace, pattern: str) -> str:
-    """The name of the first frame's output, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
+    """Return the output name of the first frame, for checks before loading; raise InputError for an invalid {frame}."""
     return pattern if is_film(pattern) else numbered(pattern, _span(args)[0])
 
 
 def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
-    """The frames that --path or --turntable, and --frames, ask for. camera: that a turntable goes around with.
+    """Return the frames that --path or --turntable, and --frames, select. camera: the camera of a turntable.
 
-    Raises InputError where the path is wrong, or has or names too few.
+    Raises InputError for an invalid path or an empty selection.
     """
     path = _path(args, scene, camera)
     start, stop = _span(args)
     if max(start + 1, stop or 0) > path.frames:
-        wanted, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
-        raise InputError(f"--frames {wanted}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
+        span, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
+        raise InputError(f"--frames {span}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
     path.motions.check(scene, path.frames)
     return Flight(path, range(start, path.frames if stop is None else stop))
 
 
 def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
-    """The flight with the files that its frames, or all of them together, go to; raises InputError where two frames would go to
-    one."""
-    taken: dict[str, str] = {}  # names of files, and by which output
+    """Return the flight with output files; raise InputError if two frames share a file."""
+    taken: dict[str, str] = {}  # file names, and the output of each
     for pattern in outputs:
         if is_film(pattern):
             continue
@@ -72,9 +70,9 @@ def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
 
 
 def check_still(flight: Flight, why: str) -> None:
-    """Raises InputError where meshes or lamps move along the way. why: what that hinders, in words."""
+    """Raise InputError if meshes or lights move along the path. why: the consequence, in words."""
     if flight.path.motions:
-        raise InputError(f"along this path meshes or lamps move, and a cache holds the light of one moment; {why}")
+        raise InputError(f"along this path meshes or lights move, and a cache holds the light of one moment; {why}")
 
 
 def _path(args: argparse.Namespace, scene: Scene, camera: Camera) -> Path:
@@ -88,7 +86,7 @@ def _span(args: argparse.Namespace) -> tuple[int, int | None]:
 
 
 def _find(name: str, scene: Scene) -> File:
-    """The path's file: as it is called, or else in the scene's own folder."""
+    """Return the path's file, from the working folder or else from the scene's folder."""
     for file in (File(name), File(scene.path).parent / name):
         if name and os.path.exists(file):
             return file

@@ -1,4 +1,4 @@
-"""The frames of a flight, rendered one after the other with one renderer and written to files."""
+"""Frames of a flight, rendered in order by one renderer and written to files."""
 
 from __future__ import annotations
 
@@ -20,20 +20,24 @@ if TYPE_CHECKING:
 
 
 class OnRound(Protocol):
-    """Called after each round of a render. frame: of a path, in words; before: the share of the path that is done with all frames
-    before it, 0..1; share: what it is of the path itself."""
+    """Callback after each round of a render.
+
+    frame: name of the frame. before: share 0..1 of the path before this frame. share: the frame's share of the path.
+    """
 
     def __call__(self, state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None: ...
 
 
-def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
-    """What tells `on_round` of the rounds of one frame, `words`, after `done` of `count` frames; None for None."""
+def frame_callback(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
+    """Return a callback for the rounds of one frame, `words`, after `done` of `count` frames; None for None."""
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
 
 def metered(renderer: Renderer, flight: Flight, files: Pictures, number: int = 0, gather: bool = False) -> float:
-    """The exposure in stops that all frames have: that of frame `number`, whichever are rendered. That frame also decides where
-    the scale of false colours ends. gather: whether it may gather records."""
+    """Return the common exposure of all frames in stops: that of frame `number`.
+
+    That frame also determines the end of the false-colour scale. gather: whether it may gather records.
+    """
     exposure, coloured = renderer.settings.exposure, files.coloured
     if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
         return float(exposure)
@@ -56,28 +60,29 @@ def render(
     resume: bool = False,
     kept: str = "",
 ) -> tuple[list[Statistics], bool]:
-    """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C, or
-    none of the `outputs` can be written any more).
+    """Render and write every frame; return the statistics of the written frames, and True if all are written.
 
-    Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
-    on_round: as for Renderer.render, called with the frame and how far the path is as well. files: how they are written.
-    frozen: the cache is left as it is, and each frame depends on nothing but that, path and settings: figures
-    are left out then, and exposure is that of the path's frame 0, whichever frame is rendered first. resume: files that are there
-    stay, and frames that have all of theirs are not rendered. kept: that of the outputs whose files are nothing to tell of.
+    False follows from Ctrl-C, or from a failure of all `outputs`. Records stay from frame to frame. All frames have the first
+    one's exposure: individual metering would flicker.
+
+    on_round: as for Renderer.render, with the frame and the path's progress. files: output formats. frozen: keep the cache
+    unchanged. Each frame then depends only on cache, path and settings: figures are left out, and frame 0 of the path
+    determines the exposure. resume: keep existing files, and skip frames with all files. kept: output with temporary files,
+    written without a message.
     """
     done: list[Statistics] = []
     exposure: float | None = None
     motions = flight.path.motions
     loaded = renderer.scene if motions else None
     try:
-        wanted = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
-        wanted = {number: patterns for number, patterns in wanted.items() if patterns}
-        if frozen and wanted:
+        pending = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
+        pending = {number: patterns for number, patterns in pending.items() if patterns}
+        if frozen and pending:
             exposure = metered(renderer, flight, files)
-        elif wanted and flight.numbers[0] not in wanted:
+        elif pending and flight.numbers[0] not in pending:
             exposure = metered(renderer, flight, files, flight.numbers[0], gather=True)
-        for i, (number, patterns) in enumerate(wanted.items()):
-            show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(wanted))
+        for i, (number, patterns) in enumerate(pending.items()):
+            show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(pending))
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
             camera = flight.path.camera(number)
@@ -101,6 +106,6 @@ def render(
             if not any(written):
                 return done, False
             done.append(stats)
-    except KeyboardInterrupt:  # between two renders, or while a file was written
+    except KeyboardInterrupt:  # between two renders, or during a write
         return done, False
     return done, True

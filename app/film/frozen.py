@@ -1,4 +1,4 @@
-"""`--cache-mode frozen`: pictures from records that stay as they are, and what is said where these do not suffice."""
+"""`--cache-mode frozen`: pictures from unchanged records, and the notice on gaps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def check(args: argparse.Namespace) -> None:
-    """Raises InputError for a command line that asks for new records as well."""
+    """Raise InputError for a command line that also requests new records."""
     if args.cache is None:
         raise InputError(
             "--cache-mode frozen takes all records from a file; give --cache FILE as well, as irrsplat fill makes it"
@@ -23,8 +23,8 @@ def check(args: argparse.Namespace) -> None:
         raise InputError("--quality gathers records, and --cache-mode frozen lets none be gathered; leave one of them out")
 
 
-def tell(done: Sequence[Statistics]) -> None:
-    """Say in how many of these pictures there are pixels that no record reaches, if there are any."""
+def warn(done: Sequence[Statistics]) -> None:
+    """Print the number of these pictures with uncovered pixels, if any."""
     bare = [uncovered for stats in done if (uncovered := stats.get("uncovered", 0))]
     if bare:
         where = f"{len(bare)} of {len(done)} frames" if len(done) > 1 else "the picture"

@@ -1,6 +1,6 @@
-"""The frames of a film while it is made: pictures in a folder beside it, so that no process that is stopped has worked in vain.
+"""Temporary folder of a film's frames next to the film, so that an interrupted process loses little work.
 
-The folder goes when the film is whole. A file in it says what the frames are of; `--resume` goes on with those of the same film.
+The folder is removed after encoding. A key file identifies the film; `--resume` continues with frames of the same film.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ _KEY = "made-of.json"
 
 @dataclass(frozen=True)
 class KeptFrames:
-    """The folder of a film's frames, each a PNG."""
+    """Folder of a film's frames, one PNG each."""
 
     folder: Path
 
     @classmethod
     def beside(cls, film: str) -> KeptFrames:
-        """Those of the film `film`."""
+        """Return the folder of the film `film`."""
         return cls(Path(os.path.realpath(film) + ".frames"))
 
     @property
     def pattern(self) -> str:
-        """The name of a frame, with {frame} in it."""
+        """File name pattern of a frame, with {frame}."""
         return str(self.folder).replace("{", "{{").replace("}", "}}") + "/{frame:06d}.png"
 
     def check(self) -> None:
-        """Raises InputError where something else is in the folder's place."""
+        """Raise InputError if another file or folder is in its place."""
         if os.path.lexists(self.folder) and not self._ours:
             raise InputError("the frames of a film are kept here, and something else is in the way; move it", self.folder)
 
     @property
     def _ours(self) -> bool:
-        """Whether the folder is one that this class has made: with its key, or with nothing yet."""
+        """True if this class made the folder: it has a key file, or is empty."""
         return (self.folder / _KEY).is_file() or (self.folder.is_dir() and not any(self.folder.iterdir()))
 
     def begin(self, key: str, resume: bool) -> None:
-        """Have the folder ready, empty unless its frames are of the same film, by its `key`, and to `resume` is wanted."""
+        """Prepare the folder; keep its frames only for `resume` with an equal `key`."""
         self.check()
         if self.folder.is_dir():
             of_this = self._key == key
@@ -78,8 +78,7 @@ class KeptFrames:
             return None
 
     def remove(self) -> None:
-        """Remove the folder with all frames, and what says what they are of last: a folder that is left half removed is gone on
-        with, or removed the next time."""
+        """Remove the folder with all frames, the key file last: a partly removed folder can be resumed or removed later."""
         with suppress(OSError):
             for path in sorted(self.folder.iterdir(), key=lambda path: path.name == _KEY):
                 path.unlink()
@@ -87,8 +86,10 @@ class KeptFrames:
 
 
 def key_of(renderer: Renderer, flight: Flight, files: object, cache: str | None) -> str:
-    """All that a film's frames are made of, as text. files: how they are written. cache: the file of a frozen cache,
-    None where records are gathered as frames ask for them."""
+    """Return the parameters of a film's frames as text.
+
+    files: output formats. cache: the file of a frozen cache, None if frames gather records.
+    """
     settings = renderer.settings
     light = cache_file.key(renderer.scene.local, settings)
     made_of = {
@@ -105,5 +106,5 @@ def key_of(renderer: Renderer, flight: Flight, files: object, cache: str | None)
 
 
 def unwritten(patterns: Sequence[str], number: int) -> list[str]:
-    """Those of the outputs `patterns` that have no file of this frame yet."""
+    """Return the outputs among `patterns` without a file of this frame."""
     return [pattern for pattern in patterns if not os.path.exists(numbered(pattern, number))]

@@ -1,4 +1,4 @@
-"""Which frames of a flight see nothing of the scene, or only the backs of its surfaces: from behind a wall, or within one."""
+"""Detection of frames with no view of the scene, or only of back faces: behind a wall, or inside one."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from irrsplat.scene.model import Camera, Scene
 if TYPE_CHECKING:
     from irrsplat.app.film.flight import Flight
 
-_ACROSS = 24  # rays in a row of a frame
-_THROUGH = 8  # one-sided surfaces that a ray meets from behind, and goes on, at most
-_AROUND, _FEW = 200, 0.3  # directions around an eye, and the share of them that is few
+_ACROSS = 24  # rays per row of a frame
+_THROUGH = 8  # one-sided back faces that a ray passes, at most
+_AROUND, _FEW = 200, 0.3  # directions around an eye; share of them that counts as few
 _FRONT, _BACK = 1, 2
 
 
-def tell(scene: Scene, flight: Flight, size: Sequence[int], turntable: bool) -> None:
-    """Say how many of the frames see nothing or only backs, if there are any. size: (width, height) of a frame. turntable:
-    whether the flight is one, for the remedy."""
+def warn(scene: Scene, flight: Flight, size: Sequence[int], turntable: bool) -> None:
+    """Print the number of frames that show nothing or only back faces, if any.
+
+    size: (width, height) of a frame. turntable: True for a turntable, for the remedy.
+    """
     if flight.path.motions or not scene.triangles or not ray_caster.available():
         return
     found = lost(scene, [flight.path.camera(number) for number in flight.numbers], (size[0], size[1]))
@@ -39,10 +41,11 @@ def tell(scene: Scene, flight: Flight, size: Sequence[int], turntable: bool) -> 
 
 
 def lost(scene: Scene, cameras: Sequence[Camera], size: tuple[int, int]) -> np.ndarray:
-    """(N,) bool: the cameras that see no surface from the side that is to be seen, and hardly any around them.
+    """Return a mask (N,) of cameras that see no visible side, and hardly any around them.
 
-    Files do not say reliably which side that is: it is the one that the scene's first camera sees more of. size: (width, height)
-    of the pictures."""
+    Files are unreliable about the visible side: the side more visible to the scene's first camera is used. size: (width,
+    height) of the pictures.
+    """
     scene = scene.recentred
     origin, scene = np.negative(scene.origin), scene.local
     grid = (_ACROSS, max(round(_ACROSS * size[1] / size[0]), 1))
@@ -53,13 +56,13 @@ def lost(scene: Scene, cameras: Sequence[Camera], size: tuple[int, int]) -> np.n
     def is_lost(camera: Camera) -> bool:
         if (sight.sides(camera, camera_rays(camera, grid)) == shown).any():
             return False
-        return bool((sight.sides(camera, sphere(_AROUND)) == shown).mean() < _FEW)  # else it looks at what is turned round
+        return bool((sight.sides(camera, sphere(_AROUND)) == shown).mean() < _FEW)  # else it faces inverted surfaces
 
     return np.array([is_lost(camera.shifted(origin)) for camera in cameras])
 
 
 class _Sight:
-    """What cameras see of a scene's triangles."""
+    """Ray tests of cameras against a scene's triangles."""
 
     def __init__(self, scene: Scene) -> None:
         meshes = [mesh for mesh in scene.meshes if len(mesh.faces)]
@@ -71,7 +74,7 @@ class _Sight:
         self.step = 1e-6 * scene.diagonal
 
     def sides(self, camera: Camera, rays: np.ndarray) -> np.ndarray:
-        """(R,) what the `rays` (R, 3) from the camera's eye see: 0 nothing, 1 a front, 2 a back."""
+        """Return the hits (R,) of `rays` (R, 3) from the camera's eye: 0 nothing, 1 a front, 2 a back."""
         at, seen = np.tile(np.asarray(camera.eye, float), (len(rays), 1)), np.zeros(len(rays), np.intp)
         left = np.arange(len(rays))
         for _ in range(_THROUGH):

@@ -1,4 +1,4 @@
-"""`--turntable N`: a full circle around what a camera looks at, which goes on from its end as it began."""
+"""`--turntable N`: a closed circle of cameras around a target."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
 
-_LEVEL = 0.02  # the least sine between the view and the axis for which a turn shows another side
+_LEVEL = 0.02  # least sine of the angle between view and axis for a useful turn
 
 
 def turntable(camera: Camera, up: Sequence[float], frames: int) -> Path:
-    """The path of `frames` cameras, evenly spaced on the circle of `camera` about its target, the first of them `camera` itself.
+    """Return the path of `frames` cameras, evenly spaced on a circle about the target, starting with `camera`.
 
-    The circle is level: its axis is the scene's `up` (3,), or the camera's own where it looks along that. Frame `frames`, if
-    there were one, would be frame 0 again.
+    The circle's axis is the scene's `up` (3,), or the camera's own for a view along `up`. Frame `frames` would equal frame
+    0.
     """
     offset = np.subtract(camera.eye, camera.target)
     axis = np.divide(up, np.linalg.norm(up))
@@ -25,7 +25,7 @@ def turntable(camera: Camera, up: Sequence[float], frames: int) -> Path:
         axis = np.divide(camera.up, np.linalg.norm(camera.up))
 
     def turned(vector: np.ndarray, angle: float) -> np.ndarray:
-        """By Rodrigues' formula."""
+        """Return `vector` rotated about the axis (Rodrigues' formula)."""
         along = axis * (axis @ vector)
         found: np.ndarray = along + np.cos(angle) * (vector - along) + np.sin(angle) * np.cross(axis, vector)
         return found

@@ -1,8 +1,8 @@
-"""Films: the pictures of a flight as one .mp4, .webm or .gif, encoded by FFmpeg's libraries through PyAV.
+"""Films: pictures of a flight as .mp4, .webm or .gif, encoded by FFmpeg's libraries through PyAV.
 
-Equal pictures give equal files: one thread encodes, colours are converted by exact arithmetic, no date is written, and x264
-uses no AVX-512: with it, its look-ahead reads memory that nothing was written to. Films are tagged as what they are: BT.709
-primaries with sRGB's transfer curve, and BT.709's matrix at limited range.
+Equal pictures give equal files. One thread encodes, colour conversion is exact, no date is written, and x264 uses no AVX-512:
+its AVX-512 look-ahead reads uninitialized memory. Films are tagged with BT.709 primaries, sRGB's transfer curve, and BT.709's
+matrix at limited range.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ INSTALL = "pip install 'irrsplat[video]'"
 
 @dataclass(frozen=True)
 class _Codec:
-    """How FFmpeg makes one kind of film. crf: of each of QUALITIES, fewer is better; none: the format knows no such number.
-    even: whether sides have to be. options: further ones of the encoder; file_options: of the file's format."""
+    """FFmpeg parameters of one film format.
+
+    crf: for each of QUALITIES, lower is better; empty without this parameter. even: True for even sides. options: of the
+    encoder; file_options: of the container.
+    """
 
     name: str
     pixels: str
@@ -49,26 +52,25 @@ ENDINGS = tuple(_BY_ENDING)
 _NO_AVX512 = {"x264-params": "asm=avx2"}  # every processor with AVX-512 has AVX2
 _EXACT = "flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact"
 _TO_YUV = f"{_EXACT}:in_range=full:out_range=limited:out_color_matrix=bt709"
-_TAGS = 1, 13, 1, 1  # by ITU-T H.273: BT.709's primaries, sRGB's curve, BT.709's matrix; limited range
-_DITHER = ("none", "bayer:bayer_scale=5", "floyd_steinberg")  # of a GIF, by quality; more of it shows as dots
+_TAGS = 1, 13, 1, 1  # ITU-T H.273: BT.709's primaries, sRGB's curve, BT.709's matrix; limited range
+_DITHER = ("none", "bayer:bayer_scale=5", "floyd_steinberg")  # of a GIF, by quality; stronger dithering is visible as dots
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a film is made of its pictures: so many a second, and how well, one of QUALITIES."""
+    """Encoding of a film: pictures per second, and one of QUALITIES."""
 
     rate: Fraction = Fraction(30)
     quality: str = "good"
 
 
 def is_film(path: str) -> bool:
-    """Whether an output is a film, by its ending."""
+    """True if an output's ending is that of a film."""
     return os.path.splitext(path)[1].lower() in ENDINGS
 
 
 def check(path: str, flies: bool) -> None:
-    """Raises InputError where the film `path` cannot be written, or nothing is there to encode it. flies: whether a flight is
-    given, whose frames it holds."""
+    """Raise InputError if the film `path` cannot be written or encoded. flies: True if a flight is given."""
     if not flies:
         raise InputError("a film needs a flight; give --path FILE or --turntable N", path)
     if "{frame" in path:
@@ -81,10 +83,10 @@ def check(path: str, flies: bool) -> None:
 def write(
     path: str, pictures: Sequence[Path], encoding: Encoding, on_share: Callable[[float], object] = lambda share: None
 ) -> None:
-    """Encode `pictures`, PNG files of one size in their order, as the film `path`, whole or not at all.
+    """Encode `pictures`, PNG files of one size in order, as the film `path`, completely or not at all.
 
-    Sides that have to be even are made so by repeating the last column or row. on_share: called with the share that is done.
-    Raises IrrsplatError where a picture is of another size or no PNG, or writing fails.
+    Odd sides are extended by their last column or row if the codec requires it. on_share: called with the completed share.
+    Raises IrrsplatError for a picture of another size or format, and for failed writes.
     """
     codec = _BY_ENDING[os.path.splitext(path)[1].lower()]
     files.write_file(path, lambda part: _encode(part, pictures, codec, encoding, on_share))
@@ -94,7 +96,7 @@ def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encod
     import av
 
     quality = QUALITIES.index(encoding.quality)
-    passes = 1 if codec.crf else 2  # a GIF's first one finds its 256 colours
+    passes = 1 if codec.crf else 2  # the first pass of a GIF finds its 256 colours
     done = 0
 
     def frames() -> Iterator[av.VideoFrame]:
@@ -128,16 +130,16 @@ def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encod
 
 
 def _has_avx512() -> bool:
-    """Whether this processor has AVX-512, as far as numpy knows."""
+    """True if numpy reports AVX-512 on this processor."""
     try:
         from numpy._core._multiarray_umath import __cpu_features__
-    except ImportError:  # it has moved
+    except ImportError:  # moved in another numpy version
         return False
     return bool(__cpu_features__.get("AVX512F"))
 
 
 def _read(picture: Path, even: bool) -> np.ndarray:
-    """(H, W, 3) uint8 of a PNG; `even`: its last column and row twice where sides are odd."""
+    """Return a PNG as (H, W, 3) uint8; `even`: repeat the last column or row of odd sides."""
     from PIL import Image, UnidentifiedImageError
 
     paths.check_readable(picture, paths.MOST_GEOMETRY)
@@ -152,7 +154,7 @@ def _read(picture: Path, even: bool) -> np.ndarray:
 
 
 def _graph(size: tuple[int, int], rate: Fraction) -> tuple[Any, Any]:
-    """A filter graph, and its source of RGB frames."""
+    """Return a filter graph and its source of RGB frames."""
     import av.filter
 
     graph: Any = av.filter.Graph()
@@ -163,7 +165,7 @@ def _graph(size: tuple[int, int], rate: Fraction) -> tuple[Any, Any]:
 def _converted(
     frames: Callable[[], Iterator[av.VideoFrame]], size: tuple[int, int], encoding: Encoding, pixels: str, dither: str
 ) -> Iterator[av.VideoFrame]:
-    """The frames in a codec's own kind of pixels."""
+    """Yield the frames in the codec's pixel format."""
     graph, source = _graph(size, encoding.rate)
     scale, end = graph.add("scale", _TO_YUV), graph.add("buffersink")
     form = graph.add("format", f"pix_fmts={pixels}")
@@ -176,7 +178,7 @@ def _converted(
 def _with_palette(
     frames: Callable[[], Iterator[av.VideoFrame]], size: tuple[int, int], encoding: Encoding, pixels: str, dither: str
 ) -> Iterator[av.VideoFrame]:
-    """The frames in the 256 colours that all of them together are shown best by."""
+    """Yield the frames in a common palette of 256 colours."""
     graph, source = _graph(size, encoding.rate)
     chosen, end = graph.add("palettegen", "stats_mode=full:reserve_transparent=0"), graph.add("buffersink")
     graph.link_nodes(source, chosen, end).configure()
@@ -205,7 +207,7 @@ def _with_palette(
 
 
 def _pulled(end: Any) -> Iterator[av.VideoFrame]:
-    """What comes out of a filter graph now."""
+    """Yield the frames available from a filter graph."""
     import av.error
 
     while True:

@@ -1,4 +1,4 @@
-"""The words that the command line knows of flights and films; without any import, since --help is to be quick."""
+"""Words of the command line for flights and films; without imports, for a quick --help."""
 
 CACHE_MODES = ("keep", "frozen", "update")
 QUALITIES = ("draft", "good", "best")

@@ -1,4 +1,4 @@
-"""`irrsplat verify --techniques`: the error with all techniques on, with each one off, and of the algorithm as published."""
+"""`irrsplat verify --techniques`: error with all techniques, without each one, and of the published algorithm."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from irrsplat.settings import SettingValues
 if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
-# what is changed against the preset, in words and in settings
+# Changes to the preset, in words and in settings
 TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("without gradients, and all that needs them", {"gradients": False}),
     ("gradients, but no second order", {"second_order": False}),
@@ -30,10 +30,10 @@ TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("all rays for every record", {"ray_noise": 0.0}),
     ("the paper's placement", {"placement": "scan"}),
 )
-CURVE = (1.6, 0.65)  # further points of the preset's curve: its records reach that many times as far
-NEAR = 0.05  # a number of records that is off by less, of the wanted one, will do
+CURVE = (1.6, 0.65)  # further points of the preset's curve: factors of its records' radii
+NEAR = 0.05  # tolerance for a number of records, relative
 TRIES = 8
-WARMUP = 1000 / 1511  # published: the random records' share of all
+WARMUP = 1000 / 1511  # published: share of random records
 
 Rendered = Callable[[str, SettingValues], Measured]  # by preset and settings
 
@@ -47,16 +47,18 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
 def measured(
     scene: Scene, camera: Camera, args: Namespace, chosen: Sequence[tuple[str, SettingValues]] = TECHNIQUES
 ) -> tuple[list[tuple[str, Measured]], list[Measured]]:
-    """The named renderings for the rows of the table (all techniques on, each of `chosen`, as published), and the curve of the
-    method with all techniques on."""
+    """Return the renderings of the table's rows, and the method's curve with all techniques.
+
+    The rows are all techniques on, each of `chosen`, and the published algorithm.
+    """
     steps = len(chosen) + len(CURVE) + 2
     done: list[Measured] = []
-    with progress() as told:
-        tell = told or silent
-        measure = measurer(scene, camera, args, tell)
+    with progress() as line:
+        notify = line or silent
+        measure = measurer(scene, camera, args, notify)
 
         def render(name: str, values: SettingValues) -> Measured:
-            done.append(measure(name, values, lambda part, words: tell(min(len(done) + part, steps) / steps, words)))
+            done.append(measure(name, values, lambda part, words: notify(min(len(done) + part, steps) / steps, words)))
             return done[-1]
 
         whole = render(args.preset, args.values)
@@ -69,7 +71,7 @@ def measured(
 
 
 def paper(render: Rendered, records: int, given: SettingValues) -> Measured:
-    """The preset `paper` with the a for which it makes about so many `records`; its warm-up is at most the published share."""
+    """Measure the preset `paper` at the a that gives about `records`; its warm-up is at most the published share."""
     shared = cast(SettingValues, {k: v for k, v in given.items() if k in ("bounces", "seed", "shadow_size", "max_rounds")})
     warmup = min(1000, round(WARMUP * records))
     best: Measured | None = None
@@ -81,14 +83,17 @@ def paper(render: Rendered, records: int, given: SettingValues) -> Measured:
         if abs(found.records / records - 1.0) <= NEAR:
             break
         bounds = (a, bounds[1]) if found.records > records else (bounds[0], a)
-        guess = a * (found.records / records) ** 0.6  # records go with a^-1.6, nearly
+        guess = a * (found.records / records) ** 0.6  # records are about proportional to a^-1.6
         a = guess if bounds[0] < guess < bounds[1] else math.sqrt(bounds[0] * bounds[1])
     assert best is not None
     return best
 
 
 def rows(found: Sequence[tuple[str, Measured]], curve: Sequence[Measured]) -> list[tuple[str, ...]]:
-    """The table's cells, its head first. The last column is the row's error over that of everything on at as many records."""
+    """Return the table's cells with a header.
+
+    The last column is the row's error divided by the full method's error at an equal number of records.
+    """
     table: list[tuple[str, ...]] = [("", "records", "RMSE", "bias", "off by > 30 %", "seconds", "at equal records")]
     for name, one in found:
         full = at(curve, one.records)

@@ -1,4 +1,4 @@
-"""`irrsplat verify --curve`: error against the number of records, as a table with the slope of their logarithms, and a plot."""
+"""`irrsplat verify --curve`: error against the number of records, as a table with log-log slopes, and as a plot."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from irrsplat.settings import SETTINGS, SettingValues, preset
 if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
-# A preset's curve: its a is replaced by each of A, and the other settings that limit error or records change in proportion: a
-# record that reaches half as far may contradict others half as much, and sees twice as finely, so that the gather never limits.
+# Curve of a preset: A replaces its a, and related settings change in proportion. A record of half the radius has half the error
+# tolerance and twice the gather resolution, so that the gather never limits.
 A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
 WITH_A = ("radius_min", "radius_max", "adapt", "spread")
 AGAINST_A = ("gather_size",)
-# The published algorithm has only a and the number of random records before its traversal, the least that it makes.
+# The published algorithm has only a and the number of random records before its traversal, a lower bound.
 PAPER: tuple[SettingValues, ...] = (
     {"a": 0.6, "warmup": 250},
     {"a": 0.4, "warmup": 500},
@@ -34,14 +34,14 @@ PAPER: tuple[SettingValues, ...] = (
 
 
 def points(name: str, given: SettingValues) -> list[SettingValues]:
-    """The settings on top of preset `name` at every point of its curve, fewest records first; those `given` hold for all."""
+    """Return the settings on top of preset `name` for each point of its curve, fewest records first; `given` ones are fixed."""
     if name == "paper":
         return [values | given for values in PAPER]
     return [scaled(name, given, a / preset(name, **given).a) for a in A]
 
 
 def scaled(name: str, given: SettingValues, factor: float) -> SettingValues:
-    """The settings on top of preset `name` with which a record reaches `factor` times as far; those `given` stay."""
+    """Return the settings on top of preset `name` that scale a record's radius by `factor`; `given` settings are fixed."""
     base = preset(name, **given)
     found: dict[str, float] = {"a": base.a * factor}
     found |= {key: getattr(base, key) * factor for key in WITH_A}
@@ -54,7 +54,7 @@ def scaled(name: str, given: SettingValues, factor: float) -> SettingValues:
 
 
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
-    """Measure the curve of the preset and, beside any other, that of `paper`; print both, and plot them where `-o` says so."""
+    """Measure the preset's curve and that of `paper`; print both, and plot them for `-o`."""
     curves = measured(scene, camera, args)
     out(heading)
     for name, found in curves.items():
@@ -64,24 +64,24 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
 
 
 def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Measured]]:
-    """The points of each preset's curve by its name."""
+    """Return the points of each preset's curve by its name."""
     names = list(dict.fromkeys((args.preset, "paper")))
     plan = [(name, values) for name in names for values in points(name, args.values)]
     curves: dict[str, list[Measured]] = {name: [] for name in names}
-    with progress() as told:
-        tell = told or silent
-        measure = measurer(scene, camera, args, tell)
+    with progress() as line:
+        notify = line or silent
+        measure = measurer(scene, camera, args, notify)
         for k, (name, values) in enumerate(plan):
 
             def show(share: float, words: str, k: int = k) -> None:
-                tell((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
+                notify((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
 
             curves[name].append(measure(name, values, show))
     return curves
 
 
 def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
-    """The cells of one curve's table, its head first, then a row per point."""
+    """Return the cells of one curve's table: a header and a row per point."""
     table: list[tuple[str, ...]] = [
         (f"preset {name}", "a", "gather", "records", "RMSE", "slope", "bias", "off by > 30 %", "seconds")
     ]
@@ -95,7 +95,7 @@ def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
 
 
 def steepness(found: Sequence[Measured]) -> str:
-    """A curve's slope in a sentence."""
+    """Return a curve's slope as a sentence."""
     whole = slope(found)
     if whole is None:
         return "no slope: there is no light, or all points have as many records"
@@ -103,7 +103,7 @@ def steepness(found: Sequence[Measured]) -> str:
 
 
 def slope(found: Sequence[Measured]) -> float | None:
-    """d log(rmse)/d log(records) by least squares; None where there is nothing to draw a line through."""
+    """Return d log(rmse)/d log(records) by least squares; None for too few points."""
     at = logarithms(found)
     if len(at) < 2 or not np.ptp(at[:, 0]):
         return None
@@ -111,12 +111,12 @@ def slope(found: Sequence[Measured]) -> float | None:
 
 
 def logarithms(found: Sequence[Measured]) -> np.ndarray:
-    """(N, 2) natural logarithms of records and rmse, of the points that have both."""
+    """Return natural logarithms (N, 2) of records and rmse, of the points with both."""
     return np.array([(math.log(m.records), math.log(m.rmse)) for m in found if m.records and m.rmse]).reshape(-1, 2)
 
 
 def at(found: Sequence[Measured], records: int) -> float | None:
-    """The rmse of a curve at so many records, by straight lines between the logarithms; None off its ends."""
+    """Return the rmse of a curve at `records`, by log-log interpolation; None outside its ends."""
     for (x, y), (u, v) in pairwise(sorted(map(tuple, logarithms(found)))):
         if x <= math.log(max(records, 1)) <= u:
             share = (math.log(records) - x) / (u - x) if u > x else 0.0
@@ -125,7 +125,7 @@ def at(found: Sequence[Measured], records: int) -> float | None:
 
 
 def plot(curves: dict[str, list[Measured]], heading: str) -> np.ndarray:
-    """(H, W, 3) display values 0..1: rmse in percent over records, both logarithmic, a line a preset."""
+    """Return display values (H, W, 3) in 0..1: rmse in percent over records, both logarithmic, one line per preset."""
     from irrsplat.app.common.plot import Line, loglog, palette
 
     lines = []

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: the signed error of irradiance in colours, FLIP's map, and the files that verify writes."""
+"""Pictures of a comparison: signed error of irradiance in colours, FLIP's map, and the files of verify."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.image import frame
 from irrsplat.reference.truth import Traced
 
-PIXELS_PER_DEGREE = 67.0  # of FLIP: a screen 0.7 m wide with 3840 pixels, seen from 0.7 m
+PIXELS_PER_DEGREE = 67.0  # for FLIP: a screen 0.7 m wide with 3840 pixels, seen from 0.7 m
 
 
 def flip(truth: np.ndarray, picture: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """FLIP (Andersson et al. 2020) of two (H, W, 3) display images 0..1: its map as (H, W, 3) colours, and its mean.
+    """Return FLIP (Andersson et al. 2020) of two (H, W, 3) display images 0..1: its map as (H, W, 3) colours, and its mean.
 
-    None where the package `flip-evaluator` is missing.
+    None without the package `flip-evaluator`.
     """
     try:
         import flip_evaluator
@@ -30,8 +30,9 @@ def flip(truth: np.ndarray, picture: np.ndarray) -> tuple[np.ndarray, float] | N
 
 
 def signed_error(irradiance: np.ndarray, truth: Traced) -> np.ndarray:
-    """(H, W, 3) display colours 0..1 of the error of `irradiance` (H, W, 3), averaged over the channels: white where it is
-    right, red where it is too bright and blue where too dark, in full at FULL of the truth's mean; grey where nothing is seen.
+    """Return display colours (H, W, 3) in 0..1 of the error of `irradiance` (H, W, 3), averaged over the channels.
+
+    White is exact, red too bright, blue too dark, saturated at FULL of the reference's mean; grey is background.
     """
     mean = float(truth.irradiance[truth.valid].mean()) or 1.0
     error = (irradiance - truth.irradiance).mean(axis=-1) / (FULL * mean)
@@ -39,7 +40,7 @@ def signed_error(irradiance: np.ndarray, truth: Traced) -> np.ndarray:
 
 
 def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, flipped: np.ndarray | None) -> None:
-    """A .png with truth, picture and error side by side, or a folder with one of each, and FLIP's map."""
+    """Write a .png with reference, picture and error side by side, or a folder with one of each, and FLIP's map."""
     if frame.check_writable(name):
         files.write_picture(name, _with_legend(np.concatenate([*shown, error], axis=1)))
         return
@@ -55,7 +56,7 @@ def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, fl
 
 
 def _with_legend(picture: np.ndarray) -> np.ndarray:
-    """(H', W, 3): the scale of `signed_error` in words below a picture."""
+    """Append the scale of `signed_error` below a picture (H', W, 3)."""
     from PIL import Image
 
     from irrsplat.image.figures.pen import legend_height, write_legend

@@ -1,4 +1,4 @@
-"""The error of a rendering: the truth of a view, by a path tracer or a fine gather, and a fresh rendering compared with it."""
+"""Error of a rendering: a view's reference from a path tracer or a fine gather, compared with a fresh rendering."""
 
 from __future__ import annotations
 
@@ -19,15 +19,17 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera, Scene
 
-GATHERED, SECONDS = 1000, 60.0  # of --truth gather: pixels, and the time after which fewer must do
+GATHERED, SECONDS = 1000, 60.0  # of --truth gather: pixels, and the time limit after which fewer suffice
 
-Tell = Callable[[float, str], None]  # takes the share done, 0..1, and words
+Notify = Callable[[float, str], None]  # takes the completed share 0..1 and a message
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A rendering's `records`, its wall time to full coverage in `seconds`, and its errors as `reference.traced.compare` has
-    them, None where there is no light; rmse: without the truth's own noise. values: what was set on top of the `preset`."""
+    """Records of a rendering, wall time to full coverage in `seconds`, and errors as in `reference.traced.compare`.
+
+    The errors are None without light; rmse excludes the reference's own noise. values: settings on top of the `preset`.
+    """
 
     preset: str
     values: SettingValues
@@ -38,26 +40,26 @@ class Measured:
     seconds: float
 
 
-# Renders with a renderer of its own, by preset, settings on top of it and progress (the share of the pixels that are served, and
-# words); raises KeyboardInterrupt where the user ended it.
-Measure = Callable[[str, SettingValues, Tell], Measured]
+# Renders with a new renderer, by preset, settings on top of it and progress (share of covered pixels, and a message); raises
+# KeyboardInterrupt if the user interrupts.
+Measure = Callable[[str, SettingValues, Notify], Measured]
 
 
 def silent(share: float, words: str) -> None:
-    """Progress where nobody watches."""
+    """Ignore progress."""
 
 
-def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Traced, str]:
-    """The path-traced truth of what the command line `args` asks for, and in words where it came from.
+def trace(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> tuple[Traced, str]:
+    """Return the path-traced reference for the command line `args`, and its origin in words.
 
-    Raises InputError where no pixel can be compared, IrrsplatError where nothing can be traced here.
+    Raises InputError without comparable pixels, IrrsplatError without a path tracer.
     """
     start = time.perf_counter()
     was_traced: list[float] = []
 
     def show(share: float) -> None:
         was_traced[:] = [share]
-        tell(share, "tracing the truth")
+        notify(share, "tracing the truth")
 
     bounces = preset(args.preset, **args.values).bounces
     try:
@@ -72,7 +74,7 @@ def trace(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> tuple[Tr
 
 
 def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
-    """The renderer's own fine gather of one bounce at random pixels; raises InputError where no pixel can be compared."""
+    """Return the renderer's fine gather of one bounce at random pixels; raise InputError without comparable pixels."""
     from irrsplat.indirect import paper_scan
     from irrsplat.reference import fine_gather
 
@@ -84,18 +86,18 @@ def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
     return truth
 
 
-def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measure:
-    """The function that measures renderings, of the size and view that the command line `args` asks for, by the truth it names.
+def measurer(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> Measure:
+    """Return the function that measures renderings for the size, view and reference of the command line `args`.
 
-    tell: progress while that truth is made.
+    notify: progress while the reference is made.
     """
     import irrsplat
 
-    size, judge = tuple(args.size), _judge(scene, camera, args, tell)
+    size, judge = tuple(args.size), _judge(scene, camera, args, notify)
 
-    def measure(preset: str, values: SettingValues, tell: Tell) -> Measured:
+    def measure(preset: str, values: SettingValues, notify: Notify) -> Measured:
         with irrsplat.Renderer(scene, size=size, preset=preset, tile_size=0, **values) as renderer:
-            frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"{now.records} records"))
+            frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"{now.records} records"))
         stats = frame.stats
         if stats.get("interrupted"):
             raise KeyboardInterrupt
@@ -109,21 +111,21 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
     return measure
 
 
-def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callable[[Frame], dict[str, float | None]]:
-    """The function that returns the errors of a frame."""
+def _judge(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> Callable[[Frame], dict[str, float | None]]:
+    """Return the function that computes the errors of a frame."""
     if args.truth == "trace":
-        traced_truth, _ = trace(scene, camera, args, tell)
+        traced_truth, _ = trace(scene, camera, args, notify)
         return lambda frame: compare(frame, traced_truth)
     import irrsplat
 
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
-        tell(0.0, "gathering the truth")
+        notify(0.0, "gathering the truth")
         truth = gather(renderer, camera)
     return lambda frame: errors(frame.irradiance[tuple(truth.pixels.T)], truth.irradiance)
 
 
 def in_flags(preset: str, values: SettingValues) -> str:
-    """A preset and settings as flags of the command line."""
+    """Return a preset and settings as flags of the command line."""
     words = [f"--preset {preset}"]
     for name, value in values.items():
         word = ("on" if value else "off") if isinstance(value, bool) else f"{value:.4g}" if isinstance(value, float) else value
@@ -132,5 +134,5 @@ def in_flags(preset: str, values: SettingValues) -> str:
 
 
 def percent(share: float | None, sign: str = "") -> str:
-    """A share in percent, or that there is no light to have a share of."""
+    """Return a share in percent, or "no light" for None."""
     return "no light" if share is None else f"{100.0 * share:{sign}.2f} %"

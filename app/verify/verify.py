@@ -1,4 +1,4 @@
-"""`irrsplat verify`: a rendering compared with the truth of a path tracer, as a table and as pictures."""
+"""`irrsplat verify`: comparison of a rendering with a path-traced reference, as a table and as pictures."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Row = tuple[str, str, str]
 
 
 def run(scene: Scene, camera: Camera, args: Namespace) -> int:
-    """Render, compare, print the table and write the pictures; args: as grammar.parse gives them. Returns the exit status 0.
+    """Render, compare, print the table and write the pictures; return the exit status 0. args: as from grammar.parse.
 
-    Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
+    Raises InputError and IrrsplatError for invalid input; KeyboardInterrupt if the user interrupts.
     """
     check(args)
     scene = scene.recentred
@@ -58,14 +58,14 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
 
 
 def heading(scene: Scene, args: Namespace) -> str:
-    """What is compared with what, in a line."""
+    """Return one line that names the rendering and its reference."""
     truth = "path-traced truth" if args.truth == "trace" else "a fine gather without interpolation"
     bounces = in_words(preset(args.preset, **args.values).bounces)
     return f"{scene.name}, {args.size[0]} x {args.size[1]}, preset {args.preset}, {bounces}, against {truth}"
 
 
 def check(args: Namespace) -> None:
-    """Raises InputError for what can be told to be wrong before anything is rendered."""
+    """Raise InputError for errors that show before any rendering."""
     bounces = preset(args.preset, **args.values).bounces
     if bounces == 0:
         raise InputError("--bounces 0: there is no indirect light to verify; leave it out")
@@ -90,14 +90,14 @@ def check(args: Namespace) -> None:
 
 def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
     width, height = args.size
-    with progress() as told:
-        tell = told or silent
-        truth, origin = trace(scene, camera, args, tell)
-        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    with progress() as line:
+        notify = line or silent
+        truth, origin = trace(scene, camera, args, notify)
+        frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"rendering: {now.records} records"))
     found = compare(frame, truth)
-    mixed = args.values.get("blend", 0.5) != 0.5  # direct against indirect light: the truth has both in full
+    mixed = args.values.get("blend", 0.5) != 0.5  # direct against indirect light: the reference has both at full weight
     radiance = frame.direct + frame.indirect + frame.emission if mixed else frame.image
-    # where there is no surface, both show what the renderer puts behind things
+    # Outside surfaces, both show the renderer's background
     expected = np.where(truth.seen[..., None], truth.picture, radiance)
     shown = tonemap(expected, frame.exposure), tonemap(radiance, frame.exposure)
     flip = error_image.flip(*shown)
@@ -125,12 +125,12 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
 
 
 def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
-    """The renderer's own fine gather at random pixels as the truth: it shows the errors of placement and interpolation alone."""
+    """Compare with a fine gather at random pixels: it shows the errors of placement and interpolation alone."""
     from irrsplat.reference import fine_gather
 
-    with progress() as told:
-        tell = told or silent
-        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    with progress() as line:
+        notify = line or silent
+        frame = renderer.render(camera, progress=lambda now: notify(now.coverage, f"rendering: {now.records} records"))
     truth = gather(renderer, camera)
     E = frame.irradiance[tuple(truth.pixels.T)]
     rows = [

@@ -1,4 +1,4 @@
-"""The gather against scenes whose irradiance is known: furnace, sky, walls, patches, lights over planes, lamps near walls."""
+"""Gathers against scenes of known irradiance: furnace, sky, walls, patches, lights over planes, lights near walls."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ UP = (0.0, 1.0, 0.0)
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
 BLACK = material(0.0)
 KINDS = ("plane", "trace", "embree")
-WHOLE = ("trace", "embree")  # those that see the whole hemisphere
+WHOLE = ("trace", "embree")  # gathers that cover the whole hemisphere
 SEEN = {"plane": share_of_plane(FIELD), "trace": 1.0, "embree": 1.0}  # of the cosine-weighted hemisphere; the plane: 0.945
-EXACT = {"plane": 5e-3, "trace": 1e-5, "embree": 1e-5}  # relative error of E where all directions bring the same
+EXACT = {"plane": 5e-3, "trace": 1e-5, "embree": 1e-5}  # relative error of E under uniform radiance
 
 
 def inside(count: int, seed: int = 5) -> np.ndarray:
-    """Random points about the origin."""
+    """Return random points around the origin."""
     return np.random.default_rng(seed).uniform(-0.7, 0.7, (count, 3))
 
 
 @pytest.mark.parametrize(("kind", "side"), [("plane", 32), ("trace", 64), ("embree", 64)])
 def test_furnace(ctx: moderngl.Context, kind: str, side: int) -> None:
-    """Where every direction brings L_e, E = π·L_e and, from the whole hemisphere, M = π·L_e·n and no gradient; the paper's plane
-    sees 94.5 % of that. Not one ray may miss: it would see the sky."""
+    """Uniform radiance L_e gives E = π·L_e; a whole hemisphere also gives M = π·L_e·n and no gradient.
+
+    The paper's plane covers 94.5 % of the hemisphere. A single missed ray would return the bright sky.
+    """
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False), sky=0.0 if kind == "plane" else 1e6)
     normals = np.random.default_rng(3).normal(size=(20, 3))
     found = gather(ctx, world, sites(inside(20), normals), side, kind)
@@ -48,7 +50,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, side: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_sky_over_an_unlit_plane(ctx: moderngl.Context, kind: str) -> None:
-    """Nothing but sky of radiance L above: E = π·L. R, where every direction misses, is the scene's diagonal."""
+    """Only a sky of radiance L above: E = π·L. All directions miss, so R is the scene's diagonal."""
     world = scene(floor(2.0), sky=EMITTER)
     found = gather(ctx, world, sites(inside(8) * (1, 0, 1), UP), 32, kind)
     assert np.allclose(found.E, np.pi * SEEN[kind] * np.array(EMITTER), rtol=EXACT[kind])
@@ -56,10 +58,10 @@ def test_sky_over_an_unlit_plane(ctx: moderngl.Context, kind: str) -> None:
 
 
 def perpendicular(height: float, half_width: float, distance: float) -> float:
-    """The form factor of a point on the floor to a wall that stands on it `distance` away, its foot's middle nearest.
+    """Return the form factor of a point on the floor to a wall at `distance`, whose foot's middle is nearest.
 
-    Howell C-12, a rectangle in a perpendicular plane with a corner nearest, twice: with X = a/b, Y = c/b for height a, width b,
-    distance c: F = 1/(2π)·[atan(1/Y) - Y/√(X²+Y²)·atan(1/√(X²+Y²))].
+    Howell C-12, a rectangle in a perpendicular plane with a corner nearest, twice: with X = a/b, Y = c/b for height a,
+    width b, distance c: F = 1/(2π)·[atan(1/Y) - Y/√(X²+Y²)·atan(1/√(X²+Y²))].
     """
     X, Y = height / half_width, distance / half_width
     root = np.hypot(X, Y)
@@ -67,13 +69,13 @@ def perpendicular(height: float, half_width: float, distance: float) -> float:
 
 
 def parallel(half: float, distance: float) -> float:
-    """The form factor of a point to a square of 2·half above its zenith: Howell C-11 four times, X = Y = half/distance."""
+    """Return the form factor of a point to a square of 2·half at its zenith: Howell C-11 four times, X = Y = half/distance."""
     x = half / distance
     return float(4 / np.pi * x / np.hypot(1, x) * np.arctan(x / np.hypot(1, x)))
 
 
 def test_the_published_form_factors_are_lamberts() -> None:
-    """The catalogue's two formulas, as written above, against Lambert's for polygons."""
+    """The catalogue's two formulas match Lambert's formula for polygons."""
     wall = np.array([(-0.8, 0, 0.5), (0.8, 0, 0.5), (0.8, 1.7, 0.5), (-0.8, 1.7, 0.5)])
     roof = np.array([(-0.6, 0.9, -0.6), (0.6, 0.9, -0.6), (0.6, 0.9, 0.6), (-0.6, 0.9, 0.6)])
     assert polygon_vector(wall, np.zeros(3))[1] / np.pi == pytest.approx(perpendicular(1.7, 0.8, 0.5), rel=1e-9)
@@ -82,7 +84,7 @@ def test_the_published_form_factors_are_lamberts() -> None:
 
 
 def off(E: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    """The relative error of E (N, 3) in the mean over the records, and in root mean square."""
+    """Return the relative error of the mean of E (N, 3), and the relative RMSE over records."""
     error = E / truth - 1.0
     return float(np.abs(error.mean(0)).max()), float(np.sqrt((error**2).mean()))
 
@@ -90,10 +92,11 @@ def off(E: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize("side", [64, 128])
 @pytest.mark.parametrize(("half", "distance"), [(1.0, 0.4), (0.3, 1.2)])
 def test_parallel_patch(ctx: moderngl.Context, half: float, distance: float, side: int) -> None:
-    """E = π·L_e·F of a square overhead, over 64 frames turned by different angles.
+    """E = π·L_e·F of a square overhead, over 64 frames with different rotations.
 
-    A texel that an edge cuts counts whole or not at all. Of a square of n = side·half/distance texels the 4n on its rim are off
-    by ±½ at random, by √(4n/12) in sum of n²: 0.58·n^(-3/2), 2.5 % at n = 8 and 0.3 % at n = 32; the mean has no such error.
+    A texel on an edge counts completely or not at all. A square of n = side·half/distance texels has 4n on its rim, each
+    with a random error of ±½: √(4n/12) in a sum of n². The relative error is 0.58·n^(-3/2), 2.5 % at n = 8 and 0.3 % at n =
+    32; the mean is unbiased.
     """
     patch = quad((-half, distance, -half), (2 * half, 0, 0), (0, 0, 2 * half), material(0.0, EMITTER))
     truth = np.pi * parallel(half, distance) * np.array(EMITTER)
@@ -104,7 +107,7 @@ def test_parallel_patch(ctx: moderngl.Context, half: float, distance: float, sid
 
 @pytest.mark.parametrize(("height", "distance", "side"), [(1.0, 0.5, 32), (0.5, 0.1, 64), (2.0, 1.5, 32)])
 def test_perpendicular_patch(ctx: moderngl.Context, height: float, distance: float, side: int) -> None:
-    """E = π·L_e·F of a wall at the record's feet, likewise."""
+    """E = π·L_e·F of a wall at the record's feet, with errors as in test_parallel_patch."""
     patch = quad((-1, 0, distance), (2, 0, 0), (0, height, 0), material(0.0, EMITTER))
     truth = np.pi * perpendicular(height, 1.0, distance) * np.array(EMITTER)
     mean, rms = off(gather(ctx, scene(patch), sites(np.zeros((64, 3)), UP), side).E, truth)
@@ -141,7 +144,7 @@ LIGHTS = {
 
 
 def irradiance(light: Light, p: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """E (..., 3) that `light` brings unshadowed to points p with normals n, by the formulas of the scene grammar."""
+    """Return unshadowed E (..., 3) of `light` at points p with normals n, by the formulas of the scene grammar."""
     at = np.asarray(light.position, float)
     to = np.broadcast_to(at, p.shape) if light.directional else at - p
     d = np.linalg.norm(to, axis=-1)
@@ -172,11 +175,11 @@ def irradiance(light: Light, p: np.ndarray, n: np.ndarray) -> np.ndarray:
     [*((name, "trace") for name in LIGHTS), *((name, "plane") for name in ("soft cone", "luminaire", "physical"))],
 )
 def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind: str) -> None:
-    """Each texel brings ρ/π·E from where its ray meets the plane, at the ray's length.
+    """Each texel has ρ/π·E at the hit of its ray on the plane, and the ray's length.
 
-    A plane's ray goes through the texel's centre on the face, while its table's direction is a mean: the two differ by second
-    order. The strata around the normal are long, and bring the mean over all their length. rim: degrees about a cone's rim, which
-    cuts texels.
+    A plane's ray passes through the texel's centre on the face, while the table's direction is a mean: they differ by
+    second order. Strata around the normal are long, and hold the mean over their length. rim: degrees around a cone's rim,
+    which cuts texels.
     """
     exact, rim = (1e-3, 1.0) if kind == "trace" else (0.01, 3.0)
     light = LIGHTS[name]
@@ -206,7 +209,7 @@ def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind
 
 
 def rim_distance(light: Light, p: np.ndarray) -> np.ndarray:
-    """Degrees between points and the rim of a light's cone."""
+    """Return degrees between points and the rim of a light's cone."""
     axis, to = np.subtract(light.spot_target, light.position), p - np.asarray(light.position)  # type: ignore[arg-type]
     c = to @ axis / np.linalg.norm(to, axis=-1) / np.linalg.norm(axis)
     return np.degrees(np.arccos(c)) - light.spot_cutoff
@@ -214,9 +217,9 @@ def rim_distance(light: Light, p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("shade", [False, True])
 def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context, shade: bool) -> None:
-    """To the walls of a room with a light under the ceiling, and with one in a shade that is open above.
+    """Few and many rays give equal light on a room's walls, with a light under the ceiling and one in an open shade.
 
-    A ray's mean over more surface than the ray hits would be lit where the shade casts its shadow.
+    A mean over more surface than a ray hits would include light inside the shade's shadow.
     """
     walls, high = box((-1, 0, -1), (1, 2, 1), material(0.5), outward=False), 1.4 if shade else 1.9
     east, south, down, grey = (0.2, 0.0, 0.0), (0.0, 0.0, 0.2), (0.0, -0.2, 0.0), material(0.8)
@@ -232,7 +235,7 @@ def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context, shade: bool) -> N
 
 
 def room() -> Scene:
-    """A room with things in it, so that normals, colours and shadows differ from triangle to triangle."""
+    """Return a furnished room with different normals, colours and shadows for each triangle."""
     return scene(
         box((-1, -1, -1), (1, 1, 1), material((0.7, 0.4, 0.2), (0.1, 0.2, 0.3)), outward=False),
         box((-0.6, -1, -0.5), (-0.1, -0.2, 0.1), material((0.1, 0.8, 0.3))),
@@ -243,7 +246,7 @@ def room() -> Scene:
 
 @pytest.mark.parametrize("kind", WHOLE)
 def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.Context, kind: str) -> None:
-    """With the shading normal 60° off, of the cosine-weighted hemisphere (1 + cos 60°)/2 = 3/4 lies above the surface."""
+    """With the shading normal 60° off, (1 + cos 60°)/2 = 3/4 of the cosine-weighted hemisphere lies above the surface."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 1.0), outward=False))
     tilted = (np.sin(np.radians(60)), np.cos(np.radians(60)), 0.0)
     found = gather(ctx, world, sites(inside(16), tilted, geometric=UP), 32, kind)
@@ -253,8 +256,10 @@ def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.C
 @pytest.mark.parametrize("shines", [0.0, 1.0])
 @pytest.mark.parametrize("kind", WHOLE)
 def test_the_dark_within_a_closed_mesh_is_known_for_it(ctx: moderngl.Context, kind: str, shines: float) -> None:
-    """Records on the floor within a closed box, another closed one beside them, may reach nowhere; outside the box, within
-    one that shines, and in the dark that open sheets make, as far as they would."""
+    """Records on the floor inside a closed dark box have no reach, also with another closed box next to it.
+
+    Outside the box, inside an emitting box, and in the dark between open sheets, they keep their reach.
+    """
     paint, inner = material(0.5, shines), box((-0.2, -0.01, -0.2), (0.2, 0.1, 0.2))
     sheets = [
         quad((3, 0, -1), (2, 0, 0), (0, 1, 0)),
@@ -272,7 +277,7 @@ def test_the_dark_within_a_closed_mesh_is_known_for_it(ctx: moderngl.Context, ki
 
 @pytest.mark.parametrize("kind", WHOLE)
 def test_a_sky_that_is_brighter_above_lights_by_where_a_surface_faces(ctx: moderngl.Context, kind: str) -> None:
-    """E = π·sky + 2π/3·gradient·cos, of the angle between normal and up: ∫ cosθ dω = π, ∫ ω cosθ dω = 2π/3·n."""
+    """E = π·sky + 2π/3·gradient·cos, for the angle between normal and up: ∫ cosθ dω = π, ∫ ω cosθ dω = 2π/3·n."""
     sky, gradient, up = np.array([1.0, 2.0, 0.5]), np.array([0.7, -0.3, 0.5]), np.array([0.0, 0.6, 0.8])
     world = replace(scene(sky=tuple(sky)), sky_gradient=tuple(gradient), up=tuple(up))
     normals = np.random.default_rng(2).normal(size=(16, 3))
@@ -285,9 +290,9 @@ def test_a_sky_that_is_brighter_above_lights_by_where_a_surface_faces(ctx: moder
 @pytest.mark.parametrize("kind", WHOLE)
 @pytest.mark.parametrize("away", [1e-2, 4e-4, 3e-5])
 def test_a_record_in_a_corner_does_not_see_through_the_wall(ctx: moderngl.Context, away: float, kind: str) -> None:
-    """Outside it is bright, in the black box it is dark, also `away` metres from a wall; what a pixel sees does lie that near.
+    """A black box under a bright sky stays dark inside, also `away` metres from a wall, the distance of a pixel's hit.
 
-    Rays are never lost.
+    No ray is lost.
     """
     world = scene(box((-1, -1, -1), (1, 1, 1), BLACK, outward=False), sky=100.0)
     along = np.random.default_rng(0).uniform(-0.9, 0.9, 64)
@@ -298,9 +303,9 @@ def test_a_record_in_a_corner_does_not_see_through_the_wall(ctx: moderngl.Contex
 
 @pytest.mark.parametrize("kind", WHOLE)
 def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context, kind: str) -> None:
-    """On the floor of a furnace, exactly where a wall begins, that wall fills half of the sky: E = π·L_e there as everywhere.
+    """On the floor of a furnace, exactly at a wall's foot, the wall fills half of the hemisphere: E = π·L_e as everywhere.
 
-    Seen from the very line the wall is edge-on and vanishes; from within the floor's own triangle it does not.
+    From the line itself the wall is edge-on and vanishes; from inside the floor's triangle it does not.
     """
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
     vertices, faces, _ = flatten(world)

@@ -1,4 +1,4 @@
-"""Rays that Embree traces: they bring what the shader's own rays bring, wherever things stand and whatever is cut out of them."""
+"""Embree's rays match the shader's rays for any geometry and any cut-outs."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ pytest.importorskip("embreex")
 
 
 def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
-    """E, gradients and the Hessian in a room full of things, before and after one of them moves; bit for bit the same twice.
+    """E, gradients and the Hessian match in a furnished room, before and after a move; a repetition is equal bit for bit.
 
-    Rounding decides what a ray on an edge hits, so that some of the 24 × 1024 rays may differ.
+    Rounding decides the hit of a ray on an edge, so that some of the 24 × 1024 rays may differ.
     """
     rng = np.random.default_rng(7)
     where = sites(rng.uniform(-0.9, 0.9, (24, 3)), rng.normal(size=(24, 3)))
@@ -44,7 +44,7 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
 
 
 def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
-    """Through a fence of which half is cut out a record sees the sky, and the wall behind some of it."""
+    """Through a fence with half cut out, a record sees the sky, and the wall in front of some of it."""
     pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)))
     fence = quad((-1, 0.5, -1), (0, 0, 2), (2, 0, 0), replace(material(0.5), albedo_texture=pattern, alpha_cutoff=0.5))
     uvs = np.zeros((4, 4), "f4")
@@ -58,7 +58,7 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
 
 
 def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is wanted on software renderers alone; where it is missing, auto goes by the shader, and who asks for it is told."""
+    """Embree is the default only on software renderers; without it, auto selects the shader and a request is an error."""
     monkeypatch.setattr(context, "describe", lambda ctx: {"software": True})
     assert kinds.kind(ctx, Settings()) == "embree"
     monkeypatch.setattr(context, "describe", lambda ctx: {"software": False})

@@ -1,4 +1,4 @@
-"""What a record says of its neighbourhood: irradiance vector and translation gradient against an exact occluder scene."""
+"""Irradiance vector and translation gradient of records against an exact occluder scene."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import pytest
 from irrsplat.scene.model import Scene
 from tests.support.worlds import Gathered, gather, material, polygon_vector, quad, scene, sites
 
-# A square lamp of 2 m overhead, and a black board below it that hides some of it: edges far and near, as at a table's rim.
+# A square light of 2 m overhead, and a black board below it that hides part of it: far and near edges, as at a table's rim
 LAMP_HALF, LAMP_HEIGHT = 1.0, 2.0
 BOARD = np.array([[-0.2, 1.0, -0.5], [0.6, 1.0, -0.5], [0.6, 1.0, 0.4], [-0.2, 1.0, 0.4]])
 
 
 def world() -> Scene:
-    """The lamp (L = 1) and the board."""
+    """Return the light (L = 1) and the board."""
     lamp = quad((-LAMP_HALF, LAMP_HEIGHT, -LAMP_HALF), (2, 0, 0), (0, 0, 2), material(0.0, 1.0))
     board = quad(BOARD[0], BOARD[1] - BOARD[0], BOARD[3] - BOARD[0], material(0.0))
     return scene(lamp, board)
 
 
 def vector(p: np.ndarray) -> np.ndarray:
-    """M = ∫ L·ω·dω (..., 3) at points p (..., 3) below the board, exact: Lambert's formula for the lamp less what hides of it.
+    """Return the exact M = ∫ L·ω·dω (..., 3) at points p (..., 3) below the board, by Lambert's formula for the visible part.
 
-    Seen from p the board's shadow on the lamp's plane is its picture scaled about p by (2 - p_y)/(1 - p_y), and so a rectangle
-    along the axes; lamp ∩ shadow is one too.
+    Seen from p, the board's shadow on the light's plane is its picture scaled about p by (2 - p_y)/(1 - p_y), an
+    axis-aligned rectangle. Its intersection with the light is one too.
     """
     grow = (LAMP_HEIGHT - p[..., 1]) / (1.0 - p[..., 1])
 
@@ -43,7 +43,7 @@ def vector(p: np.ndarray) -> np.ndarray:
 
 
 def places(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Points below the board that see some of the lamp, and normals so near the zenith that it is above their horizon."""
+    """Return points below the board with a partial view of the light, and normals with the light above their horizon."""
     rng = np.random.default_rng(4)
     p = rng.uniform((-0.9, 0.0, -0.9), (0.9, 0.4, 0.9), (3 * count, 3))
     p = p[np.linalg.norm(vector(p), axis=1) > 0.1][:count]
@@ -52,18 +52,18 @@ def places(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gradient(p: np.ndarray, n: np.ndarray, step: float = 1e-4) -> np.ndarray:
-    """∇E (N, 3) of E = n·M by central differences."""
+    """Return ∇E (N, 3) of E = n·M by central differences."""
     return np.stack([((vector(p + d) - vector(p - d)) * n).sum(-1) / (2 * step) for d in step * np.eye(3)], -1)
 
 
 def relative(found: np.ndarray, truth: np.ndarray) -> float:
-    """The median of |found - truth|/|truth| over rows."""
+    """Return the median of |found - truth|/|truth| over rows."""
     return float(np.median(np.linalg.norm(found - truth, axis=1) / np.linalg.norm(truth, axis=1)))
 
 
 @pytest.fixture(scope="module")
 def gathered() -> dict[int, Gathered]:
-    """Return what gathers make of `places`, by their side; each test adds what it needs."""
+    """Cache of gathers at `places`, by their side; each test adds missing ones."""
     return {}
 
 
@@ -74,14 +74,14 @@ def at_side(ctx: moderngl.Context, cache: dict[int, Gathered], side: int) -> Gat
 
 
 def test_the_exact_scene_is_what_is_gathered(ctx: moderngl.Context) -> None:
-    """E of 128² rays is that of Lambert's formula, so that what follows compares the same things."""
+    """E of 128² rays equals Lambert's formula: the following tests compare equal scenes."""
     p, n = places(8)
     found = gather(ctx, world(), sites(p, n), 128)
     assert np.allclose(found.E[:, 0], (vector(p) * n).sum(1), rtol=0.01)
 
 
 def test_irradiance_vector(ctx: moderngl.Context, gathered: dict[int, Gathered], limit: float = 0.03) -> None:
-    """M of what lies above the record's horizon, and E = n_k·M exactly; for normals 15° off, n·M is E there too."""
+    """M of the part above the record's horizon matches, and E = n_k·M exactly; n·M is E for normals up to 15° off."""
     p, n = places()
     found = at_side(ctx, gathered, 64)
     assert relative(found.M[:, 0], vector(p)) < limit
@@ -92,8 +92,10 @@ def test_irradiance_vector(ctx: moderngl.Context, gathered: dict[int, Gathered],
 
 
 def test_translation_gradient(ctx: moderngl.Context, gathered: dict[int, Gathered]) -> None:
-    """∇E against central differences of the exact E: finer gathers have less error, and over many places and directions no share
-    of the gradient is missing or counted twice."""
+    """∇E matches central differences of the exact E, with less error for finer gathers.
+
+    Over many places and directions, no part of the gradient is missing or counted twice.
+    """
     limits = {32: 0.054, 64: 0.025, 128: 0.011}
     p, n = places()
     truth = gradient(p, n)

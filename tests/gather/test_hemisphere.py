@@ -1,4 +1,4 @@
-"""The gather's tables: the hemisphere in solid angle, the edges between what it sees, and the frames that it stands in."""
+"""Tables of the gather: solid angles, edges between texels, and tangent frames."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from irrsplat.gather.record_frame import tangent_frames
 
 
 def share_of_plane(field: float) -> float:
-    """What a square plane of the given field of view (degrees) covers of the cosine-weighted hemisphere, 0..1.
+    """Return the share 0..1 of the cosine-weighted hemisphere on a square plane with a field of view in degrees.
 
-    At distance 1 it reaches to t = tan(field/2). The form factor of a point to a parallel rectangle above it with a corner
+    At distance 1 it extends to t = tan(field/2). The form factor of a point to a parallel rectangle above it with a corner
     over it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-11), four times:
     4/(2π)·2·t/√(1+t²)·atan(t/√(1+t²)) = 4/π·s·atan(s) with s = sin(field/2).
     """
@@ -23,14 +23,14 @@ def share_of_plane(field: float) -> float:
 
 @pytest.mark.parametrize("side", [4, 16, 32, 64])
 def test_the_table_covers_the_plane(side: int) -> None:
-    """∫ cosθ dω is π times the form factor; texels are integrated by 8×8 points, whose error shrinks with their size squared."""
+    """∫ cosθ dω is π times the form factor; 8×8 points per texel have an error proportional to the texel size squared."""
     table = plane_table(side)
     assert table[..., 3].sum() == pytest.approx(np.pi * share_of_plane(FIELD), rel=0.45 / side**2)
     assert (table[..., 3] > 0.0).all()
 
 
 def edges(side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The edges as texel numbers a and b and their vectors (E, 3), of those that have a neighbour."""
+    """Return edges with neighbours, as texel numbers a and b and vectors (E, 3)."""
     table = plane_edges(side)
     height, width = table.shape[0], table.shape[1] // 2
     owner = np.arange(height * width).reshape(height, width, 1).repeat(2, 2).ravel()
@@ -43,12 +43,12 @@ def edges(side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def bump(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A smooth bright spot on a ceiling, beside the record's zenith."""
+    """Return a smooth bright spot on a ceiling, next to the record's zenith."""
     return np.exp(-((x - 0.6) ** 2 + (y + 0.35) ** 2) / (2 * 0.5**2))
 
 
 def irradiance_under_bump(p: np.ndarray, height: float) -> float:
-    """E at p from a ceiling of radiance `bump`, in quadrature over the ceiling: ∫ L·h²/(d²)² dA."""
+    """Return E at p from a ceiling of radiance `bump`, by quadrature over the ceiling: ∫ L·h²/(d²)² dA."""
     x = np.linspace(-4.0, 5.0, 721)
     X, Y = np.meshgrid(x, x)
     h = height - p[2]
@@ -58,10 +58,10 @@ def irradiance_under_bump(p: np.ndarray, height: float) -> float:
 
 @pytest.mark.parametrize("side", [16, 32, 64])
 def test_edges_give_the_gradient_of_smooth_radiance(side: int) -> None:
-    """∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) against central differences of E = ∫ L cosθ dω under a ceiling with a bright spot.
+    """∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) matches central differences of E = ∫ L cosθ dω under a ceiling with a bright spot.
 
-    The record moves along the surface and off it. The limit is relative to the gradient's length: the midpoint rule's error is of
-    second order in the texels' size, and that of min(r_a, r_b) in the place of the edge's own distance of first, 3 % at 32².
+    The record moves along the surface and off it. The limit is relative to the gradient's length. The midpoint rule's error
+    is of second order in the texel size, that of min(r_a, r_b) of first order, 3 % at 32².
     """
     height, step = 1.3, 1e-3
     truth = np.array(
@@ -79,7 +79,7 @@ def test_frames_are_orthonormal_right_handed_and_turned() -> None:
     rng = np.random.default_rng(1)
     normal = rng.normal(size=(500, 3))
     normal[:6] = np.concatenate([np.eye(3), -np.eye(3)])
-    normal[6] = (1e-9, 0.0, -1.0)  # where a less careful basis breaks down
+    normal[6] = (1e-9, 0.0, -1.0)  # degenerate for a less careful basis
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     found = tangent_frames(normal, np.arange(500), seed=3)
     assert np.allclose(found @ found.swapaxes(1, 2), np.eye(3), atol=1e-6)

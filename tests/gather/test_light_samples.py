@@ -1,4 +1,4 @@
-"""Light samples: emitters are found by shadow rays, and what rays find by chance is weighted against them."""
+"""Next-event estimation: shadow rays sample emitters, with multiple importance weights for random ray hits."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ UP = np.array((0.0, 1.0, 0.0))
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
 ROOM = box((-2, 0, -2), (2, 3, 2), material(0.5), outward=False)
 PENUMBRA = quad((-0.1, 2.9, -0.2), (0.2, 0, 0), (0, 0, 0.4), material(0.0, 5.0))
-BOARD = quad((-2, 1.45, -2), (2, 0, 0), (0, 0, 4))  # its edge at x = 0, halfway up: the penumbra reaches from -0.1 to 0.1
+BOARD = quad((-2, 1.45, -2), (2, 0, 0), (0, 0, 4))  # its edge at x = 0, halfway up: the penumbra extends from -0.1 to 0.1
 
 
 def panel(height: float = 1.2) -> Mesh:
-    """A slanting parallelogram above the origin that shines."""
+    """Return a slanting emissive parallelogram above the origin."""
     return quad((-0.3, height, -0.2), (0.6, 0.1, 0.05), (0.02, -0.08, 0.5), material(0.0, EMITTER))
 
 
 def look(lit: Lit, where: np.ndarray, normal: np.ndarray, samples: int, kind: str = "trace", side: int = 64) -> Gathered:
-    """Records there with so many light samples."""
+    """Gather records there with `samples` shadow rays of next-event estimation."""
     settings = Settings(bounces=1, gather=kind, gather_size=side, light_samples=samples)
     at = sites(where, normal)
     with gather_pass(lit.world, settings, 64) as pass_, ReducePass(lit.ctx, True) as reduce, RecordCache(lit.ctx) as cache:
@@ -40,12 +40,12 @@ def look(lit: Lit, where: np.ndarray, normal: np.ndarray, samples: int, kind: st
 
 
 def relative(found: np.ndarray, truth: np.ndarray) -> float:
-    """√mean(error²) over the mean of the truth."""
+    """Return √mean(error²) over the mean of the truth."""
     return float(np.sqrt(np.mean((found - truth) ** 2)) / np.mean(truth))
 
 
 def hessian(f: Callable[[np.ndarray], float], p: np.ndarray, axes: np.ndarray, step: float = 5e-3) -> np.ndarray:
-    """(2, 2) central differences of f at p along the axes (2, 3)."""
+    """Return central differences (2, 2) of f at p along the axes (2, 3)."""
     a, b = step * axes
     steps = np.array([[(a, a), (a, b)], [(b, a), (b, b)]])
     corners = [[f(p + x + y) - f(p + x - y) - f(p - x + y) + f(p - x - y) for x, y in row] for row in steps]
@@ -54,8 +54,10 @@ def hessian(f: Callable[[np.ndarray], float], p: np.ndarray, axes: np.ndarray, s
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: moderngl.Context, kind: str) -> None:
-    """Under a slanting panel, which takes up 1 to 6 % of the hemisphere: errors far below those of the rays alone, and nothing
-    is counted twice or left out; also below a panel that the horizon cuts nowhere."""
+    """Under a slanting panel of 1 to 6 % of the hemisphere, errors are far below those of rays alone, without bias.
+
+    The same holds below a panel entirely above the horizon.
+    """
     lamp, rng = panel(), np.random.default_rng(1)
     corners = lamp.positions.astype(float)
     where, normal = rng.uniform((-1, 0, -1), (1, 0.6, 1), (32, 3)), np.array((0.1, 1.0, 0.05))
@@ -84,7 +86,7 @@ def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: 
 
 @pytest.mark.parametrize("samples", [64, 256])
 def test_a_small_bulb_lights_all_records_alike(ctx: moderngl.Context, samples: int) -> None:
-    """A bulb of 5 cm in a room of 4 m, which a few rays of 4096 hit: E = I·cosθ/d² of a sphere, I = π·r²·L."""
+    """A bulb of 5 cm in a room of 4 m, hit by a few rays of 4096: E = I·cosθ/d² of a sphere, I = π·r²·L."""
     radius, centre = 0.025, np.array((0.3, 2.2, 0.1))
     where = np.random.default_rng(1).uniform((-1.8, 0, -1.8), (1.8, 0, 1.8), (48, 3))
     away = centre - where
@@ -96,7 +98,7 @@ def test_a_small_bulb_lights_all_records_alike(ctx: moderngl.Context, samples: i
 
 
 def half_hidden(p: np.ndarray) -> np.ndarray:
-    """(N,) what of the panel's light comes to points (N, 3) on the floor, where the board hides what lies at less than -x."""
+    """Return the panel's light (N,) at points (N, 3) on the floor; the board hides the part below -x."""
     corners = np.broadcast_to(PENUMBRA.positions.astype(float), (len(p), 4, 3)).copy()
     corners[..., 0] = np.maximum(corners[..., 0], -p[:, 0, None])
     return 5.0 * polygon_vector(corners, p)[:, 1]
@@ -104,8 +106,10 @@ def half_hidden(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_record_in_the_dark_knows_that_light_is_near(ctx: moderngl.Context, kind: str) -> None:
-    """In a full shadow, as far from the penumbra as other eyes look beside a record, which then sees nothing itself: it reaches
-    about as far as that, and not on into the light. Farther inside it reaches as far as there is."""
+    """A record in full shadow near the penumbra has a radius of about this distance, and does not reach into the light.
+
+    It sees no light itself, but its neighbouring sample points do. Farther inside, its radius is unlimited.
+    """
     x = -0.1 - np.array([0.002, 0.006, 0.01, 0.014, 0.018, 0.1])
     settings, at = Settings(bounces=1), sites(np.column_stack([x, np.zeros((6, 2))]), UP)
     with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
@@ -118,7 +122,7 @@ def test_a_record_in_the_dark_knows_that_light_is_near(ctx: moderngl.Context, ki
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -> None:
-    """Lambert's formula of the part of a panel that is seen from a penumbra, and its differences from place to place."""
+    """Gradients in a penumbra match differences of Lambert's formula for the visible part of a panel."""
     rng = np.random.default_rng(6)
     where = np.column_stack([rng.uniform(-0.06, 0.06, 32), np.zeros(32), rng.uniform(-0.5, 0.5, 32)])
     step = 0.01 * np.eye(3)
@@ -132,7 +136,7 @@ def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -
 
 
 def test_a_panel_whose_image_shines_in_one_half_lights_as_that_half(ctx: moderngl.Context) -> None:
-    """Light samples go by each triangle's mean emission, and look the image up where they land: Lambert's formula of the half."""
+    """Next-event estimation samples triangles by mean emission and looks up the image: Lambert's formula of the half."""
     pixels = np.zeros((64, 64, 4), np.uint8)
     pixels[..., 3], pixels[:, 32:, :3] = 255, 255
     plain = quad((-0.4, 2.5, -0.3), (0.8, 0, 0), (0, 0, 0.6))

@@ -1,4 +1,4 @@
-"""Low places: beneath what hangs close above a surface it is as dark as the closed form says."""
+"""Narrow gaps: light beneath objects close above a surface matches the closed form."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import irrsplat
 from irrsplat.scene.model import Camera
 from tests.support import worlds
 
-HALF, HEIGHT = 0.02, 0.006  # metres, of a plate's side and of the gap beneath it
+HALF, HEIGHT = 0.02, 0.006  # metres: a plate's half side, and the gap beneath it
 XS = 0.08 * np.arange(-7, 8)  # of the plates
 CAMERA = Camera((0.0, 0.25, 3.0), (0.0, 0.003, HALF), fov=40.0)
 
 
 @pytest.mark.parametrize("tile", [0, 64])
 def test_light_in_gaps(tile: int) -> None:
-    """Beneath small plates 6 mm above a table, although the records around reach there. Tiles change nothing.
+    """Gaps beneath small plates 6 mm above a table are dark, despite the reach of records around them, with any tiles.
 
     Each gap is a pixel high. The spot check finds most of them, and the mean error is 6 % of the open table's light.
     """

@@ -1,4 +1,4 @@
-"""The reduction against its sums in plain numpy: E, R, irradiance vectors, gradients and bends of hand-made cells."""
+"""Reduction against plain numpy sums: E, R, irradiance vectors, gradients and bends of synthetic cells."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 
 
 def cells(count: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N, h, w, 4) random radiance over four orders of magnitude and distances, a third of them misses; and the table."""
+    """Return random radiance (N, h, w, 4) over four orders of magnitude, and distances, a third of them misses; and the table."""
     rng = np.random.default_rng(seed)
     table = plane_table(side)
     seen = np.empty((count, *table.shape[:2], 4))
@@ -33,7 +33,7 @@ def cells(count: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def planes_of(seen: np.ndarray, table: np.ndarray, frame: np.ndarray, seed: int) -> np.ndarray:
-    """(N, h, w, 3) for each texel that hits a plane of a random slope through what it hits, as the gather has it: world space."""
+    """Return for each hit (N, h, w, 3) a plane of random slope in world space, as in the gather."""
     rng = np.random.default_rng(seed)
     d = np.einsum("hwk,nkj->nhwj", table[..., :3], frame)
     g = d + rng.normal(size=d.shape) * rng.choice([0.05, 0.5, 3.0], d.shape[:3])[..., None]
@@ -51,7 +51,7 @@ def atlas_of(
     planes: np.ndarray | None = None,
     numbers: np.ndarray | None = None,
 ) -> Atlas:
-    """The cells laid out row by row, the way that the gather draws them; what no record owns is full of rubbish."""
+    """Return the cells row by row, as the gather draws them; unused texels hold arbitrary values."""
     height, width = seen.shape[1:3]
     sheet, planar = (np.full((ROWS * height, COLUMNS * width, 4), 7e7, "f4") for _ in range(2))
     for i, cell in enumerate(seen):
@@ -79,7 +79,9 @@ def atlas_of(
 def reduced(
     seen: np.ndarray, side: int, frame: np.ndarray, geometric: np.ndarray, planes: np.ndarray | None = None
 ) -> tuple[np.ndarray, ...]:
-    """E (N, 3), R (N,), M and ∇E (N, channel, 3), and the Hessian of luminance in the tangent plane (N, 2, 2), in float64."""
+    """Return in float64 E (N, 3), R (N,), M and ∇E (N, channel, 3), and the Hessian of luminance (N, 2, 2) in the tangent
+    plane.
+    """
     table, edges = plane_table(side), plane_edges(side)
     height, width = table.shape[:2]
     below = np.einsum("nij,nj->ni", frame, geometric)  # the geometric normal in the record's frame
@@ -99,7 +101,7 @@ def reduced(
         edge = edges[:, j::2]
         row = np.floor(edge[..., 3] / NEIGHBOUR_STRIDE).astype(int)
         column = (edge[..., 3] - NEIGHBOUR_STRIDE * row).astype(int)
-        # where the two meet, and how near the nearer of their planes is there, at most as near as what they see in their middles
+        # intersection direction of both planes, and the nearer one's distance there, at most the nearer hit distance
         w = table[..., :3] + table[row, column, :3]
         w /= np.linalg.norm(w, axis=-1, keepdims=True)
         outward = np.einsum("hwk,nkj->nhwj", w, frame)
@@ -114,20 +116,20 @@ def reduced(
 
 
 def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, gradients: bool = True) -> None:
-    """Run the pass, and leave no released framebuffer bound for the next test (see test_target.py)."""
+    """Run the pass; leave no released framebuffer bound for the next test (see test_target.py)."""
     sky = {"sky": SKY, "sky_gradient": SKY_GRADIENT, "sky_up": SKY_UP}
     ReducePass(ctx, gradients)(atlas, cache.records, sky, RADII)
     ctx.detect_framebuffer(0).use()
 
 
 def vectors_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """M and ∇E (N, channel, 3) of the records from number `first` on."""
+    """Return M and ∇E (N, channel, 3) of the records from number `first` on."""
     vectors, gradient = cache.records.read("vectors", "gradient").values()
     return vectors[first:], gradient[first:]
 
 
 def bends_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """The axis (N, 3) and the two bends (N, 2) of the records from number `first` on."""
+    """Return the axis (N, 3) and the two bends (N, 2) of the records from number `first` on."""
     names = ("radius", "axis", "curvature", "max_radius")
     R, axis, curvature, max_radius = (column[first:] for column in cache.records.read(*names).values())
     most = np.where(axis.any(1), np.minimum(3.0 * R, RADII[1]), 0.0)
@@ -135,7 +137,7 @@ def bends_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray
     return axis, curvature
 
 
-@pytest.mark.parametrize("first", [0, 5, 1019])  # 1019: the batch runs over the end of a row of the cache
+@pytest.mark.parametrize("first", [0, 5, 1019])  # 1019: the batch crosses the end of a row of the cache
 @pytest.mark.parametrize("side", [8, 16])
 def test_reduction_equals_numpy(ctx: moderngl.Context, side: int, first: int) -> None:
     count = 10  # of 12 cells
@@ -158,7 +160,7 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, side: int, first: int) ->
     assert np.allclose(found["radius"][first:], R, rtol=2e-5)
     found_M, found_gradient = vectors_of(cache, first)
     assert np.allclose(found_M, M, rtol=1e-4, atol=2e-5 * np.abs(M).max())
-    # a sum of differences of either sign: its rounding is that of its terms
+    # rounding of a sum with mixed signs is that of its terms
     assert np.allclose(found_gradient, gradient, rtol=1e-3, atol=2e-5 * np.abs(gradient).max())
     assert (found["irradiance"][:first] == 42.0).all() and (found["radius"][:first] == 42.0).all(), "others stay as they were"
 
@@ -170,7 +172,7 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, side: int, first: int) ->
     axis, bend = bends_of(cache, first)
     assert np.allclose(np.linalg.norm(axis, axis=1), 1.0, atol=1e-5)
     assert np.abs((axis * where.normal).sum(1)).max() < 1e-5, "in the tangent plane"
-    clear = np.abs(value[:, 1]) - np.abs(value[:, 0]) > 0.01 * np.abs(value[:, 1])  # else rounding decides which is the lesser
+    clear = np.abs(value[:, 1]) - np.abs(value[:, 0]) > 0.01 * np.abs(value[:, 1])  # otherwise rounding decides the smaller one
     assert clear.sum() >= 6
     expected = np.clip(value / Y[:, None], -2.0 / RADII[0] ** 2, 2.0 / RADII[0] ** 2)
     assert np.allclose(bend[clear], expected[clear], rtol=2e-3, atol=1e-4 * scale)
@@ -183,7 +185,7 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, side: int, first: int) ->
 
 @pytest.mark.parametrize("light", ["black", "even"])
 def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) -> None:
-    """No light, or the same from all sides: radii as great as there are, an axis all the same, and no NaN."""
+    """Without light, or with uniform light: radii are unlimited, an axis exists, and no value is NaN."""
     where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
     frame = tangent_frames(where.normal, np.arange(4), 0)
     seen, table = cells(4, 8, seed=3)
@@ -200,7 +202,7 @@ def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) 
 
 @pytest.mark.parametrize(("distance", "radius"), [(0.0, RADII[1]), (1e-9, RADII[0]), (1e9, RADII[1]), (0.5, 0.5)])
 def test_radius_stays_finite_and_within_its_limits(ctx: moderngl.Context, distance: float, radius: float) -> None:
-    """Every direction misses: R is the greatest there is; every distance the same: R is that."""
+    """All directions miss: R is the maximum; all distances equal: R is that distance."""
     where = sites(np.zeros((1, 3)), (0, 1, 0))
     frame = tangent_frames(where.normal, np.arange(1), 0)
     seen, _ = cells(1, 8, seed=5)

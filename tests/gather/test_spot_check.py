@@ -1,4 +1,4 @@
-"""The spot check of dark places between records: renders, tiles and ticks end with the same light."""
+"""Spot check of dark places between records: renders, tiles and frame budgets converge to equal light."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ SETTINGS: Any = {"bounces": 1, "gather": "trace", "gather_size": 64, "a": 1.0, "
 
 
 def test_dark_places_are_found_in_renders_tiles_and_ticks() -> None:
-    """Between two black boards, each as high as the way to the next, the table has a quarter of the open sky's light.
+    """Between two black boards as high as their distance, the table has a quarter of the open sky's light.
 
-    E at the middle of two endless boards of height h, d apart, is π·L/√(1 + (2h/d)²).
+    E midway between two endless boards of height h and distance d is π·L/√(1 + (2h/d)²).
     """
     black = worlds.material(0.0)
     boards = [worlds.box((x, 0.0, -0.1), (x + 0.004, 0.05, 0.1), black) for x in (0.0, 0.03)]

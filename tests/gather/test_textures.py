@@ -1,4 +1,4 @@
-"""Textures and cut-outs in gathers by rays and by planes, against means and form factors."""
+"""Textures and cut-outs in gathers by rays and planes, against means and form factors."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tests.gather.test_hemisphere import share_of_plane
 from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
-SEEN = {"trace": 1.0, "plane": share_of_plane(FIELD)}  # of the cosine-weighted hemisphere
+SEEN = {"trace": 1.0, "plane": share_of_plane(FIELD)}  # share of the cosine-weighted hemisphere
 
 
 def image(values: Any, alpha: Any = 255) -> Image:
-    """An Image of grey or coloured values 0..255, (H, W) or (H, W, 3), and alpha."""
+    """Return an Image of grey or coloured values 0..255, (H, W) or (H, W, 3), and alpha."""
     values = np.asarray(values)
     rgb = np.repeat(values[..., None], 3, -1) if values.ndim == 2 else values
     pixels = np.concatenate([rgb, np.broadcast_to(alpha, rgb.shape[:2])[..., None]], -1)
@@ -28,13 +28,13 @@ def image(values: Any, alpha: Any = 255) -> Image:
 
 
 def checker(count: int, texels: int = 1) -> np.ndarray:
-    """(S, S) 0 and 1 in squares of so many texels, `count` along a side, the first of them 0."""
+    """Return 0 and 1 (S, S) in squares of `texels` texels, `count` per side, the first of them 0."""
     i, j = np.indices((count, count))
     return np.kron((i + j) % 2, np.ones((texels, texels), int))
 
 
 def ceiling(paint: Material, half: float = 1.0, height: float = 1.0, uv: float = 1.0) -> Mesh:
-    """A horizontal square that faces down, with u along x and v along z from 0 to `uv`."""
+    """Return a horizontal square that faces down, with u along x and v along z from 0 to `uv`."""
     x, z = half * np.array([-1, 1, -1, 1]), half * np.array([-1, -1, 1, 1])
     positions = np.stack([x, np.full(4, height), z], -1).astype("f4")
     coordinates = uv * np.stack([x + half, z + half], -1) / (2 * half)
@@ -44,23 +44,23 @@ def ceiling(paint: Material, half: float = 1.0, height: float = 1.0, uv: float =
 
 
 def glowing(texture: Texture, power: float = 1.0) -> Material:
-    """Black, with an emission that the texture is a factor of."""
+    """Return a black material with an emission scaled by the texture."""
     return Material((0.0, 0.0, 0.0), (power,) * 3, emission_texture=texture)
 
 
 def form(corners: Any, p: Any = (0.0, 0.0, 0.0)) -> float:
-    """π times the form factor from a point that faces up to a polygon (C, 3)."""
+    """Return π times the form factor from an upward point to a polygon (C, 3)."""
     return float(polygon_vector(np.asarray(corners, float), np.asarray(p, float))[1])
 
 
 def rectangle(x0: float, x1: float, z0: float, z1: float, y: float = 1.0) -> np.ndarray:
-    """(4, 3) the corners of a horizontal rectangle."""
+    """Return the corners (4, 3) of a horizontal rectangle."""
     return np.array([[x0, y, z0], [x1, y, z0], [x1, y, z1], [x0, y, z1]])
 
 
 @pytest.mark.parametrize("kind", SEEN)
 def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str) -> None:
-    """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: π·F of each, below another quarter's middle too."""
+    """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: the sum of π·F, also below one quarter's centre."""
     colours = np.array([[[255, 255, 255], [188, 188, 188]], [[0, 0, 0], [255, 0, 188]]])
     texture = Texture(image(np.kron(colours, np.ones((32, 32, 1), int))))
     world = scene(ceiling(glowing(texture)))
@@ -75,7 +75,7 @@ def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Co
 
 
 def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Context) -> None:
-    """Only the half with z > 0 shines: u of the image is v of the second set, which here is that of the first, mirrored in x."""
+    """Only the half with z > 0 emits: the image's u is v of the second set, a copy of the first, mirrored in x."""
     texture = Texture(image([[0] * 64 + [255] * 64] * 128), uv_set=1, transform=(0, 1, 0, 1, 0, 0))
     mesh = ceiling(glowing(texture))
     assert mesh.uvs is not None
@@ -86,7 +86,7 @@ def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Conte
 
 @pytest.mark.parametrize("kind, count", [("trace", 64), ("plane", 512)])
 def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context, kind: str, count: int) -> None:
-    """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of what a plain half brings, everywhere."""
+    """A checker of 0 and 1, much finer than 16² rays: E is within 1 % of a uniform half everywhere."""
     texture = Texture(image(255 * checker(count)))
     places = np.random.default_rng(1).uniform(-0.5, 0.5, (16, 3)) * (1, 0, 1)
     fine = gather(ctx, scene(ceiling(glowing(texture), uv=4.0)), sites(places, UP), 16, kind).E
@@ -95,7 +95,7 @@ def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context
 
 
 def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context) -> None:
-    """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_lamp from each of its points."""
+    """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_light at each point."""
     texture = Texture(image(np.tile([255, 255, 188], (4, 4, 1))))
     lights = (lamp((0, 0.5, 0), 3.0),)
     paint = Material((0.5, 0.5, 0.5), albedo_texture=texture)
@@ -108,7 +108,7 @@ def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.C
 
 
 def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material:
-    """Black bars, as wide as the gaps between them."""
+    """Return black bars, as wide as their gaps."""
     columns = np.repeat(np.arange(2 * bars) % 2, 4)
     return Material(
         (0.0, 0.0, 0.0),
@@ -120,7 +120,7 @@ def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material
 
 @pytest.mark.parametrize("kind", SEEN)
 def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind: str) -> None:
-    """E of a sky of radiance 1 is π less the form factors of the bars: of a single one, and of 16."""
+    """E under a sky of radiance 1 is π minus the form factors of the bars, for one bar and for 16."""
     one, many = ceiling(fence(1)), ceiling(fence(16))
     aside = replace(many, positions=many.positions + np.array([10, 0, 0], "f4"))
     found = gather(ctx, scene(one, aside, sky=1.0), sites([(0.4, 0, 0), (10.4, 0, 0)], UP), 96, kind).E[:, 0]
@@ -132,7 +132,7 @@ def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind:
 
 
 def test_a_fine_fence_in_a_large_image_does_not_vanish(ctx: moderngl.Context) -> None:
-    """Wires of one texel in eight of an image of 4096 texels, finer than any layer: they hold back an eighth."""
+    """Wires of one texel in eight in an image of 4096 texels, finer than any layer, block an eighth."""
     alpha = np.zeros((8, 4096))
     alpha[:, ::8] = 255
     paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
@@ -150,18 +150,18 @@ PASSED = {
 
 @pytest.mark.parametrize("kind", SEEN)
 def test_panes_change_no_light(ctx: moderngl.Context, kind: str) -> None:
-    """Of all kinds, to the last bit: records below them have what they have without them, and so has what is behind."""
+    """Panes of any kind change no bit of records below them and of surfaces behind them."""
     room = quad((-2, -0.5, -2), (4, 0, 0), (0, 0, 4)), box((0.3, -0.5, 0.3), (0.6, 0.6, 0.6), material(0.7))
     lit: dict[str, Any] = {"lights": (lamp((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
     where = sites([(0, 0, 0), (0.5, 0.2, 0.0)], [UP, (0, 0, 1)])
-    far = ceiling(material(), 3.0, 4.0)  # so that the scene's size is the same
+    far = ceiling(material(), 3.0, 4.0)  # keeps the scene's size
     panes = [ceiling(pane, 1.0 + i / 8, 0.9 + i / 8) for i, pane in enumerate(PASSED.values())]
     without = gather(ctx, scene(*room, far, **lit), where, 16, kind)
     assert np.array_equal(gather(ctx, scene(*room, *panes, far, **lit), where, 16, kind).E, without.E)
 
 
 def test_opacities_of_vertices_decide_too(ctx: moderngl.Context) -> None:
-    """An opacity that falls off from 1 to 0 along x, of what blends: light sees the half where it is more than one half."""
+    """Vertex opacity falls from 1 to 0 along x on a blended mesh: light is blocked where it is above one half."""
     mesh = ceiling(Material((0.0, 0.0, 0.0), alpha_mode="blend"))
     mesh = replace(mesh, opacities=(0.5 - 0.5 * mesh.positions[:, 0]).astype("f4"))
     found = gather(ctx, scene(mesh, sky=1.0), sites((0.2, 0, 0), UP), 64).E[0, 0]
@@ -170,8 +170,10 @@ def test_opacities_of_vertices_decide_too(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("place", [(0.3, 1.6, 0.1)])
 def test_the_shadow_of_a_cut_out_square_has_the_hole_where_it_should_be(ctx: moderngl.Context, place: Any) -> None:
-    """Points of a floor below it are lit where their line to the lamp passes the hole or the square's outside: by what records
-    just above these points see of the floor."""
+    """Points of a floor are lit where their line to the light passes the hole or the square's outside.
+
+    Records just above these points gather the floor's light.
+    """
     alpha = np.full((64, 64), 255)
     alpha[16:32, 24:48] = 0
     paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")

@@ -1,4 +1,4 @@
-"""The gather by rays: its tables, analytic scenes, and Ward and Heckbert's gradient."""
+"""Gather by rays: tables, analytic scenes, and Ward and Heckbert's gradient."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.support.worlds import Lit, sites
 
 @pytest.mark.parametrize("side", [4, 16, 64])
 def test_strata_share_the_hemisphere_equally(side: int) -> None:
-    """Σ cosθ·dω = π, ∫ω dω = (0, 0, π), ∫dω = 2π: a stratum's own dω is w/z, but for the spread of what is in it."""
+    """Σ cosθ·dω = π, ∫ω dω = (0, 0, π), ∫dω = 2π: a stratum's own dω is w/z, up to its angular extent."""
     table = stratum_table(side)
     assert table.shape == (*shape(side), 4) and table[..., 0].size == side * side
     assert np.allclose(table[..., 3], np.pi / side**2, rtol=1e-12)
@@ -25,7 +25,7 @@ def test_strata_share_the_hemisphere_equally(side: int) -> None:
 
 
 def test_a_stratum_s_vector_is_its_integral() -> None:
-    """∫ω·dω over the stratum (sin²θ from 3/8 to 4/8, φ from 5/32 to 6/32 turns) in quadrature, which Σ L·ω·dω builds on."""
+    """∫ω·dω over a stratum (sin²θ from 3/8 to 4/8, φ from 5/32 to 6/32 turns) by quadrature, the base of Σ L·ω·dω."""
     table = stratum_table(16)
     theta = np.linspace(np.arcsin(np.sqrt(3 / 8)), np.arcsin(np.sqrt(4 / 8)), 401)
     phi = np.linspace(2 * np.pi * 5 / 32, 2 * np.pi * 6 / 32, 401)
@@ -38,7 +38,7 @@ def test_a_stratum_s_vector_is_its_integral() -> None:
 
 
 def test_edges_are_ward_and_heckbert_s_sum() -> None:
-    """∇E along the surface for random L and r equals their formula, written as they print it (1992, translation gradient):
+    """∇E along the surface for random L and r equals the published formula (Ward and Heckbert 1992, translation gradient):
 
     Σ_k û_k·(2π/N)·Σ_{j≥1} sinθ_j-·cos²θ_j-·(L_jk - L_j-1,k)/min(r_jk, r_j-1,k)
     + Σ_k v̂_k-·Σ_j (sinθ_j+ - sinθ_j-)·(L_jk - L_j,k-1)/min(r_jk, r_j,k-1), the azimuth closed into a ring.
@@ -65,7 +65,9 @@ def test_edges_are_ward_and_heckbert_s_sum() -> None:
 
 
 def test_edges_give_the_gradient_along_the_normal_too() -> None:
-    """Under a ceiling whose radiance falls off from the zenith as exp(-s²), in quadrature: what moving up by h brings."""
+    """Under a ceiling with radiance exp(-s²) around the zenith, the gradient along the normal matches quadrature for a rise by
+    h.
+    """
     side, height, step = 64, 1.3, 1e-3
 
     def E(h: float) -> float:
@@ -86,7 +88,7 @@ def test_edges_give_the_gradient_along_the_normal_too() -> None:
 
 
 def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context) -> None:
-    """Neither the cell in the atlas nor the batch may matter: the same rays bring the same light, to the last bit."""
+    """Results do not depend on the atlas cell or the batch: equal rays give equal light, to the last bit."""
     rng, lit = np.random.default_rng(7), Lit(ctx, room())
     where = sites(rng.uniform(-0.9, 0.9, (23, 3)), rng.normal(size=(23, 3)))
     together, alone = lit.gather(where, 16), lit.gather(where, 16, capacity=1)

@@ -1,4 +1,4 @@
-"""Virtual lights: what a lamp lights close by is found by its own rays, and counts once."""
+"""Virtual point lights: surfaces close to a light are sampled by separate rays, and count once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.gather.test_light_samples import look, relative
 from tests.support.worlds import Lit, box, lamp, material, polygon_vector, quad, scene
 
 ALBEDO, POWER = 0.6, 5.0
-BELOW = 0.05  # metres from the ceiling to the lamp
+BELOW = 0.05  # metres from the ceiling to the light
 HEIGHT = 3.0  # of the ceiling, metres
 SAMPLES, RAYS = 512, 64**2 / np.pi
 UP = np.array((0.0, 1.0, 0.0))
@@ -24,15 +24,15 @@ CEILING = quad((-3.99, HEIGHT - 1e-3, -3.99), (7.98, 0, 0), (0, 0, 7.98), materi
 
 
 def from_ceiling(where: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(N,) W/m² at points (N, 3) that face `normal`, from the ceiling that LAMP lights: rings about it, ever wider."""
+    """Return irradiance (N,) in W/m² at points (N, 3) facing `normal`, from the lit ceiling, as a sum over rings around LAMP."""
     x, height = np.asarray(LAMP.position), HEIGHT - 1e-3
     h = height - x[1]
-    # equal shares of the lamp's light: 1 - h/√(h² + s²) is even
+    # equal shares of the light's power: 1 - h/√(h² + s²) is uniform
     share, angle = (np.arange(1000) + 0.5) / 1000, (np.arange(64) + 0.5) * (2.0 * np.pi / 64)
     s = h * np.sqrt(1.0 / (1.0 - share) ** 2 - 1.0)
     at = np.stack(np.broadcast_arrays(x[0] + s[:, None] * np.cos(angle), height, x[2] + s[:, None] * np.sin(angle)), axis=-1)
     inside = (np.abs(at[..., ::2]) < 3.99).all(-1)
-    flux = 2.0 * np.pi * POWER / inside.size * inside  # of all that goes up
+    flux = 2.0 * np.pi * POWER / inside.size * inside  # share of the upward flux
     away = at[None] - np.asarray(where)[:, None, None]
     r2 = (away**2).sum(-1)
     found: np.ndarray = (flux * ALBEDO / np.pi * away[..., 1] * np.maximum(away @ normal, 0.0) / r2**2).sum((1, 2))
@@ -40,7 +40,7 @@ def from_ceiling(where: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def gradients(where: np.ndarray, normal: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """(N, 2) of that along the `axes` (2, 3), W/m³."""
+    """Return its gradients (N, 2) along the `axes` (2, 3), in W/m³."""
     step = 1e-3 * axes
     change = [from_ceiling(where + d, normal) - from_ceiling(where - d, normal) for d in step]
     return np.stack(change, axis=-1) / 2e-3
@@ -48,8 +48,10 @@ def gradients(where: np.ndarray, normal: np.ndarray, axes: np.ndarray) -> np.nda
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind: str) -> None:
-    """Its light counts once, whichever way it comes; records at the wall, which see it at a low angle, know it far better than by
-    few rays alone, and how it changes."""
+    """The spot's light counts once; records on the wall, at a low angle, are far more exact than with few rays alone.
+
+    Their gradients are too.
+    """
     where, normal = np.random.default_rng(1).uniform((-2, 1.5, -1.5), (-1.5, 2.8, 1.5), (24, 3)), np.array((1.0, 0.0, 0.0))
     axes = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
     truth, slope = from_ceiling(where, normal), gradients(where, normal, axes)
@@ -62,7 +64,9 @@ def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind:
 
 
 def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
-    """144 is a Fibonacci number: a golden spiral turned by so many of its steps lies on itself, and all sets would be one."""
+    """144 is a Fibonacci number: a golden spiral rotated by 144 steps nearly coincides with itself, so that sets would
+    overlap.
+    """
     with Lit(ctx, scene(DARK, lights=(LAMP,)), 64) as lit, VirtualLightPasses(lit.world) as passes:
         uniforms = {**lit.world.trace_uniforms, "rays": 144.0, "further": 0, "near": near_plane(lit.world.scene)}
         rows = np.array([[[*LAMP.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]])
@@ -75,7 +79,7 @@ def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("half", [5.0, 2.0, 0.5])
 def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, half: float) -> None:
-    """Its spot, as small as 17 mm, gets the power Φ = I·2π(1 - cos) and is a small Lambert emitter: E = ρΦ/π·h²/d⁴."""
+    """The beam's spot of down to 17 mm receives Φ = I·2π(1 - cos) and is a small Lambert emitter: E = ρΦ/π·h²/d⁴."""
     beam = lamp((0.2, 1.0, 0.1), POWER, spot_target=(0.2, HEIGHT, 0.1), spot_cutoff=half, spot_inner=half)
     where = np.random.default_rng(2).uniform((-2, 0, -2), (2, 0, 2), (24, 3))
     with Lit(ctx, scene(DARK, CEILING, lights=(beam,)), 1024) as lit:
@@ -86,7 +90,7 @@ def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, 
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
 def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Context, kind: str) -> None:
-    """The patch of 20 cm is a Lambert emitter of ρE_h; the roof that the sun lights from above does not take its samples."""
+    """The patch of 20 cm is a Lambert emitter of ρE_h; the roof, lit from above, does not consume its samples."""
     edge, tilt, black = 0.2, 0.25, material(0.0)
     bars = [(-4, -4, 8, 4), (-4, edge, 8, 4 - edge), (-4, 0, 4, edge), (edge, 0, 4 - edge, edge)]
     roof = [quad((x, HEIGHT, z), (width, 0, 0), (0, 0, depth), material(ALBEDO)) for x, z, width, depth in bars]

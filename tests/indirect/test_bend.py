@@ -1,4 +1,4 @@
-"""The Hessian of a record against second differences of Lambert's formula."""
+"""Hessian of a record against second differences of Lambert's formula."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KIND = "trace"
 
 
 def rectangle(x: float, z: float, y: float) -> np.ndarray:
-    """The corners (4, 3) of a rectangle about the y axis that faces down, of half sides x and z, at the height y."""
+    """Return the corners (4, 3) of a downward rectangle around the y axis, with half sides x and z, at height y."""
     return np.array([[-x, y, -z], [x, y, -z], [x, y, z], [-x, y, z]])
 
 
@@ -27,18 +27,18 @@ EMITTERS = {"patch": rectangle(0.5, 0.3, 1.5), "strip": rectangle(3.0, 0.1, 1.0)
 
 
 def under(corners: np.ndarray) -> Scene:
-    """A polygon of L = 1, and a black floor so far below that the greatest radius there is, the diagonal, says nothing here."""
+    """Return a polygon of L = 1, and a black floor far below, so that the maximum radius, the diagonal, has no effect."""
     lamp = quad(corners[0], corners[1] - corners[0], corners[3] - corners[0], material(0.0, 1.0))
     return scene(lamp, floor(8.0, -8.0, material(0.0)))
 
 
 def places(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Points below the emitters, and normals that are all up, so that nothing of them is below the horizon."""
+    """Return points below the emitters with upward normals, so that all of an emitter is above their horizon."""
     return np.random.default_rng(0).uniform((-1, 0, -1), (1, 0.3, 1), (count, 3)), np.tile(UP, (count, 1))
 
 
 def hessian(E: object, p: np.ndarray, step: float = 2e-3) -> np.ndarray:
-    """(N, 2, 2) second derivatives of E(p) along x and z, by central differences."""
+    """Return second derivatives (N, 2, 2) of E(p) along x and z, by central differences."""
     assert callable(E)
     x, z = step * np.array([1.0, 0.0, 0.0]), step * np.array([0.0, 0.0, 1.0])
     mixed = (E(p + x + z) - E(p + x - z) - E(p - x + z) + E(p - x - z)) / (4.0 * step**2)
@@ -46,8 +46,8 @@ def hessian(E: object, p: np.ndarray, step: float = 2e-3) -> np.ndarray:
     return np.stack([np.stack([own[0], mixed], -1), np.stack([mixed, own[1]], -1)], -2)
 
 
-def said(found: Gathered) -> np.ndarray:
-    """(N, 2, 2) the Hessian that records with normals up hold, along x and z."""
+def record_hessian(found: Gathered) -> np.ndarray:
+    """Return the Hessian (N, 2, 2) of records with upward normals, along x and z."""
     along = found.axis[:, [0, 2]]
     across = np.stack([-along[:, 1], along[:, 0]], 1)
     parts = [b[:, None, None] * v[:, :, None] * v[:, None] for b, v in zip(found.bend.T, (along, across), strict=True)]
@@ -55,39 +55,42 @@ def said(found: Gathered) -> np.ndarray:
 
 
 def relative(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """(N,) |found - truth|/|truth| of matrices."""
+    """Return |found - truth|/|truth| (N,) of matrices."""
     return np.linalg.norm(found - truth, axis=(1, 2)) / np.linalg.norm(truth, axis=(1, 2))
 
 
 @pytest.mark.parametrize("emitter", EMITTERS)
 def test_hessian_of_a_lamp(ctx: moderngl.Context, emitter: str) -> None:
-    """Against second differences of Lambert's formula: right within 10 % at the default 64, half as wrong with twice the side."""
+    """The error against second differences of Lambert's formula is within 10 % at the default 64, and half at twice the side."""
     corners, (p, n) = EMITTERS[emitter], places()
     truth = hessian(lambda q: polygon_vector(corners, q) @ UP, p)
     lit = Lit(ctx, under(corners))
     found = {side: lit.gather(sites(p, n), side, KIND) for side in (16, 32, 64, 128)}
-    off = {side: float(np.median(relative(said(one), truth))) for side, one in found.items()}
+    off = {side: float(np.median(relative(record_hessian(one), truth))) for side, one in found.items()}
     assert off[64] < 0.1 and off[64] < 0.7 * off[32] < 0.5 * off[16] and off[128] < 0.7 * off[64], off
-    assert np.quantile(relative(said(found[64]), truth), 0.9) < 0.25
-    # nothing of it is missing or counted twice
-    assert (said(found[64]) * truth).sum() / (truth**2).sum() == pytest.approx(1.0, abs=0.03)
+    assert np.quantile(relative(record_hessian(found[64]), truth), 0.9) < 0.25
+    # no part is missing or counted twice
+    assert (record_hessian(found[64]) * truth).sum() / (truth**2).sum() == pytest.approx(1.0, abs=0.03)
 
 
 def test_hessian_behind_a_board(ctx: moderngl.Context) -> None:
-    """All of the board before the lamp, at half its distance: right in the limit. Where its rim crosses the lamp's, the crossing
-    slides along both as the record moves, which is left out: still nearly right."""
+    """With the board in front of the light at half its distance, the Hessian is exact in the limit.
+
+    Where the rims of board and light cross, the crossing slides along both as the record moves; without this term the
+    Hessian is nearly exact.
+    """
     inside = np.random.default_rng(1).uniform((0.22, 0.0, -0.18), (0.58, 0.01, -0.02), (40, 3))
     lit = Lit(ctx, replace(occluder.world(), meshes=(*occluder.world().meshes, floor(8.0, -8.0, material(0.0)))))
     for p, sides in ((inside, (32, 64, 128)), (occluder.places()[0], (64,))):
         truth = hessian(lambda q: occluder.vector(q) @ UP, p)
-        off = {side: float(np.median(relative(said(lit.gather(sites(p, UP), side, KIND)), truth))) for side in sides}
+        off = {side: float(np.median(relative(record_hessian(lit.gather(sites(p, UP), side, KIND)), truth))) for side in sides}
         if p is inside:
             assert off[128] < 0.02 and off[128] < 0.4 * off[64] < 0.4 * off[32], off
         assert off[64] < 0.25, off
 
 
 def test_under_a_sky_alone_records_have_the_greatest_radius() -> None:
-    """Nothing is seen but sky: nothing bends, R is the diagonal; and with no light at all a picture is black without NaN."""
+    """Under a uniform sky the Hessian is 0 and R the diagonal; without any light a picture is black without NaN."""
     bare = scene(floor(), sky=1.0)
     for world, E in ((bare, np.pi), (replace(bare, sky=(0.0, 0.0, 0.0)), 0.0)):
         with irrsplat.Renderer(world, (40, 40), bounces=1, gather=KIND, gather_size=16) as renderer:

@@ -1,4 +1,4 @@
-"""No visible circles: where a record's reach ends, the irradiance has no edge that one sees, as the paper's own has."""
+"""No visible circles: irradiance has no visible edge at the end of a record's radius, unlike in the paper's algorithm."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ pytestmark = pytest.mark.long
 
 
 def bend(E: np.ndarray) -> np.ndarray:
-    """(N, 2) second differences along the row and the column, of the values (5, N) at ROUND."""
+    """Return second differences (N, 2) along row and column of the values (5, N) at ROUND."""
     return np.stack([E[1] + E[2] - 2.0 * E[0], E[3] + E[4] - 2.0 * E[0]], -1)
 
 
 def rims(frame: Frame, pixels: np.ndarray, truth: np.ndarray, mean: float) -> float:
-    """The share of pixels (N, 2) where E bends otherwise than the `truth` (N, 2) by over 1 % of the `mean` E."""
+    """Return the share of pixels (N, 2) whose second difference differs from `truth` (N, 2) by over 1 % of the `mean` E."""
     E = np.stack([frame.irradiance[tuple((pixels + step).T)] @ LUMINANCE for step in np.array(ROUND)]).astype(float)
     return float((np.abs(bend(E) - truth).max(1) > 0.01 * mean).mean())
 
 
 def test_our_circles_are_a_tenth_of_the_papers() -> None:
-    """E bends at a rim as it does not in truth, which is a fine gather at the pixel and its neighbours, in frames of one turn.
+    """Second differences of E at rims are compared with a fine gather at the pixel and its neighbours, with one rotation.
 
-    Where the truth itself bends by over half a per cent of the mean, shading is too steep to see a rim, and is left out.
+    Pixels with true second differences above half a per cent of the mean are left out: the shading there hides a rim.
     """
     world = irrsplat.load("cornell")
     fine = load("cornell", world)

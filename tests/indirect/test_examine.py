@@ -1,4 +1,4 @@
-"""The examination against numpy: which pixels ask, which of a tile is served worst, and how sites keep apart."""
+"""Examination against numpy: requesting pixels, the least covered pixel of a tile, and the distance of sites."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 
 
 def made_up(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
-    """Random positions and normals, an eighth of the pixels seeing nothing, weights of which half are 0 and some are equal."""
+    """Return random positions and normals, an eighth of the pixels empty, weights half 0 and some equal."""
     rng = np.random.default_rng(seed)
     shape = (size[1], size[0])
     normal, geometric = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in rng.normal(size=(2, *shape, 3)))
@@ -26,14 +26,17 @@ def made_up(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
     sums = rng.uniform(0.0, 2.0, (*shape, 4)) * np.where(weight > 0.0, 1.0, 0.0)[..., None]
     squares = (sums[..., :3] @ LUMINANCE) ** 2 / np.maximum(sums[..., 3], 1e-20) * (1.0 + rng.uniform(0.0, 0.3, shape))
     depth = np.where(rng.random(shape) < 0.125, 0.0, rng.uniform(1.0, 2.0, shape))
-    depth[: shape[0] // 3, : shape[1] // 3] = 0.0  # whole tiles that see nothing
+    depth[: shape[0] // 3, : shape[1] // 3] = 0.0  # whole empty tiles
     surface = {"position": rng.normal(size=(*shape, 3)), "normal": normal, "geometric": geometric, "depth": depth}
     return surface | {"weight": weight, "sums": sums, "squares": squares}
 
 
 def counted(data: dict[str, np.ndarray], spread: float, dark: float = 0.0) -> np.ndarray:
-    """(H, W) Σw, or where that is below three tolerances and the luminances deviate from their mean by more than `spread` of
-    it, or of what it counts as where it is dark or bright, so much less than the tolerance."""
+    """Return Σw (H, W), reduced where inter-record variance is high.
+
+    Below three tolerances, a standard deviation of luminance above `spread` of the mean (or of the error scale of dark and
+    bright pixels) limits Σw in proportion.
+    """
     weight, sums, squares = (data[name].astype("f4").astype(float) for name in ("weight", "sums", "squares"))
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ LUMINANCE / k
@@ -62,7 +65,7 @@ def examine(
 
 
 def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
-    """(h, w, side²) the pixels of every tile; tiles are counted from the bottom left, as OpenGL does, and come back top first."""
+    """Return the pixels (h, w, side²) of every tile, top row first; tiles start at the bottom left, as in OpenGL."""
     height, width = values.shape
     padded = np.full((-(-height // side) * side, -(-width // side) * side), fill)
     padded[:height, :width] = values[::-1]
@@ -102,7 +105,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
 
 @pytest.mark.parametrize(("spacing", "colour"), [(1, -1), (2, 1), (8, 0)])
 def test_sites_of_a_round_lie_apart(spacing: int, colour: int) -> None:
-    """One asking tile of each square of `spacing` tiles, the squares of one colour of the chess board, or all."""
+    """One requesting tile is chosen in each square of `spacing` tiles, of one colour of the chess board or of all squares."""
     asking = np.random.default_rng(3).integers(0, 3, (23, 31))
     rows, columns = choose(asking, Chessboard(spacing, colour, False), seed=0)
     assert (asking[rows, columns] > 0).all()

@@ -1,7 +1,7 @@
-"""No light where there can be none: through walls and sheets, under tables and balls, at any view; no dark rims there.
+"""No light leaks through walls and sheets, under tables and balls, in any view; no dark rims.
 
-Light that is interpolated comes from records, and a record's reach knows nothing of what stands between it and a pixel. So these
-scenes have records close on both sides of something thin, in one cache for all views: those of the lit side come first.
+Interpolated light comes from records, and a record's radius is independent of occluders between it and a pixel. In these
+scenes, records lie close on both sides of thin objects, in one cache for all views; those of the lit side come first.
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ DARK = {
     ],
 )
 def test_a_wall_keeps_light_out(ctx: moderngl.Context, wall: float, views: str) -> None:
-    """No place in the dark room sees a lit surface: E = 0 there, in each pixel and record.
+    """No point in the dark room sees a lit surface: E = 0 at each pixel and record.
 
-    "ceiling": that is taken away, so that both rooms are in view, and nothing above is seen by either. Shadow
-    maps are fine, since light that leaks through a coarse one is direct light, and lights the dark room indeed. A sheet's sides
-    are so near to its edges that single pixels there have some of the other side's light.
+    "ceiling": without a ceiling, both rooms are in view, and no surface is above them. Shadow maps are fine, since light
+    that leaks through a coarse one is direct light, and really lights the dark room. A sheet's sides are so near to its
+    edges that single pixels there have some of the other side's light.
     """
     world = rooms(wall, "ceiling" if views == "ceiling" else "")
     size = SMALL if views == "random" or not wall else SIZE
@@ -67,12 +67,12 @@ def test_a_wall_keeps_light_out(ctx: moderngl.Context, wall: float, views: str) 
     E = np.concatenate([v.irradiance[d] for v, d in zip(seen, dark, strict=True)]).max(1) / (lit @ LUMINANCE).mean()
     assert len(E) > 5000 and len(lit) > 2000
     assert E.mean() < 1e-3, f"E is {E.mean():.2%} of the lit room's on average, {E.max():.2%} at most"
-    # From afar the least radius on screen is greater than the wall's thickness.
+    # From afar, the least radius on screen is greater than the wall's thickness.
     assert (E > 0.01).sum() <= 4, f"E is up to {E.max():.1%} of the lit room's, over 1 % at {(E > 0.01).sum()} pixels"
 
 
 def test_a_record_looks_from_its_own_side_of_a_sheet() -> None:
-    """Half an offset from a sheet on a large floor a site stays on its side; on the floor's own edge it moves inward."""
+    """Half an offset from a sheet on a large floor, a site stays on its side; on the floor's own edge it moves inward."""
     floor = np.array([[[-4.0, 0, 2], [4, 0, 2], [4, 0, -2]]])
     position = np.array([[0.0005, 0, 1], [3.0, 0, 2], [4, 0, 2]])
     up = np.tile([0.0, 1, 0], (3, 1))
@@ -84,7 +84,7 @@ def test_a_record_looks_from_its_own_side_of_a_sheet() -> None:
 
 
 def floor_near(far: Callable[[np.ndarray], np.ndarray], most: float) -> Callable[[Look], np.ndarray]:
-    """The pixels of the floor whose points (H, W, 3) `far` puts nearer than `most` metres, but not at 0."""
+    """Return a mask of floor pixels whose points (H, W, 3) have a positive distance `far` below `most` metres."""
 
     def pick(view: Look) -> np.ndarray:
         p, d = view.seen.position, far(view.seen.position)
@@ -94,7 +94,7 @@ def floor_near(far: Callable[[np.ndarray], np.ndarray], most: float) -> Callable
 
 
 def beneath(p: np.ndarray) -> np.ndarray:
-    """Metres along the floor from the middle of the table, in the metric of its shape."""
+    """Return metres along the floor from the table's centre, in the metric of its shape."""
     return np.maximum(np.abs(p[..., 0]) / 0.8, np.abs(p[..., 2]) / 0.45)
 
 
@@ -115,7 +115,7 @@ SHAPES: dict[str, tuple[Callable[[], Scene], Sequence[Camera], Callable[[Look], 
 def against(
     ctx: moderngl.Context, world: Scene, seen: Sequence[Look], where: Sequence[np.ndarray], count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Luminance (N,) of E as rendered and as gathered at the pixels themselves, up to `count` a view of those in `where`."""
+    """Return luminance (N,) of rendered E and of gathers at the pixels, up to `count` pixels per view among those in `where`."""
     pixels = [view.where(some, count) for view, some in zip(seen, where, strict=True)]
     exact = np.concatenate(truth(ctx, world, seen, pixels)) @ LUMINANCE
     found = np.concatenate([view.irradiance[tuple(at.T)] for view, at in zip(seen, pixels, strict=True)]) @ LUMINANCE
@@ -130,10 +130,12 @@ def against(
     ],
 )
 def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: str, how: str) -> None:
-    """Against the truth at the pixels: no bias above 2 %, at most 0.8 % of the pixels off by more than 30 % of the truth (of
-    four seeds of each 0 to 0.77 %, mostly 0.2), none far brighter (light from within or beneath) or far darker (a rim). Where
-    a ball stands, E doubles from pixel to pixel: of five seeds, the pixel that is farthest off has 22 to 47 % of the mean, and
-    none a rim beside it."""
+    """The bias is at most 2 %, and at most 0.8 % of the pixels have an error above 30 %.
+
+    Four seeds of each have 0 to 0.77 %, mostly 0.2. No pixel is far brighter (light from inside or beneath) or far darker
+    (a rim). At a ball's foot, E doubles between pixels: of five seeds, the largest error is 22 to 47 % of the mean, without
+    a rim next to it.
+    """
     make, cameras, pick = SHAPES[name]
     world = make()
     seen = look(ctx, world, cameras, how, SMALL if name == "floor beneath a table" else SIZE)

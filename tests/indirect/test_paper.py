@@ -1,4 +1,4 @@
-"""The seed paper's algorithm: traversal in scan order, weights on the CPU as on the GPU, and the share of light it covers."""
+"""Algorithm of the seed paper: traversal in scan order, weights on CPU and GPU, and the covered share of light."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CAMERA = Camera((0.2, 0.5, 3.0), (0.0, 0.0, 0.0), fov=50.0)
 
 
 def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
-    """A wavy surface with holes, as the algorithm reads it back, and its depth (0 in the holes)."""
+    """Return a wavy surface with holes, as the algorithm reads it back, and its depth (0 in the holes)."""
     rng = np.random.default_rng(seed)
     d = rays(CAMERA, SIZE)
     y, x = np.indices(d.shape[:2])
@@ -35,17 +35,17 @@ def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
     return paper_scan.Seen(position, normal, normal, depth > 0.0), depth
 
 
-class Teller:
-    """Stands in for the Recorder: E = 1, a radius that it is told, and it remembers where it was asked."""
+class StandInRecorder:
+    """Stand-in for the Recorder with E = 1 and a given radius; it stores the requested sites."""
 
     stopped = False
 
     def __init__(self, radius: Any) -> None:
-        self.radius, self.asked = radius, []  # type: ignore[var-annotated]
+        self.radius, self.requested = radius, []  # type: ignore[var-annotated]
 
     def __call__(self, site: Sites) -> np.ndarray:
-        self.asked.append(site.position[0])
-        return np.array([1.0, 1.0, 1.0, self.radius(len(self.asked))], "f4")
+        self.requested.append(site.position[0])
+        return np.array([1.0, 1.0, 1.0, self.radius(len(self.requested))], "f4")
 
 
 @pytest.mark.parametrize(
@@ -57,9 +57,9 @@ class Teller:
     ],
 )
 def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings: Settings) -> None:
-    """Section 3.5.2 splats a new record's weight on the CPU's copy: the buffer must be what the GPU would have drawn.
+    """Section 3.5.2 splats a new record's weight on the CPU's copy: the buffer must equal the GPU's.
 
-    Records lie on the surface, beside it, behind the eye, and around it. Rounding may decide a pixel at the very rim.
+    Records lie on the surface, next to it, behind the eye, and around it. Rounding may decide a pixel at the very rim.
     """
     seen, depth = view()
     rng = np.random.default_rng(3)
@@ -87,10 +87,10 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
 
 
 def test_a_record_serves_its_neighbours_at_once() -> None:
-    """With one large radius the traversal is the greedy one: pixel by pixel in scan order against a plain loop."""
+    """With one large radius the traversal is greedy: it equals a plain loop over pixels in scan order."""
     seen, _ = view()
     settings = preset("paper", a=0.6)
-    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), Teller(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
+    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), StandInRecorder(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
     weight, expected = np.zeros(seen.mask.shape), []
     for row, column in np.argwhere(seen.mask):
         if weight[row, column] >= settings.threshold:
@@ -110,7 +110,7 @@ INSIDE = Camera((0.0, 0.0, 0.9), (0.0, -0.1, -1.0), fov=60.0)
 
 
 def test_in_a_furnace_the_paper_sees_945_thousandths() -> None:
-    """E = 0.945·π·L_e by a single plane of 150°, for every record and at every pixel; E·ρ/π and L_e make the picture."""
+    """E = 0.945·π·L_e by a single plane of 150°, for every record and at every pixel; the picture is E·ρ/π + L_e."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 3.0), outward=False), camera=INSIDE)
     frame = irrsplat.render(world, (24, 24), preset="paper", warmup=10)
     truth = share_of_plane(150.0) * np.pi * 3.0

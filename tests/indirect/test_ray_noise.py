@@ -1,4 +1,4 @@
-"""Records whose light is even take a quarter of their rays, and their light stays as it is."""
+"""Records in uniform light use a quarter of their rays, with unchanged light."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from irrsplat.renderer import Renderer
 
 
 def test_even_light_takes_fewer_rays() -> None:
-    """With a tolerance of 4 % some records take 16² of 32² rays. The mean irradiance stays within 1 %."""
+    """With a tolerance of 4 % some records take 16² of 32² rays; the mean irradiance changes by at most 1 %."""
     scene, counts, means = irrsplat.load("curved"), [], []
     for percent in (0.0, 4.0):
         settings: Any = {"bounces": 1, "gather": "trace", "gather_size": 32, "shadow_size": 256, "ray_noise": percent}

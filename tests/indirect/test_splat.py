@@ -1,4 +1,4 @@
-"""Splatting against a loop over every record and pixel in numpy: which pixels a record speaks for, and with what weight."""
+"""Splatting against a numpy loop over every record and pixel: the covered pixels and their weights."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from tests.support.worlds import gbuffer_of, on_plane, rays, records_of
 SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
-FLOOR = 0.6  # W/m²: what is darker may be off by a share of this
+FLOOR = 0.6  # W/m²: darker pixels may have an error of a share of this
 COLUMNS = "position normal irradiance radius vectors gradient limit axis curvature max_radius".split()  # noqa: SIM905
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
 @dataclass(frozen=True)
 class View:
-    """A made-up picture: pixels (H, W, 3) on their own rays, normals towards the eye, depth 0 where nothing is seen."""
+    """Synthetic picture: pixels (H, W, 3) on their own rays, normals towards the eye, depth 0 for the background."""
 
     position: np.ndarray
     normal: np.ndarray
@@ -37,9 +37,11 @@ class View:
 
 @dataclass(frozen=True)
 class Table:
-    """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), the share of their radii that they may reach (N,), and
-    the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2) and the
-    greatest radius that they may come to (N,)."""
+    """Records in numpy.
+
+    p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), limit (N,): allowed share of the radius. axis (N, 3):
+    direction of least bend, 0 if unknown. bend (N, 2): bends along and across it. farthest (N,): the greatest radius.
+    """
 
     p: np.ndarray
     n: np.ndarray
@@ -61,7 +63,7 @@ def unit(v: np.ndarray) -> np.ndarray:
 
 
 def view(seed: int = 0) -> View:
-    """A wavy, noisy surface at depth 3, a twentieth of it holes."""
+    """Return a wavy, noisy surface at depth 3, a twentieth of it holes."""
     rng = np.random.default_rng(seed)
     d = rays(CAMERA, SIZE)
     y, x = np.indices(d.shape[:2])
@@ -72,7 +74,7 @@ def view(seed: int = 0) -> View:
 
 
 def grazing(seed: int = 0) -> View:
-    """A floor seen at an angle of a few degrees and up to the horizon, its normals a little noisy."""
+    """Return a floor at grazing angles up to the horizon, with slightly noisy normals."""
     rng = np.random.default_rng(seed)
     position, depth = on_plane(CAMERA, SIZE, (0.0, -0.05, 0.0), (0.0, 1.0, 0.0))
     normal = unit(np.array([0.0, 1.0, 0.0]) + 0.05 * rng.normal(size=position.shape))
@@ -82,9 +84,9 @@ def grazing(seed: int = 0) -> View:
 
 
 def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
-    """Records near the surface of `on` (default: `view`), some of them beside the picture, behind the eye, and around it.
+    """Return records near the surface of `on` (default: `view`), some outside the picture, behind the eye, and around it.
 
-    Their ellipses are up to 8 times as long as wide; of one in five no bend is known.
+    Their ellipses are up to 8 times as long as wide; one bend in five is unknown.
     """
     rng = np.random.default_rng(seed)
     on = on or view()
@@ -108,12 +110,12 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
 
 
 def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sums (H, W, 4), weight (H, W, 2), and the pixels where rounding may decide what a record says.
+    """Return sums (H, W, 4), weight (H, W, 2), and the pixels where rounding may decide a record's contribution.
 
-    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis,
-    R = √(2/|bend|) or the greatest there is; else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the
-    share that is allowed and by the view; neither in front of the pixel's surface nor behind it by more than R/20.
-    The second weight is Σ k·Y².
+    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)) for w > 1/a. With bends, |p-p_k|/R is taken along and across an axis,
+    with R = √(2/|bend|) or the maximum. Otherwise R is at most E/|∇E| on luminance if gradients exist. Radii are finite,
+    limited by the allowed share and by the view. A record in front of the pixel's surface, or behind it by more than R/20,
+    has no weight. The second weight is Σ k·Y².
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
@@ -142,7 +144,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         front = 0.05 * R[1] - np.abs((apart * (seen.normal + n_k)).sum(-1)) / 2.0
         speaks = (seen.depth > 0.0) & (w > 1.0 / a)
         near = np.abs(w * a - 1.0) < 2e-4
-        near |= speaks & (w * 6e-8 / np.maximum(turn, 1e-6) > 1e-4)  # of nearly equal normals, 1 - n·n_k is rounding
+        near |= speaks & (w * 6e-8 / np.maximum(turn, 1e-6) > 1e-4)  # for nearly equal normals, 1 - n·n_k is rounding error
         if settings.in_front:
             speaks &= (cosine > 0.0) & (front >= 0.0)
             near |= (np.abs(front) < 1e-5) | (np.abs(cosine) < 1e-5)
@@ -167,7 +169,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
 
 
 def drawn(ctx: moderngl.Context, seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sums and the weight by the GPU."""
+    """Return the GPU's sums and weights."""
     gbuffer, splatter = seen.gbuffer(ctx), SplatPass(ctx, SIZE, settings.gradients)
     splatter.clear(gbuffer)
     splatter(records.records(ctx), np.arange(len(records.p)), gbuffer, CAMERA, settings)
@@ -189,7 +191,7 @@ VARIANTS = {
 
 @pytest.mark.parametrize(("surface", "name"), [(view, name) for name in VARIANTS] + [(grazing, "smooth"), (grazing, "large a")])
 def test_splatting_equals_numpy(ctx: moderngl.Context, surface: Callable[[], View], name: str) -> None:
-    """Every pixel that numpy says is served is: no quad cuts an ellipse, however long it is and however low it is seen."""
+    """Every pixel covered in numpy is covered on the GPU: no quad cuts an ellipse of any length at any angle."""
     seen, settings = surface(), VARIANTS[name]
     records = table(on=seen)
     sums, weight, unsure = splat(seen, records, settings)
@@ -206,8 +208,10 @@ def test_splatting_equals_numpy(ctx: moderngl.Context, surface: Callable[[], Vie
 
 
 def test_a_record_within_a_closed_mesh_leaves_its_pixel_to_others(ctx: moderngl.Context) -> None:
-    """Its greatest radius is 0: it covers the pixel that it was made for and no other. Records that reach that pixel decide its
-    light. Alone it contributes 0."""
+    """A record with maximum radius 0 covers only the pixel that requested it, and contributes 0 alone.
+
+    Other records within reach determine that pixel's light.
+    """
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
     records = table(2)
@@ -224,8 +228,7 @@ def test_a_record_within_a_closed_mesh_leaves_its_pixel_to_others(ctx: moderngl.
 
 @pytest.mark.parametrize("second_order", [True, False])
 def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second_order: bool) -> None:
-    """E = 2 + s·q + ½ Σ h q², q in the plane's own axes: one record with its derivatives says all of it, and without the second
-    ones it does not."""
+    """E = 2 + s·q + ½ Σ h q² in the plane's own axes: one record extrapolates it exactly with second derivatives only."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
     axis, slope, h = unit(np.array([0.6, -0.8, 0.0])), np.array([0.3, 0.2, 0.0]), np.array([-0.1, 0.7])
@@ -247,8 +250,10 @@ def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second
 
 @pytest.mark.parametrize("angle", [0.0, 20.0])
 def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, angle: float) -> None:
-    """L in every direction: E = π·L on any normal. A record on another normal sees the light of its own half alone, of which
-    n·M is the cosine; of what that lacks a quarter is left."""
+    """Uniform radiance L gives E = π·L on any normal, but a record on another normal covers its own hemisphere only.
+
+    n·M has the cosine of that part; a quarter of the missing part remains as an error.
+    """
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     colour = np.array([1.0, 0.5, 2.0])
     records = table(1)
@@ -265,7 +270,7 @@ def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, ang
 
 
 def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None:
-    """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
+    """E = 0 without derivatives and with maximum radii extrapolates to 0, without NaN."""
     seen, records = view(), table(3)
     records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0
     records.bend[:], records.farthest[:] = 0.0, 4.0
@@ -276,7 +281,7 @@ def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None
 
 
 def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
-    """e = 0 there, and w = 1/max(e, 10⁻³) = 1000."""
+    """At the record's own pixel e = 0, and w = 1/max(e, 10⁻³) = 1000."""
     seen = view()
     seen.depth[:] = 100.0  # farther than all records
     records = table(1)
@@ -286,7 +291,7 @@ def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
 
 
 def test_the_smallest_record_reaches_its_pixel(ctx: moderngl.Context) -> None:
-    """A sphere far smaller than a pixel must still serve the pixel that asked for it, or it would be asked for for ever."""
+    """A sphere far smaller than a pixel covers the pixel that requested it; otherwise requests would never end."""
     seen = view()
     seen.depth[:] = 100.0  # farther than all records
     for row, column in ((0, 0), (28, 36), (14, 18)):

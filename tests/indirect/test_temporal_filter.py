@@ -1,4 +1,4 @@
-"""Pictures that fade over: light stays at its place, comes to what the records say, and holes take the surface cache's light."""
+"""Temporal accumulation with reprojection: convergence to the records' light, and holes filled by the surface cache."""
 
 from __future__ import annotations
 
@@ -19,21 +19,25 @@ from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import gbuffer_of, on_plane
 
 SIZE = (37, 29)
-TICK = 1e-4  # seconds: no tick gathers more than it must
+TICK = 1e-4  # seconds: the smallest frame budget
 LIGHT: dict[str, Any] = {**FAST, "bounces": 2, "a": 0.8}
 
 
 @pytest.mark.parametrize("stride", [1, 2])
 def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderngl.Context, stride: int) -> None:
-    """The camera moves along a wall: a share of the new light is there at once, all of it PICTURES later. What the last picture
-    did not see, or saw another surface at, has the new light at once."""
+    """With a camera along a wall, a share of the new light shows at once, all of it PICTURES later.
+
+    Pixels without history, or with the history of another surface, have the new light at once.
+    """
     first, second = (Camera((x, 0.2, 3.0), (x, 0.0, 0.0), fov=50.0) for x in (0.0, 0.35))
     filter, every = TemporalFilter(ctx, SIZE), (slice(None, None, -stride), slice(None, None, stride))
 
     def shown(
         camera: Camera, subject: str, brightness: float, edge: float, scene: object = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What the filter makes of light linear on a wall, which is a metre nearer to the right of `edge`, and its places."""
+        """Return the filter's output for linear light on a wall, with a step by a metre to the right of `edge`, and its
+        positions.
+        """
         position, depth = on_plane(camera, SIZE, (0, 0, 0), (0, 0, 1))
         near, near_depth = on_plane(camera, SIZE, (0, 0, 1), (0, 0, 1))
         nearer = position[..., 0] > edge
@@ -82,7 +86,7 @@ def test_holes_take_the_light_of_the_surface_cache_and_at_rest_the_picture_is_th
 
 @pytest.mark.few_sites
 def test_flicker_is_less_with_fading_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few records a frame on the way; a flight with all records there is the measure's floor."""
+    """Frames have few new records; a flight with all records present is the lower limit of flicker."""
     scene, frames = room(), 4
     monkeypatch.setattr(flicker, "TICK", TICK)
     monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | more)))

@@ -1,4 +1,4 @@
-"""Every other pixel first: a moving view is like the one at rest, which has all pixels."""
+"""Half-resolution first: a moving view is close to the converged view, which has all pixels."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def test_a_moving_view_is_like_the_one_at_rest_which_is_exact() -> None:
         renderer.render(moved)
         renderer.render(camera)
         view, progress = renderer.frame(moved)
-        assert renderer.splats.pixel_stride == 2 and progress.new == 0 and not progress.done  # it goes on to all pixels
+        assert renderer.splats.pixel_stride == 2 and progress.new == 0 and not progress.done  # it continues to all pixels
         coarse = _irradiance(view.sums)
         view, progress = renderer.frame(moved)
         assert renderer.splats.pixel_stride == 1 and progress.done and progress.new == 0
         fine = _irradiance(view.sums)
         error = np.sqrt(((coarse - fine) ** 2).mean()) / fine.mean()
         assert 0.0 < error < 0.025
-        # no matter by which way: the same as one splat of all records
+        # independent of the way: equal to one splat of all records
         renderer.forget(records=False)
         again = renderer.render(moved)
         assert np.array_equal(again.irradiance, fine)

@@ -1,4 +1,4 @@
-"""CIE skies and the sun's place, against published formulas, gensky's normalisation and almanacs."""
+"""CIE skies and solar position against published formulas, gensky's normalisation and almanacs."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ UP = np.array([0.0, 1.0, 0.0])
 @pytest.mark.parametrize(
     ("place", "when", "altitude", "azimuth"),
     [
-        # Reda and Andreas 2004, "Solar position algorithm for solar radiation applications", table A5.1: a zenith angle of
-        # 50.11162°, of which 0.01° are refraction
+        # Reda and Andreas 2004, "Solar position algorithm for solar radiation applications", table A5.1: zenith angle 50.11162°,
+        # including 0.01° of refraction
         ((39.742476, -105.1786), "2003-10-17T12:30:30-07:00", 39.878, 194.340),
         # Greenwich at the solstice: declination 23.436°, transit 1 min 51 s after noon
         ((51.4769, 0.0), "2026-06-21T12:01:51+00:00", 90.0 - 51.4769 + 23.436, 180.0),
-        # a declination of 0 on 20 March 2026: at the equator the sun rises due east, 7 min 26 s after 6 o'clock of mean time
+        # Declination 0 on 20 March 2026: at the equator the sun rises due east, 7 min 26 s after 6 o'clock mean time
         ((0.0, -131.59), "2026-03-20T14:53:50+00:00", 0.0, 90.0),
-        # Sydney at the solstice of December: it culminates in the north, 1 min 40 s before noon of mean time
+        # Sydney at the December solstice: culmination in the north, 1 min 40 s before noon mean time
         ((-33.8688, 151.2093), "2026-12-22T12:53:30+11:00", 90.0 - 33.8688 + 23.436, 0.0),
     ],
 )
 def test_the_sun_stands_where_almanacs_have_it(place: tuple[float, float], when: str, altitude: float, azimuth: float) -> None:
-    """Within 0.1° on the sky."""
+    """The direction is within 0.1° on the sky."""
     found = CieSky("clear", *sun_position(*place, datetime.fromisoformat(when))).sun_direction
     expected = CieSky("clear", altitude, azimuth).sun_direction
     assert np.degrees(np.linalg.norm(found - expected)) < 0.1
 
 
 def test_published_values() -> None:
-    """An overcast horizon has a third of the zenith's luminance; zeniths as printed in kcd/m², the sun as gensky has it."""
+    """An overcast horizon has a third of the zenith's luminance; zeniths as published in kcd/m², the sun as in gensky."""
     assert CieSky("overcast", 30.0).relative(np.array([1.0, 0.0, 0.0])) == pytest.approx(1.0 / 3.0)
     assert CieSky("clear", 45.0, 0.0, turbidity=3.0).zenith_luminance == pytest.approx(1000.0 * (1.376 * 3.0 - 1.81 + 0.38))
     assert CieSky("overcast", 30.0).zenith_luminance == pytest.approx(1000.0 * (0.123 + 8.6 * 0.5))
@@ -49,8 +49,10 @@ def test_published_values() -> None:
 @pytest.mark.parametrize("altitude", [10.0, 60.0])
 @pytest.mark.parametrize("kind", ["clear", "intermediate"])
 def test_the_sky_s_light_is_what_gensky_reckons_with(kind: CieKind, altitude: float) -> None:
-    """The horizontal irradiance over that of a uniform sky of the zenith's luminance, for which gensky has polynomials of the
-    sun's altitude; they are good to 2 %."""
+    """The horizontal irradiance, relative to a uniform sky of the zenith's luminance, follows gensky's polynomials.
+
+    They depend on the sun's altitude and are accurate to 2 %.
+    """
     fitted = {
         "clear": (2.766521, 0.547665, -0.369832, 0.009237, 0.059229),
         "intermediate": (3.5556, -2.7152, -1.3081, 1.0660, 0.60227),
@@ -77,7 +79,7 @@ def test_a_sky_of_so_many_lux_brings_them(kind: CieKind) -> None:
 
 
 def test_the_sun_is_in_the_picture_of_the_sky_and_not_in_its_light() -> None:
-    """A disc of half a degree that holds all of its light, where it stands."""
+    """The picture has a disc of half a degree with all of the sun's light, at its position."""
     sky = CieSky("clear", 33.0, 250.0)
     made = sky.environment("")
     disc = photometric((made.shown - made.light).astype(float))
@@ -93,9 +95,9 @@ def test_the_sun_is_in_the_picture_of_the_sky_and_not_in_its_light() -> None:
 
 
 def test_a_clear_sky_is_blue_and_a_low_sun_is_red() -> None:
-    """Rayleigh scattering goes as the fourth power of the frequency: blue is taken from the sun's way and fills the sky.
+    """Rayleigh scattering grows with the fourth power of the frequency: the sky is blue and a low sun red.
 
-    All colours have luminance 1, so that no illuminance depends on them.
+    All colours have luminance 1, so that illuminances do not depend on them.
     """
     ways = np.array([[0.0, 1.0, 0.0], [0.6, 0.8, 0.0]])
     for altitude in (5.0, 30.0, 70.0):

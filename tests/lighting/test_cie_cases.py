@@ -1,4 +1,4 @@
-"""The cases of CIE 171:2006, each against its closed form; docs/programs/cie.py derives them."""
+"""Cases of CIE 171:2006 against closed forms; docs/programs/cie.py derives them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Direct light and its shadows against formulas: no acne on what is lit, no leak into what is not, at any slope and winding."""
+"""Direct light and shadows against formulas: no shadow acne and no leaks, at any slope and winding."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UP = np.array([0.0, 1.0, 0.0])
 def directed(
     ctx: moderngl.Context, world: Scene, camera: Camera | None = None, shadow: int = 512, rays: bool = False
 ) -> dict[str, np.ndarray]:
-    """Direct outgoing radiance (H, W, 3), positions, normals and depth of a view of SIZE, top row first."""
+    """Return direct outgoing radiance (H, W, 3), positions, normals and depth of a view of SIZE, top row first."""
     placed, draw, shadows = World(ctx, world), GBufferPass(ctx, SIZE), ShadowPass(ctx)
     light = DirectPass(ctx, SIZE, {**light_defines(world), **placed.material_defines})
     gbuffer = draw(placed, camera or world.cameras[0])
@@ -43,8 +43,10 @@ def directed(
 def check_floor(
     ctx: moderngl.Context, name: str, world: Scene, light: Light, dark: np.ndarray | None = None, skip: np.ndarray | None = None
 ) -> None:
-    """Every pixel of the floor y = 0, ρ = 1, holds E/π by the light's formula to 0.5 %, and exactly 0 where `dark`: by maps
-    of 512 texels alone, and by rays with maps of 64, whose texels are 40 mm wide on the floor."""
+    """Assert E/π at every pixel of the floor y = 0, ρ = 1, to 0.5 %, and exactly 0 in the mask `dark`.
+
+    Once with maps of 512 texels alone, and once with rays and maps of 64, whose texels are 40 mm wide on the floor.
+    """
     p, _ = on_plane(world.cameras[0], SIZE, (0, 0, 0), UP)
     truth = irradiance(light, p, UP) / np.pi
     dark = np.zeros(p.shape[:2], bool) if dark is None else dark
@@ -57,7 +59,7 @@ def check_floor(
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_a_lit_plane(ctx: moderngl.Context, name: str) -> None:
-    """ρ/π·E of every kind of light over a plane, by itself and beside lights of all other kinds."""
+    """Every kind of light over a plane gives ρ/π·E, alone and together with all other kinds."""
     paint = material((0.2, 0.5, 0.9))
     others = tuple(mirrored(other) for n, other in LIGHTS.items() if n != name)
     p, _ = on_plane(ABOVE, SIZE, (0, 0, 0), UP)
@@ -72,14 +74,14 @@ def test_a_lit_plane(ctx: moderngl.Context, name: str) -> None:
 
 
 def mirrored(light: Light) -> Light:
-    """The light of test_analytic, which shines up at a roof 2.5 m above, turned over to shine down at the floor."""
+    """Return the light of test_analytic, which points up at a roof at 2.5 m, turned to point down at the floor."""
     x, y, z = light.position
     target = None if light.spot_target is None else (light.spot_target[0], 1.5 - light.spot_target[1], light.spot_target[2])
     return Light(**{**vars(light), "position": (x, -y if light.directional else 1.5 - y, z), "spot_target": target})
 
 
 def test_a_headlamp_lights_what_the_eye_sees_and_no_record() -> None:
-    """ρ/π·I·cosθ/d² from the eye, also after it has moved; irradiance, and so the records, are the same with it and without."""
+    """The headlamp gives ρ/π·I·cosθ/d² from the eye, also after a move; irradiance and records do not change."""
     with Renderer(scene(floor(2.0, 0.0, WHITE), sky=0.5), (24, 24), bounces=1, gather_size=8, samples=4) as renderer:
         plain = renderer.render()
         renderer.carry_headlamp(5.0)
@@ -94,7 +96,7 @@ def test_a_headlamp_lights_what_the_eye_sees_and_no_record() -> None:
 
 @pytest.mark.parametrize("under", [0.0, 0.001])
 def test_what_touches_a_lamp_does_not_shade_it(ctx: moderngl.Context, under: float) -> None:
-    """A sheet of 2 m through a light shades nothing, and 1 mm below it 4 km of the floor, also with a ground of 400 m outside."""
+    """A sheet of 2 m through a light casts no shadow; 1 mm below it shades 4 km of the floor, also with a ground of 400 m."""
     light, view = lamp((0.0, 2.0, 0.0), 7.0), Camera((0.0, 1.9, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 80.0)
     parts = (floor(r, y, WHITE) for r, y in ((4.0, 0.0), (1.0, 2.0 - under), (200.0, -1.0)))
     dark = np.full(SIZE, under > 0.0)
@@ -104,7 +106,7 @@ def test_what_touches_a_lamp_does_not_shade_it(ctx: moderngl.Context, under: flo
 @pytest.mark.parametrize("low", [0.2, 0.03])
 @pytest.mark.parametrize("kind", ["point", "sun"])
 def test_grazing_light_on_a_sheet_has_no_acne(ctx: moderngl.Context, kind: str, low: float) -> None:
-    """A floor of 4 m, lit from beside: every pixel holds the formula, there is nothing to shade it."""
+    """A floor of 4 m under grazing light: every pixel matches the formula, as no occluder exists."""
     sun = Light((1.0, low, 0.4), (2.0, 2.0, 2.0), directional=True)
     light = lamp((-1.8, low, 0.3), 3.0) if kind == "point" else sun
     check_floor(ctx, f"grazing_{kind}_{low}", scene(floor(2.0, 0.0, WHITE), lights=(light,)), light)
@@ -114,9 +116,9 @@ def test_grazing_light_on_a_sheet_has_no_acne(ctx: moderngl.Context, kind: str, 
     ("kind", "order"), [("point", (0, 1, 2)), ("sun", (2, 1, 0)), ("spot", (1, 2, 0)), ("luminaire", (0, 1, 2))]
 )
 def test_stacked_sheets(ctx: moderngl.Context, kind: str, order: tuple[int, int, int]) -> None:
-    """A small sheet and one just above the floor: in full shadow exactly 0, in the light the formula, in any order of drawing.
+    """A small sheet and one just above the floor: exactly 0 in full shadow, the formula in light, in any drawing order.
 
-    A lamp at (0.2, 3, 0.1) throws the sheet of ±0.5 m at a height of 1 m onto the floor as lamp + (sheet - lamp)·3/2.
+    A light at (0.2, 3, 0.1) projects the sheet of ±0.5 m at 1 m onto the floor: light + (sheet - light)·3/2.
     """
     light = {
         "point": lamp((0.2, 3.0, 0.1), 5.0),
@@ -127,7 +129,7 @@ def test_stacked_sheets(ctx: moderngl.Context, kind: str, order: tuple[int, int,
         ),
     }[kind]
     sheets = [floor(2.0, 0.0, WHITE), floor(0.5, 1.0, WHITE), floor(0.4, 0.995, WHITE)]
-    below = Camera((0.0, 0.9, 1.9), (0.0, 0.0, -0.3), fov=70.0)  # looks under the sheet
+    below = Camera((0.0, 0.9, 1.9), (0.0, 0.0, -0.3), fov=70.0)  # view below the sheet
     world = scene(*(sheets[i] for i in order), lights=(light,), camera=below)
     p, t = on_plane(below, SIZE, (0, 0, 0), UP)
     centre = np.array([-0.1, 0.0, -0.05])
@@ -145,7 +147,9 @@ def test_stacked_sheets(ctx: moderngl.Context, kind: str, order: tuple[int, int,
 def test_a_sheet_is_lit_on_the_light_s_side_only(
     ctx: moderngl.Context, side: float, seen_from: float, flipped: bool, kind: str
 ) -> None:
-    """Two-sided Lambertian: light on the eye's side counts whatever the winding, light on the other side is exactly 0."""
+    """Two-sided Lambertian reflection: light on the eye's side counts for any winding, light on the other side gives exactly
+    0.
+    """
     turned = quad((-2, 0, -2), (4, 0, 0), (0, 0, 4), WHITE) if flipped else floor(2.0, 0.0, WHITE)
     light = lamp((0.5, side * 1.0, 0.4), 3.0) if kind == "point" else Light((0.5, side, 0.4), (1, 1, 1), directional=True)
     camera = Camera((0.1, seen_from * 3.0, 0.2), (0, 0, 0), (0, 0, -1), 45.0)
@@ -158,9 +162,9 @@ def test_a_sheet_is_lit_on_the_light_s_side_only(
 
 @pytest.mark.parametrize("u", [(1.0, 0.0, 0.0), (0.3, 0.5, 0.81)])
 def test_a_light_in_a_surface_s_plane(ctx: moderngl.Context, u: tuple[float, float, float]) -> None:
-    """It lights the surface itself not at all, and is not shaded by it: the floor below has the formula's light all over.
+    """The light does not illuminate the sheet, and the sheet casts no shadow: the floor matches the formula everywhere.
 
-    cornell-paper has a lamp exactly in its ceiling's plane; here the sheet at 1.5 m also contains other lines than the axes.
+    cornell-paper has a light exactly in its ceiling's plane; this sheet at 1.5 m also contains lines off the axes.
     """
     light, level = lamp((0.0, 1.5, 0.0), 4.0), u == (1.0, 0.0, 0.0)
     u_, v = np.array(u), np.cross(u, (0.1, 0.2, 0.9))
@@ -169,7 +173,7 @@ def test_a_light_in_a_surface_s_plane(ctx: moderngl.Context, u: tuple[float, flo
     found = directed(ctx, scene(floor(2.0, 0.0, WHITE), sheet, lights=(light,), camera=camera))
     seen, way = found["depth"] > 0.0, found["position"] - light.position
     on = seen & (np.abs(found["position"][..., 1]) < 1e-4)
-    # a tilted plane cuts the floor in a line: near it the sheet's edge-on shadow is as wide as a texel
+    # a tilted plane cuts the floor in a line: near it, the sheet's edge-on shadow is a texel wide
     n = np.cross(u_, v)
     aside = np.abs(way @ n) / np.linalg.norm(n)
     truth = irradiance(light, found["position"], UP) / np.pi
@@ -181,10 +185,10 @@ def test_a_light_in_a_surface_s_plane(ctx: moderngl.Context, u: tuple[float, flo
 
 @pytest.mark.parametrize(("kind", "rays"), [("point", False), ("sun", False), ("point", True), ("sun", True)])
 def test_a_sphere_has_no_acne(ctx: moderngl.Context, kind: str, rays: bool) -> None:
-    """On its lit side E is that of the shading normal, on the far side 0; the strip where facets see it otherwise is left out.
+    """On the lit side E follows the shading normal, on the far side it is 0; the strip of differing facets is left out.
 
-    Shadow rays start on the curve. A curve through 16 × 32 facets lies up to 0.6·(1 - cos 5.6°) = 3 mm above them: at a distance
-    of 2 m that changes E by 0.3 %, and the cosine by 0.002.
+    Shadow rays start on the curved surface. A curve through 16 × 32 facets lies up to 0.6·(1 - cos 5.6°) = 3 mm above them.
+    At a distance of 2 m that changes E by 0.3 %, and the cosine by 0.002.
     """
     light = lamp((1.5, 2.0, 1.0), 5.0) if kind == "point" else Light((1.5, 2.0, 1.0), (1.0, 1.0, 1.0), directional=True)
     ball = sphere((0, 0, 0), 0.6, WHITE, *((16, 32) if rays else (48, 96)))
@@ -198,17 +202,17 @@ def test_a_sphere_has_no_acne(ctx: moderngl.Context, kind: str, rays: bool) -> N
 
 
 def bare(kind: str, at: tuple[float, float, float]) -> Light:
-    """A lamp at `at`, a sun there, or a spot there that is aimed at the origin."""
+    """Return a point light at `at`, a sun there, or a spot there towards the origin."""
     spot = {"spot_target": (0.0, 0.0, 0.0), "spot_cutoff": 60.0, "spot_inner": 60.0} if kind == "spot" else {}
     return Light(at, (1, 1, 1), directional=True) if kind == "sun" else lamp(at, 20.0, **spot)
 
 
 @pytest.mark.parametrize("kind", ["point", "sun", "spot"])
 def test_no_light_leaks_where_a_box_stands(ctx: moderngl.Context, kind: str) -> None:
-    """A closed box on the floor, lit from one side: on the other side the shadow starts at the contact line, and is exactly 0.
+    """A closed box on the floor, lit from one side: behind it the shadow starts at the contact line and is exactly 0.
 
-    The light at (-3, 2, 0) throws the box of ±0.5 m, 1 m high, to the right: the point behind it at x is dark up to the ray over
-    the upper edges, x = 0.5 + 1·3.5/1 = 4 m for the lamp; across, |z| < 0.5 is dark at least.
+    The light at (-3, 2, 0) projects the box of ±0.5 m, 1 m high, to the right. The floor is dark up to the ray over the
+    upper edges, x = 0.5 + 1·3.5/1 = 4 m for the point light; across, at least |z| < 0.5 is dark.
     """
     light, camera = bare(kind, (-3.0, 2.0, 0.0)), Camera((1.0, 4.0, 0.0), (1.0, 0.0, 0.0), (0, 0, -1), 30.0)
     world = scene(floor(2.0, 0.0, WHITE), box((-0.5, 0, -0.5), (0.5, 1, 0.5), WHITE), lights=(light,), camera=camera)
@@ -224,11 +228,11 @@ def test_no_light_leaks_where_a_box_stands(ctx: moderngl.Context, kind: str) -> 
 
 @pytest.mark.parametrize("kind", ["point", "sun", "spot"])
 def test_no_light_leaks_into_the_corners_of_thin_walls(ctx: moderngl.Context, kind: str) -> None:
-    """A closed room of sheets without thickness, lit from outside: dark within, nearly up to its edges.
+    """A closed room of sheets without thickness, lit from outside, is dark nearly up to its edges.
 
-    A texel of the shadow map there may look past the room, at what is far behind it: it is not to say that the wall is lit. One
-    whose centre is on the edge can't tell which wall it sees. Of the views of eight corners 0.1, 1.6 and 0.8 % are lit, in which
-    a texel is a few pixels; 2, 9 and 4 % were while texels that look past the room counted.
+    A texel of the shadow map at an edge may see distant surfaces past the room, and must not light the wall. A texel
+    centred on the edge cannot distinguish the walls. In views of eight corners 0.1, 1.6 and 0.8 % of the pixels are lit;
+    with texels that see past the room it was 2, 9 and 4 %.
     """
     light = bare(kind, (2.3, 3.1, 1.7))
     lit = 0
@@ -243,6 +247,6 @@ def test_no_light_leaks_into_the_corners_of_thin_walls(ctx: moderngl.Context, ki
 
 
 def wall(axis: int, side: float) -> Mesh:
-    """A wall of a room of ±1 m, without thickness, a mesh of its own."""
+    """Return a wall of a room of ±1 m, without thickness, as a mesh."""
     across, up = np.eye(3)[axis - 2], np.eye(3)[axis - 1]
     return quad(side * np.eye(3)[axis] - across - up, 2.0 * across, 2.0 * up, WHITE)

@@ -1,4 +1,4 @@
-"""Luminaires on the GPU: E = I(θ, φ)·cosθ/d² on planes around them, however they are turned; shadows, bounces, tables."""
+"""Luminaires on the GPU: E = I(θ, φ)·cosθ/d² on planes around them, in any orientation; shadows, bounces, tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FILES: dict[str, tuple[list[float], list[float], Intensity, list[float]]] = {  #
     "odd angles": ([0, 3, 7.3, 20, 21, 55.5, 90, 130, 180], ODD, lopsided, ODD),
     "lopsided": (steps(0, 180, 37), AROUND, lopsided, AROUND),
 }  # fmt: skip
-TURNS = {  # of the matrix stack, and the same as a matrix
+TURNS = {  # as matrix stack commands and as a matrix
     "as it is": ("", np.eye(3)),
     "down": ("rotate -90 1 0 0\n", np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])),
     "askew": ("rotate -90 1 0 0\nrotate 90 0 1 0\nscale 1 -1 1\n", np.array([[0.0, 0, 1], [-1, 0, 0], [0, 1, 0]])),
@@ -34,7 +34,7 @@ TURNS = {  # of the matrix stack, and the same as a matrix
 
 
 def room() -> list:
-    """Six walls, seen from within, of 4 m."""
+    """Return six walls of 4 m, facing inward."""
     return [box((-2, -2, -2), (2, 2, 2), WHITE, outward=False)]
 
 
@@ -43,7 +43,7 @@ def room() -> list:
     [("isotropic", "as it is"), ("downlight", "down"), ("street", "askew"), ("odd angles", "askew"), ("lopsided", "down")],
 )
 def test_what_it_brings_to_all_walls(ctx: moderngl.Context, tmp_path: Path, name: str, turn: str) -> None:
-    """Every pixel of six walls holds ρ/π·I·cosθ/d² to 0.5 %, I by an interpolation of its own and by the turn written out."""
+    """Every pixel of six walls has ρ/π·I·cosθ/d² to 0.5 %, with I interpolated in the test and rotated explicitly."""
     vertical, horizontal, candela, around = FILES[name]
     text, matrix = TURNS[turn]
     (tmp_path / "a.ies").write_text(ies_text(vertical, horizontal, candela))
@@ -59,14 +59,14 @@ def test_what_it_brings_to_all_walls(ctx: moderngl.Context, tmp_path: Path, name
         intensity = bilinear(candela, vertical, around, way @ matrix)
         E = intensity / LUMINOUS_EFFICACY * np.maximum(-(way * found["normal"]).sum(-1), 0.0) / d**3
         truth = np.repeat(E[..., None] / np.pi, 3, axis=-1)
-        # a table's end is as hard an edge as rounding makes it; at the room's edges texels of the maps meet both walls
+        # a table's end is a hard edge; at the room's edges map texels cover both walls
         corner = np.sort(2.0 - np.abs(found["position"]), axis=-1)[..., 1] < 0.05
         end = np.degrees(np.arccos(np.clip(-(way @ matrix)[..., 2] / d, -1, 1))) - min(vertical[-1], 179.0)
         assert_pictures(f"luminaire_{name}_{turn}", found["direct"], truth, 5e-3 * truth + 1e-6, ~corner & (np.abs(end) > 0.01))
 
 
 def test_colour_and_other_lights_beside_it(ctx: moderngl.Context) -> None:
-    """Its colour is a factor; two of one photometry, one of another and lights that are none add up to what each brings alone."""
+    """Colour is a factor; luminaires of equal and of different photometry and plain lights add up."""
     one, other = photometry(steps(0, 180, 19), steps(0, 360, 13), lopsided), photometry(steps(0, 90, 10), [0.0], lambert)
     lights = (
         lamp((0.5, 1.0, 0.3), 2.0),
@@ -87,15 +87,18 @@ def test_colour_and_other_lights_beside_it(ctx: moderngl.Context) -> None:
 
 
 def test_all_bounces_bring_what_it_sends_out() -> None:
-    """In a closed white-ish room Σ E·A of direct light is its flux, whichever way it is aimed: the mean of E over the walls of a
-    cube of 24·s² m² is Φ/(179·A), and that of all light with albedo ρ is 1/(1 − ρ) times it (a furnace on average)."""
+    """In a closed room, Σ E·A of direct light is the luminaire's flux in any orientation.
+
+    The mean of E over the walls of a cube of 24·s² m² is Φ/(179·A). With all bounces and albedo ρ it is 1/(1 − ρ) times
+    that (a furnace on average).
+    """
     shape = photometry(steps(0, 180, 37), AROUND, lopsided)
     light = Light((0.1, 0.2, -0.1), (1.0, 1.0, 1.0), physical=True, photometry=shape, spot_target=(1.0, 0.5, 0.3))
     rho, mean = 0.5, shape.flux / LUMINOUS_EFFICACY / 24.0
     walls = [box((-1, -1, -1), (1, 1, 1), material(rho), outward=False)]
     total, weight = 0.0, 0.0
     with Renderer(scene(*walls, lights=(light,)), (12, 12), bounces="all", gather_size=8, samples=1) as renderer:
-        for axis in np.concatenate([np.eye(3), -np.eye(3)]):  # a face fills the view of 90° of its camera in the middle
+        for axis in np.concatenate([np.eye(3), -np.eye(3)]):  # a face fills the 90° view of a camera at the centre
             up = (0.0, 0.0, 1.0) if abs(axis[2]) < 0.5 else (0.0, 1.0, 0.0)
             frame = renderer.render(Camera((0.0, 0.0, 0.0), tuple(axis), up, 90.0))
             E = (frame.direct / (rho / np.pi) + frame.irradiance)[..., 0]

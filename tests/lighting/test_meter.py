@@ -1,4 +1,4 @@
-"""The light meter against closed forms: lamps, sky, panels and windows, enclosures; grids, what lies in solids, and units."""
+"""Light meter against closed forms: lights, sky, panels and windows, enclosures; grids, points in solids, and units."""
 
 from __future__ import annotations
 
@@ -27,15 +27,17 @@ BLACK = worlds.material(0.0)
 
 
 def read(ctx: moderngl.Context, scene: Scene, points: np.ndarray, normal: object = UP, **settings: object) -> Readings:
-    """What a meter reads."""
+    """Return the readings of a meter."""
     with LightMeter(scene, ctx=ctx, **settings) as meter:  # type: ignore[arg-type]
         return meter.measure(points, normal)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("kind", "side", "limit"), [("trace", 64, 0.06), ("embree", 128, 0.02)])
 def test_the_sky_through_a_skylight(ctx: moderngl.Context, kind: str, side: int, limit: float) -> None:
-    """Lambert's formula for a square of 0.3 m, 3 m above the floor of a black room. Of 64² rays 13 reach it from straight
-    below, and 5 from the farthest point."""
+    """Lambert's formula for a square of 0.3 m, 3 m above the floor of a black room.
+
+    Of 64² rays, 13 reach it from straight below, and 5 from the farthest point.
+    """
     walls = worlds.box((-3, 0, -3), (3, 3, 3), BLACK, outward=False)
     room = replace(walls, faces=np.delete(walls.faces, (6, 7), axis=0))  # no ceiling
     parts = (-3, -3, 6, 2.85), (-3, 0.15, 6, 2.85), (-3, -0.15, 2.85, 0.3), (0.15, -0.15, 2.85, 0.3)
@@ -47,8 +49,11 @@ def test_the_sky_through_a_skylight(ctx: moderngl.Context, kind: str, side: int,
 
 
 def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
-    """A wall of 1 mm between a lit and a dark room, on a ground of 600 m, by whose size eyes are lifted 8.5 mm: sensors that face
-    the wall, 1 to 6 mm before it, read darkness in the dark room; in the lit one E hardly changes over so little."""
+    """A wall of 1 mm separates a lit and a dark room; a ground of 600 m raises the ray offset to 8.5 mm.
+
+    Sensors towards the wall, 1 to 6 mm in front of it, measure darkness in the dark room. In the lit room E hardly changes
+    over this distance.
+    """
     room, wall = worlds.box((-2, 0, -2), (2, 2.5, 2), outward=False), worlds.box((-5e-4, 0, -2), (5e-4, 2.5, 2))
     points = np.stack([np.array([1.5, 3.5, 6.5, 500.0]) * 1e-3, np.ones(4), np.zeros(4)], 1)
     scene = worlds.scene(room, wall, worlds.floor(300.0, -0.1), lights=(worlds.lamp((-1.0, 1.5, 0.3), 10.0),))
@@ -62,7 +67,7 @@ def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
     "light", [worlds.lamp((0, 3, 0), 1.0), Light((0, 1, 0), (1, 1, 1), directional=True)], ids=["lamp", "sun"]
 )
 def test_points_beyond_the_scene_are_lit(ctx: moderngl.Context, light: Light) -> None:
-    """Shadow maps cover the bounding box of all meshes; nothing stands between a light and what lies outside of their tiles."""
+    """Shadow maps cover the bounding box of all meshes; points outside their tiles have no occluder."""
     roof = worlds.quad((-1.0, 1.0, 1.0), (2.0, 0.0, 0.0), (0.0, 0.0, -2.0), BLACK)
     scene = worlds.scene(roof, worlds.floor(1.0, paint=BLACK), lights=(light,))
     points = np.array([[3.0, 0.9, 0.0], [0.0, 1.5, -9.0], [4.0, -3.0, 4.0], [1.3, -3.0, 0.0], [0.0, 0.5, 0.0]])
@@ -101,11 +106,11 @@ ASIDE = Camera((9.0, 9.0, 9.0), (0.0, 0.0, 0.0))
 
 @pytest.fixture
 def furnished() -> Scene:
-    """A room, wound outward, with a lamp in it; a closed block, a box without a bottom, a table top and a sphere stand there."""
+    """A room, wound outward, with a light; inside stand a closed block, a box without a bottom, a table top and a sphere."""
     room = worlds.box((-3, 0, -3), (3, 3, 3))
     block = worlds.box((1, 0, 1), (2, 1, 2))
     hood = worlds.box((-2, 0, -2), (-1, 1, -1))
-    hood = Mesh(hood.positions, hood.normals, np.delete(hood.faces, [4, 5], axis=0))  # two pairs an axis, x first
+    hood = Mesh(hood.positions, hood.normals, np.delete(hood.faces, [4, 5], axis=0))  # two pairs per axis, x first
     table = worlds.quad((1.0, 0.7, -1.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
     ball = worlds.sphere((-1.5, 1.5, 1.5), 0.5)
     return worlds.scene(room, block, hood, table, ball, lights=(worlds.lamp((0, 2.8, 0)),), camera=ASIDE)
@@ -123,7 +128,7 @@ def test_what_lies_in_a_solid(furnished: Scene) -> None:
 
 
 def test_what_counts_and_what_does_not(ctx: moderngl.Context, furnished: Scene) -> None:
-    """In a block; on the floor; three millimetres below the table's top and well below it."""
+    """Points in a block, on the floor, three millimetres below the table's top, and well below it."""
     points = np.array([[1.5, 0.5, 1.5], [0.0, 0.0, 0.0], [1.5, 0.697, -1.5], [1.5, 0.4, -1.5]])
     found = read(ctx, furnished, points, bounces=1, gather_size=16)
     assert found.status.tolist() == [Status.INSIDE, Status.OK, Status.BEHIND, Status.OK]
@@ -133,8 +138,10 @@ def test_what_counts_and_what_does_not(ctx: moderngl.Context, furnished: Scene) 
 
 
 def test_the_uniformity_of_a_grid(ctx: moderngl.Context) -> None:
-    """A lamp of 10 W/sr, 2 m above the middle of a black floor of 4 × 2 m: I·h/d³ at the cells' centres. A lux has 179 lm/W, as
-    Radiance has it, and the weights of Rec. 709."""
+    """A light of 10 W/sr, 2 m above the centre of a black floor of 4 × 2 m: I·h/d³ at the cells' centres.
+
+    Lux use 179 lm/W, as in Radiance, and the weights of Rec. 709.
+    """
     light = Light((0, 2, 0), (10.0, 20.0, 0.0), physical=True)
     grid = Plane((-2.0, 0.0, 1.0), (4.0, 0.0, 0.0), (0.0, 0.0, -2.0)).grid(0.5)
     found = read(ctx, worlds.scene(worlds.floor(paint=BLACK), lights=(light,)), grid.points, grid.normals, bounces=1)
@@ -159,7 +166,7 @@ def test_a_grid_shares_any_parallelogram_out_evenly() -> None:
 
 
 def test_the_spacing_of_the_standard() -> None:
-    """EN 12464-1: 0.2·5^log₁₀(d): 0.2 m at 1 m, 1 m at 10 m; d is the shorter edge of a long plane; 10 m at most."""
+    """EN 12464-1: 0.2·5^log₁₀(d), 0.2 m at 1 m, 1 m at 10 m, 10 m at most; d is the shorter edge of a long plane."""
     for side, shown in ((0.6, 0.15), (2, 0.3), (5, 0.6), (25, 2.0), (50, 3.0), (100, 5.0)):  # rounded, as tables of it have it
         assert Plane((0, 0, 0), (side, 0, 0), (0, 0, -0.7 * side)).usual_spacing() == pytest.approx(shown, abs=0.1 * shown)
     assert Plane((0, 0, 0), (10, 0, 0), (0, 0, -6)).usual_spacing() == pytest.approx(1.0)
@@ -196,9 +203,9 @@ def test_a_plane_or_line_that_cannot_be_is_refused(make: object, words: str) -> 
 
 
 def test_irradiance_along_a_line_and_no_summary_of_nothing(ctx: moderngl.Context) -> None:
-    """A lamp h above a black floor: I·h/d³ at equal distances from end to end, in parts of one meter, with their progress.
+    """A light h above a black floor: I·h/d³ at equal distances from end to end, in several parts, with progress.
 
-    A summary of points that all lie on a surface has no mean. A scale that has an upper end keeps it.
+    A summary of points that all lie on a surface has no mean. A scale with an upper end keeps it.
     """
     told: list[float] = []
     points, metres = Line((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)).points(0.3)

@@ -1,4 +1,4 @@
-"""Irradiance of small scenes at random against closed forms: whatever does not matter is varied, and the sizes that do."""
+"""Irradiance of small random scenes against closed forms, over irrelevant variations and relevant sizes."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ COUNTS = pytest.mark.parametrize("count", [5, pytest.param(50, marks=pytest.mark
 
 
 def hold(count: int, body: Callable[..., None], **values: Any) -> None:
-    """Run the body of a test for so many random values, the same ones each time."""
+    """Run the body of a test for `count` random values, reproducibly."""
     settings(max_examples=count, deadline=None, derandomize=True, database=None, phases=[Phase.generate])(given(**values)(body))()
 
 
 def within(rho: float) -> float:
-    """Return the relative error that is allowed: an error of the transport counts 1/(1 - ρ) times."""
+    """Return the allowed relative error: a transport error counts 1/(1 - ρ) times."""
     return 0.02 if rho <= 0.98 else 0.05
 
 
 def split(mesh: Mesh, random: np.random.Generator) -> Mesh:
-    """The mesh, some of its triangles cut into three by a point inside."""
+    """Return the mesh with some triangles split into three at an inner point."""
     chosen = random.random(len(mesh.faces)) < 0.5
     faces, shares = mesh.faces[chosen], random.dirichlet((2, 2, 2), int(chosen.sum()))[..., None]
     positions, normals = ((mesh_array[faces] * shares).sum(1).astype("f4") for mesh_array in (mesh.positions, mesh.normals))
@@ -52,19 +52,19 @@ def split(mesh: Mesh, random: np.random.Generator) -> Mesh:
 
 
 class Elsewhere:
-    """A random rotation, mirrored or not, a scale from 1/20 to 20 and a shift by up to a hundred metres."""
+    """Random rotation, mirrored or not, scale from 1/20 to 20, and shift by up to a hundred metres."""
 
     def __init__(self, random: np.random.Generator) -> None:
         self.turn, _ = np.linalg.qr(random.normal(size=(3, 3)))
         self.scale, self.shift = 20.0 ** random.uniform(-1.0, 1.0), random.uniform(-100.0, 100.0, 3)
 
     def point(self, p: Any) -> np.ndarray:
-        """Return points (..., 3) there."""
+        """Return transformed points (..., 3)."""
         found: np.ndarray = self.scale * np.asarray(p, float) @ self.turn.T + self.shift
         return found
 
     def mesh(self, mesh: Mesh) -> Mesh:
-        """Return a mesh there."""
+        """Return a transformed mesh."""
         faces = mesh.faces if np.linalg.det(self.turn) > 0.0 else mesh.faces[:, ::-1]
         normals = (mesh.normals @ self.turn.T).astype("f4")
         return replace(
@@ -73,7 +73,7 @@ class Elsewhere:
 
 
 def read(world: Scene, points: np.ndarray, normals: Any, **values: Any) -> Readings:
-    """Return what a meter reads; fail for a value that is NaN or negative."""
+    """Return the readings of a meter; fail for a NaN or negative value."""
     with context.shared() as ctx, LightMeter(world, ctx=ctx, **{"gather_size": 16, "light_samples": 256} | values) as meter:
         found = meter.measure(points, normals)
     assert (found.total >= 0.0).all()  # false for NaN
@@ -81,7 +81,7 @@ def read(world: Scene, points: np.ndarray, normals: Any, **values: Any) -> Readi
 
 
 def walls(sides: tuple[float, ...], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(N, 3) points on the inner walls of a box about 0 0 0, (N, 3) normals, and (N,) m² of which a sum is Gauss's quadrature."""
+    """Return points (N, 3) on the inner walls of a centred box, normals (N, 3), and areas (N,) of Gauss's quadrature."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     points, normals, areas = [], [], []
     for axis in range(3):
@@ -98,9 +98,9 @@ def walls(sides: tuple[float, ...], count: int) -> tuple[np.ndarray, np.ndarray,
 
 @COUNTS
 def test_light_in_a_closed_room_is_kept(count: int) -> None:
-    """Wherever the room is, however large, and turned or mirrored; however its walls are cut; whatever stands outside.
+    """Flux is conserved for any position, size, rotation, mirroring and tessellation, and any outer objects.
 
-    A lamp of Φ = 4πI in a room of surface S: ∫ E_indirect dA = Φ·ρ/(1 - ρ), since each bounce keeps ρ of the flux.
+    A light of Φ = 4πI in a room of surface S: ∫ E_indirect dA = Φ·ρ/(1 - ρ), since each bounce keeps ρ of the flux.
     """
 
     def body(sides: tuple[float, ...], rho: float, gap: float, seed: int) -> None:
@@ -121,7 +121,7 @@ def test_light_in_a_closed_room_is_kept(count: int) -> None:
 
 @COUNTS
 def test_every_wall_of_a_furnace_is_lit_alike(count: int) -> None:
-    """Walls that emit L and reflect ρ: E = πL/(1 - ρ) at every point and in every pixel, and nothing that converged is black."""
+    """Walls that emit L and reflect ρ: E = πL/(1 - ρ) at every point and pixel, and no converged pixel is black."""
 
     def body(sides: tuple[float, ...], rho: float, seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -139,7 +139,7 @@ def test_every_wall_of_a_furnace_is_lit_alike(count: int) -> None:
 
 @COUNTS
 def test_a_square_that_emits_lights_by_lamberts_formula(count: int) -> None:
-    """Seen from a point on a black floor, 0.5° to 60° wide, far or near, overhead or aside, among walls that see it not."""
+    """The square is 0.5° to 60° wide from a point on a black floor, near or far, overhead or aside, among unlit walls."""
 
     def body(degrees: float, distance: float, tilt: float, seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -151,7 +151,7 @@ def test_a_square_that_emits_lights_by_lamberts_formula(count: int) -> None:
         below = box((-9.0, -3.0, -9.0), (9.0, -2.0, 9.0), material(0.9))
         world = scene(*(there.mesh(part) for part in (panel, floor(8.0 * distance, 0.0, material(0.0)), below)))
         found = read(world, there.point([[0.0, 0.0, 0.0]] * 2), there.turn[:, 1], bounces=1).total[:, 0]
-        nearer = 2.0 * offset_of(world) / (there.scale * distance)  # a meter's eye lies above its point
+        nearer = 2.0 * offset_of(world) / (there.scale * distance)  # a meter's ray origin lies above its point
         assert found == pytest.approx(5.0 * polygon_vector(corners, np.zeros(3))[1], rel=0.02 + nearer)
 
     hold(count, body, degrees=st.floats(0.5, 60.0), distance=st.floats(0.3, 3.0), tilt=st.floats(0.0, 0.9), seed=SEEDS)
@@ -159,7 +159,7 @@ def test_a_square_that_emits_lights_by_lamberts_formula(count: int) -> None:
 
 @COUNTS
 def test_a_lamp_near_a_wall_lights_the_others_and_nothing_through_a_box(count: int) -> None:
-    """E = I·cosθ/d² at the other walls of a black room, by a lamp 1 mm to 3 m from one wall; 0 with a box closed around it."""
+    """E = I·cosθ/d² at the walls of a black room, for a light 1 mm to 3 m from one wall; 0 inside a closed box."""
 
     def body(sides: tuple[float, ...], gap: float, edge: float, seed: int) -> None:
         random = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""What environments bring to surfaces, by rays, rasters and bounces, and the picture of them: closed forms, sums over spheres."""
+"""Light of environments on surfaces, by rays, rasters and bounces, and their picture: closed forms and sums over spheres."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ TILTS = np.array([(0, 1, 0), (1, 0, 0), (0, 0, -1), (-0.6, 0.0, 0.8), (0.48, 0.6
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_overcast_sky(ctx: moderngl.Context, kind: str) -> None:
-    """Moon and Spencer's, before black ground. A horizontal plane: ∫ L_z·(1 + 2·sin)/3 over the hemisphere is 7/9·π·L_z. A
-    vertical one sees half of it: a third of L_z·π/2, and two thirds of ∫ (n·ω)(up·ω) dω = 2/3, together π/6 + 4/9. From below:
-    nothing."""
+    """Moon and Spencer's overcast sky above black ground.
+
+    Horizontal plane: ∫ L_z·(1 + 2·sin)/3 over the hemisphere is 7/9·π·L_z. A vertical plane sees half of the sky: a third
+    of L_z·π/2, and two thirds of ∫ (n·ω)(up·ω) dω = 2/3, together π/6 + 4/9. From below: 0.
+    """
     sky = CieSky("overcast", 30.0, ground=0.0)
     L = sky.zenith_luminance / LUMINOUS_EFFICACY
     world = cie(scene(floor(1.0, -1.0, material(0.0))), sky)
@@ -37,8 +39,10 @@ def test_an_overcast_sky(ctx: moderngl.Context, kind: str) -> None:
 
 @pytest.mark.parametrize(("kind", "turn"), [("embree", 70.0), ("trace", 0.0), ("trace", 70.0)])
 def test_a_map_lights_from_where_it_is_bright(ctx: moderngl.Context, kind: str, turn: float) -> None:
-    """A quarter of the sky to the east is red, one below the horizon to the north-west blue; six planes against the map's own
-    sum, turned clockwise with it. Without a turn, the wall that faces east gets most of the red."""
+    """A red quarter of the sky to the east and a blue one below the horizon to the north-west: six planes match the map's sum.
+
+    The planes rotate clockwise with the map. Without rotation, the wall towards east gets most of the red.
+    """
     radiance = np.full((64, 128, 3), 0.1, "f4")
     ways = texel_directions(64, 128)
     radiance[(ways[..., 0] > abs(ways[..., 2])) & (ways[..., 1] > 0.0), 0] = 5.0
@@ -55,8 +59,7 @@ def test_a_map_lights_from_where_it_is_bright(ctx: moderngl.Context, kind: str, 
 
 @pytest.mark.parametrize("tilt", [25.0, 60.0])
 def test_the_sun_of_a_single_texel_falls_on_tilted_planes(tilt: float) -> None:
-    """E = L·Ω·cosθ, Ω of the texel: the radiance of a plane of reflectance ρ, lit directly, is ρ/π of that; where it faces away,
-    there is none."""
+    """E = L·Ω·cosθ, with the texel's Ω: a directly lit plane of reflectance ρ has radiance ρ/π of that, and 0 on its back."""
     radiance = np.zeros((64, 128, 3), "f4")
     radiance[20, 90] = L = (2000.0, 1000.0, 500.0)
     toward = texel_directions(64, 128)[20, 90]
@@ -71,7 +74,7 @@ def test_the_sun_of_a_single_texel_falls_on_tilted_planes(tilt: float) -> None:
 
 
 def daylight(sky: CieSky, p: np.ndarray, low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
-    """Lux at p, facing up, through an upright window x = const in a black wall, by a sum over 60² points of it."""
+    """Return lux at p, facing up, through an upright window x = const in a black wall, as a sum over 60² points."""
     y, z = (lo + (hi - lo) * (np.arange(60) + 0.5) / 60 for lo, hi in zip(low[1:], high[1:], strict=True))
     toward = np.stack(np.broadcast_arrays(low[0] - p[0], (y - p[1])[:, None], (z - p[2])[None, :]), axis=-1)
     r = np.linalg.norm(toward, axis=-1)
@@ -81,9 +84,11 @@ def daylight(sky: CieSky, p: np.ndarray, low: tuple[float, float, float], high: 
 
 
 def test_the_daylight_factor_of_a_black_room(ctx: moderngl.Context) -> None:
-    """A window of 2 × 1.5 m in the wall of a black room, at two distances from it: the mean of 128 records, each against the
-    window's own sum, within 1 %. Its rim cuts strata, which count whole or not at all, 5 % of the light at the back of the room;
-    the records are a little apart, so that it cuts them differently."""
+    """A window of 2 × 1.5 m in a black room, at two distances: the mean of 128 records matches the window's sum to 1 %.
+
+    The window's rim cuts strata, which count completely or not at all: 5 % of the light at the back of the room. The
+    records are slightly apart, so that the rim cuts them differently.
+    """
     sky = CieSky("clear", 30.0, 200.0, ground=0.0)
     black = material(0.0)
     walls = [
@@ -107,7 +112,7 @@ def test_the_daylight_factor_of_a_black_room(ctx: moderngl.Context) -> None:
 
 
 def test_the_paper_s_records_see_it() -> None:
-    """Those that are summed on the CPU as well, within what its single plane sees of the hemisphere."""
+    """Records summed on the CPU match too, within the field of view of their single plane."""
     sky = CieSky("overcast", 40.0)
     frame = irrsplat.render(cie(scene(floor(1.0), camera=ABOVE), sky), (8, 8), preset="paper")
     expected = 7.0 / 9.0 * np.pi * sky.zenith_luminance / LUMINOUS_EFFICACY
@@ -115,7 +120,9 @@ def test_the_paper_s_records_see_it() -> None:
 
 
 def test_the_picture_shows_the_map_behind(software: bool) -> None:
-    """As its direction says; as the mean of four samples, whose places are 0.1 pixels off its middle in the mean, about so."""
+    """The background equals the map in the pixel's direction, approximately for four samples, whose mean is 0.1 pixels off
+    centre.
+    """
     ways, size = texel_directions(128, 256), (60, 50)
     world = mapped(scene(floor(1.0), camera=SIDE), (2.0 + ways + np.sin(5.0 * ways[..., ::-1])).astype("f4"), 30.0)
     seen = rays(SIDE, size)

@@ -1,4 +1,4 @@
-"""Maps of skies: files, the sphere on rectangles, which way is which, and suns that are taken out of them."""
+"""Sky maps: files, mappings of the sphere, orientation, and extraction of suns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1
 
 
 def noise(height: int, width: int) -> np.ndarray:
-    """A map of random radiance, 0.1 to 1.1."""
+    """Return a map of random radiance, 0.1 to 1.1."""
     return (0.1 + np.random.default_rng(2).random((height, width, 3))).astype("f4")
 
 
@@ -35,7 +35,7 @@ def test_both_maps_of_the_sphere_have_inverses() -> None:
 
 
 def test_the_middle_is_north_and_its_right_is_east() -> None:
-    """As a camera sees it that looks along -z, with y up: no mirror image. A turn of 90° brings the middle to +x."""
+    """The map is not mirrored for a camera along -z with y up; a rotation of 90° brings the centre to +x."""
     u, v = equirectangular(np.array([(0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]))
     assert np.allclose(u[:3], (0.5, 0.75, 0.25)) and np.allclose(v, (0.5, 0.5, 0.5, 0.0))
     assert np.allclose(frame_of(np.eye(3), 90.0).T @ (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
@@ -45,7 +45,7 @@ def test_the_middle_is_north_and_its_right_is_east() -> None:
 
 
 def test_rays_find_all_light_of_a_map() -> None:
-    """The mean over the sphere is that of the map, whichever level is looked at; each colour is at its place."""
+    """The mean over the sphere is the map's at every level; each colour is in its direction."""
     radiance = noise(24, 48)
     sky = Environment(radiance, radiance)
     exact = (radiance * solid_angles(24, 48)[:, None, None]).sum((0, 1)) / (4.0 * np.pi)
@@ -59,13 +59,15 @@ def test_rays_find_all_light_of_a_map() -> None:
 
 
 def whole(radiance: np.ndarray) -> np.ndarray:
-    """(3,) all light of a map."""
+    """Return the total light (3,) of a map."""
     return np.asarray((radiance * solid_angles(*radiance.shape[:2])[:, None, None]).sum((0, 1), dtype=float))
 
 
 def test_a_split_keeps_all_light() -> None:
-    """Two coloured discs of 1.4° over a noisy sky, one across the seam: what is taken out is what is missing, and comes from
-    where it was. What is left is no brighter than 16 times the mean."""
+    """Two coloured discs of 1.4° over a noisy sky, one across the seam: suns hold exactly the removed light, at its position.
+
+    The remaining map is at most 16 times as bright as its mean.
+    """
     radiance = noise(256, 512)
     ways = texel_directions(256, 512)
     places = np.array([(0.5, 0.7, -0.2), (0.02, 0.3, 1.0)])
@@ -77,12 +79,12 @@ def test_a_split_keeps_all_light() -> None:
     assert np.allclose(whole(rest) + np.sum([sun.irradiance for sun in suns], axis=0), whole(radiance), rtol=1e-6)
     assert (rest @ LUMINANCE).max() < 17.0 * (rest @ LUMINANCE).mean()
     for sun, place in zip(suns, places, strict=True):
-        assert np.degrees(np.arccos(np.dot(sun.direction, place))) < 0.2  # of texels of 0.7°, some are in the disc
+        assert np.degrees(np.arccos(np.dot(sun.direction, place))) < 0.2  # texels of 0.7°: the disc has only a few
     assert np.array_equal(rest[200:], radiance[200:]), "elsewhere nothing has changed"
 
 
 def test_what_is_large_or_weak_is_no_sun() -> None:
-    """A window of 20°, a strip light of 1° by 60°, and a disc that brings half a percent."""
+    """A window of 20°, a strip light of 1° by 60°, and a disc with half a percent of the light are no suns."""
     ways = texel_directions(256, 512)
     window, strip, weak = (np.full((256, 512, 3), 0.5, "f4") for _ in range(3))
     window[ways @ (0.0, 0.6, -0.8) > np.cos(np.radians(10.0))] = 100.0
@@ -121,7 +123,7 @@ def save_hdr(path: Path, radiance: np.ndarray, kind: str = "runs", head: bytes =
 
 @pytest.mark.parametrize("kind", ["runs", "flat", "old"])
 def test_a_radiance_picture_is_read(tmp_path: Path, kind: str) -> None:
-    """Within the half step that 8 bits of mantissa leave, of the brightest channel; EXPOSURE counts."""
+    """The error is within half a step of the 8-bit mantissa of the brightest channel; EXPOSURE is applied."""
     radiance = noise(12, 24) * np.logspace(-3, 5, 24, dtype="f4")[None, :, None]
     radiance[4] = radiance[4, 3]
     radiance[7, 5:9] = 0.0
@@ -163,7 +165,7 @@ HEAD, ROW = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", b"-Y 2 +X 8\n\2\2\0\x08"
         ("a.hdr", HEAD + b"-Y 0 +X 8\n", "8x0 pixels are none, or too many"),
         ("a.hdr", HEAD + b"-Y 8192 +X 16384\n\1\2\3\x80" + b"\1\1\1\xff" * 4, "or too many in 72 bytes"),
         ("a.hdr", HEAD + ROW + b"\x88\0" * 4 + b"no row", "cut off or damaged"),
-        ("a.hdr", HEAD + ROW + b"\0" * 64, "cut off or damaged"),  # a run of nothing
+        ("a.hdr", HEAD + ROW + b"\0" * 64, "cut off or damaged"),  # a run of length 0
         ("a.hdr", HEAD + ROW + b"\x89\0" * 64, "cut off or damaged"),  # runs of nine in a row of eight
         ("runs.hdr", 10, "this is no"),
         ("runs.hdr", -60, "the picture is cut off"),
@@ -173,7 +175,7 @@ HEAD, ROW = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", b"-Y 2 +X 8\n\2\2\0\x08"
 def test_other_and_damaged_maps_are_refused_in_one_line(
     tmp_path: Path, name: str, data: bytes | int | np.ndarray, says: str
 ) -> None:
-    """An int: the end of a slice of a true picture."""
+    """An int: the end of a slice of a valid picture."""
     path = tmp_path / name
     if isinstance(data, bytes):
         path.write_bytes(data)
@@ -198,13 +200,13 @@ def folder(tmp_path: Path) -> Path:
 
 
 def scene_with(folder: Path, sky: str) -> irrsplat.Scene:
-    """The cube under this sky."""
+    """Return the cube under this sky."""
     (folder / "a.scene").write_text(f"sky {sky}\nobj cube.obj\ncam 0 0 5 0 0 0 0 1 0\n")
     return irrsplat.load(folder / "a.scene")
 
 
 def test_a_scene_names_its_map(folder: Path) -> None:
-    """Its file is among those of the scene, its sun among the lights, gain and turn as they are given."""
+    """The map is among the scene's files, its sun among the lights, with the given gain and rotation."""
     plain, made = scene_with(folder, "my sky.exr"), scene_with(folder, "my sky.exr gain 2 rotate 90")
     assert str(folder / "my sky.exr") in made.files and made.own_sky
     assert made.environment is not None and plain.environment is not None
@@ -216,7 +218,7 @@ def test_a_scene_names_its_map(folder: Path) -> None:
 
 
 def test_any_file_may_be_put_under_a_sky(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In place of what stands in, and of a scene's own; paths are relative to the current folder."""
+    """The option replaces a stand-in and a scene's own sky; paths are relative to the current folder."""
     monkeypatch.chdir(folder)
     mapped, plain = irrsplat.load("cube.obj", sky="my sky.exr"), irrsplat.load("plain.scene", sky="1 2 3")
     assert mapped.environment is not None and len(mapped.lights) == 1 and not any(mapped.sky)
@@ -245,7 +247,7 @@ def test_any_file_may_be_put_under_a_sky(folder: Path, monkeypatch: pytest.Monke
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(folder: Path, sky: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With file and line in a scene, and as the option that it is elsewhere."""
+    """With file and line in a scene, and with the option's name elsewhere."""
     with pytest.raises(InputError) as raised:
         scene_with(folder, sky)
     assert said in str(raised.value) and "\n" not in str(raised.value)

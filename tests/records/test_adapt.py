@@ -1,4 +1,4 @@
-"""Adaptive radii against plain numpy, whatever the order in which records come; and that they pay."""
+"""Adaptive radii against plain numpy, for any order of records; and their benefit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Made:
-    """A cache of records on a wavy floor, their vectors, gradients and bends at random; of one in five the bend is not known."""
+    """Cache of records on a wavy floor with random vectors, gradients and bends; one bend in five is unknown."""
 
     def __init__(self, ctx: moderngl.Context, count: int, seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
@@ -39,7 +39,7 @@ class Made:
         self.ctx = ctx
 
     def append(self, cache: RecordCache, count: int) -> None:
-        """Append the records that it lacks of the first `count`."""
+        """Append the missing records of the first `count`."""
         new = slice(cache.count, count)
         columns = {
             "vectors": self.M,
@@ -52,9 +52,9 @@ class Made:
         write_columns(cache.records, new.start, **{name: values[new] for name, values in columns.items()})
 
     def limits(self, settings: Settings, *parts: int) -> np.ndarray:
-        """Return the limits by the pass, the records coming in parts that end at the given counts, and at last all.
+        """Return the limits of the pass for records that arrive in parts with the given end counts, and finally all.
 
-        -n in place of a count: the last n are forgotten again.
+        A negative count -n removes the last n records.
         """
         cache = RecordCache(self.ctx)
         one, first = RadiusLimitPass(self.ctx, settings.gradients), 0
@@ -74,11 +74,10 @@ class Made:
 
 
 def truth(made: Made, settings: Settings) -> np.ndarray:
-    """(N,) the least of the limits that the others set, as shares of a record's radii.
+    """Return (N,) the least limit from all other records, as a share of a record's radii.
 
-    A witness lies within two reaches, on the same surface. Of what record i says of j by Taylor's expansion
-    the error is off_ij, relative to what the brighter counts as; off·(x/a)² = adapt at the share that is allowed, x being
-    |p_j - p_i| in radii.
+    A witness lies within two radii on the same surface. off_ij is the error of record i's Taylor expansion at j, relative
+    to the brighter value. The allowed share a fulfils off·(a/x)² = adapt, with x = |p_j - p_i| in radii.
     """
     Y, known = made.E @ LUMINANCE, made.axis.any(1)
     radii, M, gradient, bend = np.stack([made.R, made.R], 1), made.n * Y[:, None], np.zeros((len(Y), 3)), 0.0 * made.bend
@@ -118,21 +117,20 @@ VARIANTS = {
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str) -> None:
-    """A record at the very rim of another may count or not, by rounding; but the least of many limits is the same bit for bit
-    in whatever parts the records come."""
+    """Limits match numpy, except for rounding at a radius's rim; the least limit is equal bit for bit for any order of parts."""
     made, settings = Made(ctx, 1300), VARIANTS[name]
     found, expected = made.limits(settings), truth(made, settings)
     assert (found[1300:] == 1.0).all(), "nothing is written beyond the last record"
     assert 0.05 < (expected < 1.0).mean() <= 1.0 and 0.0 < expected.min() < 0.9
     assert np.isclose(found[:1300], expected, rtol=1e-3).mean() > 0.99
-    for parts in ((1,), (3, 1024, 1025)) if name == "default" else ():  # numbers of records that are there after each part
+    for parts in ((1,), (3, 1024, 1025)) if name == "default" else ():  # numbers of records after each part
         assert np.array_equal(made.limits(settings, *parts), found), f"in parts {parts} as at once"
 
 
 def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Made:
-    """Records on a plane where E = 5 + slope·p + ½ p·second·p, of the true derivatives; `second` bends least along x."""
+    """Return records on a plane with E = 5 + slope·p + ½ p·second·p and exact derivatives; `second` bends least along x."""
     made = Made(ctx, 200)
-    x, z = np.divmod(np.arange(200), 20)  # a grid, so that no two are so near that rounding tells them apart
+    x, z = np.divmod(np.arange(200), 20)  # a grid, so that rounding cannot separate two near records
     made.p, made.n[:] = np.stack([x / 5.0 - 0.9, 0.0 * x, z / 10.0 - 0.95], 1) + 0.2 * made.p * (0.2, 0.0, 0.1), (0.0, 1.0, 0.0)
     made.E = np.repeat((5.0 + made.p @ slope + 0.5 * (made.p**2) @ second)[:, None], 3, axis=1)
     made.M = made.n[:, None, :] * made.E[..., None]
@@ -143,7 +141,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
 
 
 def test_a_record_that_agrees_with_others_keeps_its_radius(ctx: moderngl.Context) -> None:
-    """On a plane where E is linear, with true gradients, every record says what every other one found; quadratic, by bends."""
+    """On a plane with linear E and exact gradients, all extrapolations agree; with quadratic E, by bends."""
     slope = np.array([0.5, 0.0, 0.3])
     linear, bent = of_field(ctx, slope, np.array([1e-6, 0.0, 1e-6])), of_field(ctx, slope, np.array([-0.3, 0.0, 0.8]))
     assert (linear.limits(Settings(adapt=0.01, radius="harmonic", second_order=False))[:200] == 1.0).all()
@@ -152,7 +150,7 @@ def test_a_record_that_agrees_with_others_keeps_its_radius(ctx: moderngl.Context
 
 
 def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx: moderngl.Context) -> None:
-    """A bright record and a dark one, x reaches apart: the error at x, and by its square what is allowed of the reach."""
+    """A bright and a dark record, x radii apart: the error at x determines the allowed share of the radius quadratically."""
     settings = Settings(a=0.5, adapt=0.2, gradients=False)
     for x in (0.3, 0.9, 1.5, 1.9, 2.1):
         made = Made(ctx, 2)
@@ -178,9 +176,9 @@ def test_turned_off_and_on_again() -> None:
 
 
 def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:
-    """More records than one grid takes, in rooms far from each other: in each room what it would be alone, in whatever parts.
+    """More records than one grid holds, in distant rooms: each room has the limits it would have alone, for any parts.
 
-    Those of some rooms come late, and some rooms' first records are forgotten again, so that grids are made anew.
+    Some rooms' records arrive late, and some rooms' first records are removed, so that grids are rebuilt.
     """
     settings, many = replace(BASE, radius="harmonic"), 45
     rooms = [Made(ctx, 900, seed) for seed in (1, 2, 3)]

@@ -1,4 +1,4 @@
-"""The record cache: what goes in comes out, also where it grows, is cut short, and is filled again."""
+"""Record cache: stored values are read back, also after growth, truncation and refilling."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.worlds import sites
 
 
 def made_up(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, unit normals and (N, 4) values."""
+    """Return positions, unit normals and (N, 4) values."""
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -25,7 +25,7 @@ def texels(texture: moderngl.Texture, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("parts", [(5, 1, 1019, 3), (4096, 1), (3000, 3000, 9000)])
 def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[int, ...]) -> None:
-    """Also across the rows of 1024 and where the textures grow beyond 4096; on the GPU they are the same as on the CPU."""
+    """Records keep their order across rows of 1024 and texture growth beyond 4096, equal on the GPU and the CPU."""
     cache = RecordCache(ctx)
     p, n, values = made_up(sum(parts))
     start = 0
@@ -47,7 +47,7 @@ def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[in
 
 
 def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
-    """The reduction writes E and R into the textures, past this module: growing copies them all the same."""
+    """The reduction writes E and R directly into the textures: growth copies these values."""
     cache = RecordCache(ctx)
     p, n, values = made_up(4096)
     cache.append(sites(p, n))

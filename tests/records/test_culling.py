@@ -1,4 +1,4 @@
-"""Records out of view: none that says anything is left out, to the bit, and most of those that say nothing are."""
+"""View culling of records: contributing records are kept, to the bit, and most others are left out."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COUNT = 3000
 
 
 def scattered(ctx: moderngl.Context, seed: int) -> RecordCache:
-    """Records all over a floor of 20 m, from tiny ones to such as reach across half of it."""
+    """Return records all over a floor of 20 m, with radii from tiny to half of its size."""
     rng = np.random.default_rng(seed)
     cache = RecordCache(ctx)
     p = rng.uniform(-10.0, 10.0, (COUNT, 3)) * (1.0, 0.0, 1.0)
@@ -36,7 +36,7 @@ def scattered(ctx: moderngl.Context, seed: int) -> RecordCache:
 
 
 def cameras(count: int, seed: int) -> list[Camera]:
-    """Close over the floor, looking anywhere, with any field of view."""
+    """Return cameras close to the floor with any direction and field of view."""
     rng = np.random.default_rng(seed)
     made = []
     for _ in range(count):
@@ -55,7 +55,7 @@ SETTINGS = {
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_what_is_left_out_would_add_nothing(ctx: moderngl.Context, name: str) -> None:
-    """Every sum is the same to the bit as with all records drawn, from cameras that have them all around."""
+    """Every sum is equal to the bit to that of all records, from cameras inside the set."""
     settings, cache = SETTINGS[name], scattered(ctx, 1)
     splats, drawn = SplatPass(ctx, SIZE, settings.gradients), []
     for camera in cameras(40, 2):
@@ -77,15 +77,15 @@ def test_what_is_left_out_would_add_nothing(ctx: moderngl.Context, name: str) ->
 
 
 def cells() -> Scene:
-    """Three by three rooms of 2 m side by side, a lamp in the middle one."""
+    """Return three by three rooms of 2 m, with a light in the central one."""
     rooms = [box((i, 0, j), (i + 1.95, 1.5, j + 1.95), material(0.6), outward=False) for i in (-3, -1, 1) for j in (-3, -1, 1)]
     return scene(*rooms, lights=(lamp((0, 1, 0)),))
 
 
 def test_what_is_hidden_would_add_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Records on all walls of many rooms, seen from within them: to the bit as if all were drawn, and few are."""
+    """Records on all walls of many rooms: sums from within the rooms are equal to the bit, and few records are drawn."""
     monkeypatch.setattr(culling, "_MANY", 0)
-    size = (120, 80)  # some tiles
+    size = (120, 80)  # several tiles
     rng, world, settings = np.random.default_rng(7), cells(), Settings()
     vertices, faces, _ = flatten(world)
     face = faces[rng.integers(0, len(faces), COUNT)]

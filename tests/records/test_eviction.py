@@ -1,4 +1,4 @@
-"""The bound on the cache: how many records there are, which of them go, and that a view does not notice."""
+"""Limit of the cache: number of records, choice of evicted records, and unchanged views."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIZE = (40, 40)
 
 
 def test_every_column_moves_with_its_record_when_others_go(ctx: moderngl.Context) -> None:
-    """Every column moves with its record, on the CPU and on the GPU; names stay, numbers do not."""
+    """Every column moves with its record, on the CPU and on the GPU; names stay, indices do not."""
     cache = RecordCache(ctx)
     p, n, values = made_up(3000)
     cache.append(sites(p, n), values)
@@ -50,7 +50,7 @@ def flight() -> list[Camera]:
 
 
 def test_a_full_turn_with_fewer_records_than_it_takes() -> None:
-    """No more than allowed, at any time; every view is whole all the same, and is the picture that its own records make."""
+    """The limit always holds; every view is complete, and equals the picture of its own records."""
     with Renderer(room(), SIZE, **FAST) as free:
         counts = [free.render(camera).stats["records"] for camera in flight()]
     least = max(counts[0], 100)

@@ -1,4 +1,4 @@
-"""Caches made apart and merged are as good as one made at once, by the path tracer; what goes is what others serve."""
+"""Merged caches match one cache in path-traced error; pruning removes records covered by others."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from tests.support.truth import SIZE, load_reference
 
 MADE: dict[str, Any] = {"bounces": 1, "gather_size": 24}
 SIDE = (80, 80)
-AWAY = ((2.78, 2.73, -8.0), (4.5, 1.6, -1.9), (0.9, 3.4, -1.1), (1.7, 2.4, -3.6))  # of bundled cornell's own flight
+AWAY = ((2.78, 2.73, -8.0), (4.5, 1.6, -1.9), (0.9, 3.4, -1.1), (1.7, 2.4, -3.6))  # from the flight of bundled cornell
 
 
 @dataclass(frozen=True)
 class Flights:
-    """The caches of a flight through cornell filled at once, and of its two halves."""
+    """Caches of a flight through cornell: filled at once, and its two halves."""
 
     whole: CacheState
     halves: tuple[CacheState, CacheState]
@@ -48,7 +48,7 @@ def flights() -> Flights:
 
 
 def error(state: CacheState, path: Path) -> float:
-    """Relative RMSE against the path tracer of the view that the truth is of, by these records alone."""
+    """Return the relative RMSE of the reference's view with these records alone, against the path tracer."""
     scene, truth = irrsplat.load("cornell"), load_reference("cornell")
     cache_file.write(path, cache_file.key(scene, preset(**MADE)), state, cache_file.stamp(scene))
     with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
@@ -59,8 +59,10 @@ def error(state: CacheState, path: Path) -> float:
 
 
 def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_path: Path) -> None:
-    """Merged halves are within 0.6 % of error of the whole, as two seeds are, at no more than 1.15 times the records. The halves
-    have a fifth more, so that something is to be merged."""
+    """Merged halves are within 0.6 % of the whole's error, as two seeds are, with at most 1.15 times its records.
+
+    The halves have a fifth more records, so that merging has an effect.
+    """
     count = len(flights.whole.records["name"])
     merged = merge(flights.halves, Settings().with_values(flights.halves[0].settings)).state
     both = sum(len(half.records["name"]) for half in flights.halves)
@@ -80,8 +82,7 @@ def test_a_cache_merged_with_itself_is_itself(flights: Flights) -> None:
 
 
 def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None:
-    """Half of the records at random, and those that are left when the best served half has gone: the latter leave fewer pixels
-    that ask."""
+    """Compare half of the records at random with pruning to half: pruning leaves fewer under-covered pixels."""
     whole, settings = flights.whole, preset(**MADE)
     count = len(whole.records["name"])
     done = prune(whole, settings, count // 2)
@@ -99,7 +100,7 @@ def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None
 
 
 def test_what_goes_depends_on_what_records_say_by_the_settings() -> None:
-    """Without derivatives or second order others are served by the rest; as many go in each case."""
+    """Without derivatives or second order, other records are removed; their number is equal in each case."""
     with Renderer(room(), (40, 30), **FAST) as renderer:
         renderer.render()
         state, settings = renderer.scheduler.state(), renderer.settings

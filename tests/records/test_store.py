@@ -1,4 +1,4 @@
-"""Record caches in files: they go on to the bit, and what is stale, foreign or damaged is refused with its reason."""
+"""Record caches in files: exact continuation, and refusal of stale, foreign or damaged files with a reason."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The cache of `room`, seen from FRONT, of one bounce; not to be changed."""
+    """A cache file of `room`, seen from FRONT, with one bounce; read-only."""
     path = tmp_path_factory.mktemp("saved") / "room.cache"
     with Renderer(room(), SIZE, **FAST) as renderer:
         renderer.render()
@@ -56,7 +56,7 @@ def renderer() -> Iterator[Renderer]:
         yield made
 
 
-# ---- going on ---------------------------------------------------------------------------------------------------------
+# ---- continuation -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def renderer() -> Iterator[Renderer]:
     ],
 )
 def test_a_flight_goes_on_to_the_bit_in_another_process(path: Path, settings: dict[str, Any]) -> None:
-    """Views, a file, and further views by a fresh renderer: each is what one renderer makes of all of them."""
+    """Views, a file, and further views by a fresh renderer equal those of a single renderer."""
     cameras = [turned(FRONT, angle) for angle in (0.0, 40.0, 100.0, 160.0)]
     with Renderer(room(), SIZE, **settings) as whole:
         before = [whole.render(camera) for camera in cameras[:2]]
@@ -84,7 +84,7 @@ def test_a_flight_goes_on_to_the_bit_in_another_process(path: Path, settings: di
 
 @pytest.mark.few_sites
 def test_a_known_view_is_shown_at_once_without_any_ray(path: Path) -> None:
-    """The first tick shows the picture of the file's records, before any surface cache; a render needs no gathering."""
+    """The first frame shows the file's records, before any surface cache; a render needs no gathering."""
     with Renderer(room(), SIZE, **ALL) as first:
         known = first.render()
         first.save_cache(path)
@@ -100,8 +100,7 @@ def test_a_known_view_is_shown_at_once_without_any_ray(path: Path) -> None:
 
 
 def test_stale_records_stay_stale(path: Path) -> None:
-    """Saved in the middle of a change of light: what was not gathered again yet, or not held against it, is gathered again by who
-    loads it."""
+    """A cache saved during a change of light: stale and unchecked records are recomputed after loading."""
     with Renderer(room(), SIZE, **FAST) as first:
         first.render()
         lights = [replace(light, color=(1.0, 2.0, 3.0)) for light in first.scene.lights]
@@ -116,13 +115,13 @@ def test_stale_records_stay_stale(path: Path) -> None:
         assert np.isin(stale, fresh.cache.stale).all()
         frame = fresh.render()
         assert len(fresh.cache.stale) == 0 and np.allclose(fresh.cache.values[stale], gathered, rtol=0.05, atol=1e-4)
-        # records that the view asks for besides lie elsewhere, since the first renderer had seen it before
+        # additional requests of the view lie elsewhere, since the first renderer had rendered it before
         off = np.linalg.norm(frame.irradiance - after.irradiance, axis=-1)
         assert off.mean() < 0.02 * np.linalg.norm(after.irradiance, axis=-1).mean()
 
 
 def test_what_only_splatting_depends_on_may_be_another(saved: Path) -> None:
-    """Other a, kernels and radii: records are what they are, and how far they reach is found anew, as in one renderer."""
+    """With other a, kernels and radii, records stay and their radii are recomputed, as in one renderer."""
     other = {"a": 0.8, "adapt": 0.2, "kernel": "cut", "radius": "harmonic", "max_rounds": 50, "blend": 0.7}
     with Renderer(room(), SIZE, **FAST) as whole:
         whole.render()
@@ -187,7 +186,7 @@ def test_other_settings_are_refused_by_name(saved: Path, values: dict[str, Any],
 
 
 def test_what_records_do_not_depend_on_is_no_reason(saved: Path) -> None:
-    """Names of lights, cameras, and where the scene came from; settings of the splat and the examination."""
+    """Names of lights, cameras, and the scene's origin; settings of splatting and examination."""
     world = replace(relit(name="lamp"), cameras=(Camera((0, 0, 1), (0, 0, 0)),), name="other", path="elsewhere")
     cache_file.read(saved, cache_file.key(world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100)))
     known = cache_file.key(room(), Settings(placement="scan")).settings
@@ -195,7 +194,7 @@ def test_what_records_do_not_depend_on_is_no_reason(saved: Path) -> None:
 
 
 def refused(renderer: Renderer, path: Path) -> str:
-    """What is said of a file, which must leave the renderer's records alone, and the file."""
+    """Return the error for a file; assert that the renderer's records and the file are unchanged."""
     count, content = renderer.cache.count, path.read_bytes() if path.is_file() else b""
     with pytest.raises(InputError) as error:
         renderer.load_cache(path)
@@ -206,7 +205,7 @@ def refused(renderer: Renderer, path: Path) -> str:
 
 
 def test_a_damaged_file_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
-    """Cut short anywhere, any bit turned, or something appended."""
+    """Truncated anywhere, with any flipped bit, or with appended data."""
     whole = saved.read_bytes()
     rng = np.random.default_rng(0)
     renderer.render()
@@ -243,7 +242,7 @@ def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) 
 
 @pytest.mark.parametrize("missing", ["content", "limit", "position", "about", None])
 def test_a_file_that_lacks_something_is_refused(saved: Path, path: Path, renderer: Renderer, missing: str | None) -> None:
-    """Right by its checksum, wrong by what is in it: an array gone, or (None) one of another length."""
+    """A valid checksum with invalid content: a missing array, or (None) one of another length."""
     whole = saved.read_bytes()
     head = whole.index(b"\n") + 1
     with np.load(io.BytesIO(whole[head + 32 :])) as arrays:
@@ -264,7 +263,7 @@ def test_a_file_that_lacks_something_is_refused(saved: Path, path: Path, rendere
 def test_a_file_is_written_whole_or_not_at_all(
     saved: Path, path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A full disk leaves what was there, and nothing beside it."""
+    """A full disk leaves the old file, and no other file next to it."""
     path.write_bytes(saved.read_bytes())
     renderer.load_cache(path)
 
@@ -292,7 +291,7 @@ def test_an_empty_cache_is_a_cache(path: Path) -> None:
 
 
 def test_a_file_of_wrong_content_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
-    """Right by its checksum: an order of other meshes, checked places in no order, arrays of another format or length."""
+    """A valid checksum with invalid content: wrong meshes, unsorted checked places, arrays of another format or length."""
     head, whole = saved.read_bytes().split(b"\n", 1)
     with zipfile.ZipFile(io.BytesIO(whole[32:])) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}

@@ -1,4 +1,4 @@
-"""load_cache(update=True): records of another state of the scene, renewed as far as the change concerns them."""
+"""load_cache(update=True): records of another state of the scene, renewed where the change affects them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOX = 1  # of `room`
 
 
 def shift(x: float, y: float, z: float) -> np.ndarray:
-    """(4, 4): a move by so many metres."""
+    """Return the translation (4, 4) by these metres."""
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
@@ -33,13 +33,13 @@ def repainted(scene: Scene) -> Scene:
 
 
 def exchanged(scene: Scene) -> Scene:
-    """The box is gone, another one is there, and what is left comes in another order."""
+    """Replace the box by another one and change the order of meshes."""
     other = box((0.4, -1, 0.0), (0.8, -0.5, 0.4), material((0.8, 0.2, 0.2)))
     return replace(scene, meshes=(other, scene.meshes[0]))
 
 
 def lit_otherwise(scene: Scene) -> Scene:
-    """Another lamp, and a wall in another colour."""
+    """Return the scene with another light position, and a wall in another colour."""
     lights = tuple(replace(light, position=(-0.5, 0.2, 0.5)) for light in scene.lights)
     return replace(repainted(scene), lights=lights)
 
@@ -61,14 +61,14 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def apart(one: Frame, truth: Frame) -> float:
-    """Relative RMSE of irradiance."""
+    """Return the relative RMSE of irradiance."""
     seen = truth.weight > 0.0
     return float(np.sqrt(np.mean((one.irradiance - truth.irradiance)[seen] ** 2)) / truth.irradiance[seen].mean())
 
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tmp_path: Path) -> None:
-    """Both against a much finer render of the changed scene, about 1 % off it; and what was saved of it belongs to that."""
+    """Both have about 1 % error against a much finer render of the changed scene; a saved cache belongs to that scene."""
     scene = CHANGES[change](room())
     with Renderer(scene, SIZE, **FINE) as renderer:
         with pytest.raises(InputError, match="this record cache was made for"):
@@ -87,7 +87,7 @@ def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tm
 
 
 def test_records_on_a_moved_mesh_move_along(saved: Path) -> None:
-    """The box moves by a centimetre: so do the records on it, some twentieth to half of all, and no other one."""
+    """The box moves by a centimetre: the records on it, a twentieth to half of all, move too, and no other one does."""
     scene = moved(room(), room().meshes, BOX, shift(0.01, 0.0, 0.0))
     before = cache_file.read_any(saved).state.records
     with Renderer(scene, SIZE, **FINE) as renderer:

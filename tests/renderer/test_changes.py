@@ -1,4 +1,4 @@
-"""Changes one after the other, and changes that fail or are interrupted."""
+"""Successive changes, and changes that fail or are interrupted."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WAY = shift(0.3, 0.0, 0.2)
 
 
 def agrees(renderer: Renderer) -> None:
-    """The picture is about what a fresh renderer makes of the scene as it is now; what no record has a part in, exactly."""
+    """Assert that the picture is close to a fresh renderer's, and that buffers without records are equal."""
     frame = renderer.render()
     same = {"gather_size": renderer.settings.gather_size, "gather": renderer.settings.gather}  # 8² texels are 4 % off, rays 2 %
     with Renderer(renderer.scene, SIZE, ctx=renderer.ctx, **{**FAST, **same}) as fresh:
@@ -37,7 +37,7 @@ def agrees(renderer: Renderer) -> None:
 
 @pytest.mark.parametrize("lights", [TWO, pytest.param((), marks=pytest.mark.long)])
 def test_lights_change_and_a_mesh_moves_before_a_frame(ctx: moderngl.Context, lights: Any) -> None:
-    """More lights than the shadow maps are of, or fewer."""
+    """Change to more or fewer lights than the shadow maps have."""
     with Renderer(room(), SIZE, ctx=ctx, **FAST) as renderer:
         renderer.render()
         renderer.relight(lights)
@@ -51,7 +51,7 @@ def test_lights_change_and_a_mesh_moves_before_a_frame(ctx: moderngl.Context, li
 
 
 def state(renderer: Renderer) -> list[Any]:
-    """All that a change may change, by value."""
+    """Return all state that a change may affect, by value."""
     gatherer, cache = renderer.scheduler.gatherer, renderer.cache.read()
     known = renderer.scene.lights, renderer.settings, gatherer.settings, renderer.world.shows(renderer.scene), gatherer.unsettled
     return [*known, *(a.tobytes() for a in (*cache.values(), *flatten(renderer.scene)[:2], renderer.cache.stale))]
@@ -73,7 +73,7 @@ CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
 
 @pytest.mark.parametrize("case", CHANGES)
 def test_a_change_that_fails_changes_nothing(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, case: str) -> None:
-    """It can be made later, and the renderer goes on as before until then."""
+    """The renderer continues as before, and the change succeeds later."""
     owner, name, act = CHANGES[case]
     with Renderer(room(), SIZE, ctx=ctx, **FAST, gather="trace") as renderer:
         renderer.render()
@@ -89,7 +89,7 @@ def test_a_change_that_fails_changes_nothing(ctx: moderngl.Context, monkeypatch:
 
 
 def test_an_interrupted_change_forgets_the_records(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only some would have changed; the renderer goes on with the scene as it was, and the change can be made later."""
+    """Partial changes discard the records; the renderer continues with the old scene, and the change succeeds later."""
     with Renderer(room(), SIZE, ctx=ctx, **FAST, gather="trace") as renderer:
         renderer.render()
         scene = renderer.scene

@@ -1,6 +1,6 @@
-"""Ctrl-C at any line of a frame, or of a change: the renderer goes on, and comes to current values.
+"""Ctrl-C at any line of a frame or a change: the renderer continues and converges to current values.
 
-IRRSPLAT_INTERRUPTS: the number of lines, evenly over all that a run executes, at which a long test interrupts it (5).
+IRRSPLAT_INTERRUPTS: the number of evenly spaced lines of a run at which a long test interrupts it (5).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LONG = int(os.environ.get("IRRSPLAT_INTERRUPTS", "5"))  # lines
 
 
 def at_rest(renderer: Renderer) -> dict[str, np.ndarray]:
-    """The buffers of the view once frames find nothing to do, and the records."""
+    """Return the buffers of the converged view, and the records."""
     for _ in range(400):
         view, progress = renderer.frame()
         if progress.still:
@@ -70,8 +70,10 @@ def act_move(renderer: Renderer) -> None:
 def test_what_counts_as_current_is(
     ctx: moderngl.Context, act: Callable[[Renderer], None], settings: dict[str, Any], places: int
 ) -> None:
-    """The frames after an interruption come to a view whose g-buffer and direct light are those of a renderer that was not
-    interrupted, which stays what it is when all of it is drawn again, and whose records stay when they are gathered again."""
+    """After an interruption, g-buffer and direct light converge to those of a renderer without interruption.
+
+    A complete redraw does not change the view, and a complete gather does not change the records.
+    """
 
     def begun() -> Renderer:
         renderer = Renderer(room(), SIZE, ctx=ctx, **{**FAST, **settings})

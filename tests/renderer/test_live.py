@@ -1,4 +1,4 @@
-"""A renderer in use: ticks of limited time, settings and lights that change, other sizes, shaders read again."""
+"""Renderer in use: limited frame budgets, changes of settings and lights, other sizes, reloaded shaders."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import lamp
 
-TICK = 1e-4  # seconds: no tick gathers more than it must
+TICK = 1e-4  # seconds: each frame gathers only the minimum
 
 
 @pytest.fixture
 def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
-    """A renderer of `room` that has served FRONT whole."""
+    """A renderer of `room` with a converged view of FRONT."""
     with Renderer(room(), SIZE, ctx=ctx, **FAST) as made:
         made.render()
         yield made
 
 
 def ticks(renderer: Renderer, seconds: float | None = None, camera: Camera | None = None, most: int = 3000) -> list[Progress]:
-    """Ticks until nothing is left to do."""
+    """Render frames until no work is left; return their progress."""
     told: list[Progress] = []
     while len(told) < most and not (told and told[-1].done):
         told.append(renderer.frame(camera, seconds)[1])
     return told
 
 
-# ---- a tick's time ----------------------------------------------------------------------------------------------------
+# ---- frame budgets ----------------------------------------------------------------------------------------------------
 
 
 def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
-    """A round chooses its sites at its begin: in however many ticks they are gathered, the records lie at the same places."""
+    """A round chooses its sites at its start: records lie at the same places for any number of frames."""
     settings = {**FAST, "spread": 0.3}
     with Renderer(room(), SIZE, **settings) as small, Renderer(room(), SIZE, ctx=small.ctx, **settings) as whole:
         told, other = ticks(small, TICK), ticks(whole)
@@ -55,7 +55,7 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
         one, two = small.cache.read(), whole.cache.read()
     ended = [{p.round for p in some if p.new == 0 and p.complete} for some in (told, other)]
     assert ended[0] == ended[1] != set(), "a round is whole when all is gathered"
-    # batches of other sizes round otherwise, so that in the last rounds another pixel may request a record
+    # batches of other sizes round differently, so that another pixel may request a record in the last rounds
     count = int(0.9 * len(two["position"]))
     assert abs(len(one["position"]) - len(two["position"])) <= 2
     assert np.array_equal(one["position"][:count], two["position"][:count])
@@ -65,9 +65,10 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
 
 @pytest.mark.parametrize(("fixed", "pixels"), [(0.0, 0.02), (0.01, 0.02), (0.01, 0.15), (0.03, 0.3), (0.2, 0.3)])
 def test_the_size_of_moving_views_follows_the_budget(fixed: float, pixels: float) -> None:
-    """Drawing takes `fixed` seconds, and `pixels` more at full size. The divisor settles: it does not alternate.
+    """Drawing takes `fixed` seconds, and `pixels` more at full size. The divisor converges without oscillation.
 
-    Drawing then takes at most 0.8 of the tick, if a divisor of 4 allows that, and whole views are drawn if they fit into half.
+    Drawing then takes at most 0.8 of the budget, if a divisor of 4 allows that. Whole views are drawn if they fit into
+    half.
     """
     tick, taken, divisor = 0.05, lambda d: fixed + pixels / d**2, 1
     for _ in range(8):
@@ -78,10 +79,11 @@ def test_the_size_of_moving_views_follows_the_budget(fixed: float, pixels: float
 
 
 def test_a_moving_view_is_smaller_and_its_records_serve_the_whole_view(ctx: moderngl.Context) -> None:
-    """No tick of TICK has the time for a whole picture (each reading of the clock takes longer): the sides are divided by 4.
+    """The budget TICK never suffices for a whole picture (each reading of the clock takes longer): both sides are divided by
+    4.
 
-    Tiles are shares of the picture, so that a moving view requests the records that a whole one would. A whole
-    view of a former camera ends with at most a tenth more records than a renderer has that never moved.
+    Tiles are shares of the picture, so that a moving view requests the records of a whole one. A whole view of a former
+    camera ends with at most a tenth more records than in a renderer without motion.
     """
     size = (160, 120)
     with Renderer(room(), size, ctx=ctx, **FAST) as direct, Renderer(room(), size, ctx=ctx, **FAST) as moved:
@@ -103,7 +105,7 @@ def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:
 
 
 def test_hidden_meshes_have_no_sites(ctx: moderngl.Context) -> None:
-    """All triangles are points, without area: nothing is divided by it, and nothing is seen."""
+    """All triangles are degenerate points: no division by their area, and no visible surface."""
     with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "bounces": 3}) as renderer:
         renderer.frame(FRONT, TICK)
         meshes = tuple(hidden(mesh, mesh.positions[0]) for mesh in renderer.scene.meshes)
@@ -120,8 +122,8 @@ def test_a_frozen_cache_stays_as_it_is(renderer: Renderer) -> None:
 
 
 def test_a_view_that_cannot_be_served_ends() -> None:
-    """Rounds that gain nothing are given up, in ticks as in whole renders, and another camera starts anew."""
-    with Renderer(room(), SIZE, **FAST, tolerance=1e6) as renderer:  # Σw never comes to that
+    """Rounds without gain end, in limited frames as in whole renders, and another camera restarts them."""
+    with Renderer(room(), SIZE, **FAST, tolerance=1e6) as renderer:  # Σw never reaches it
         told = ticks(renderer, most=60)
         assert told[-1].new == 0 and told[-1].coverage < 1.0 and len(told) == 60
         quiet = renderer.cache.count
@@ -133,7 +135,7 @@ def test_a_view_that_cannot_be_served_ends() -> None:
 
 SPLAT = {"splat", "examine", "composite"}
 RENEW = SPLAT | {"gather", "reduce"}
-# what is drawn at least, what may be drawn besides, and the settings with another value that lead to it
+# stages that must draw, stages that may draw, and the settings with another value that cause it
 CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
     (set(), set(), {"max_rounds": 5, "fill_holes": False, "fade": False, "exposure": 2.0, "samples": 4, "budget": 20.0}),
     (set(), set(), {"viewer_samples": 5, "quality": 1.0, "viewer_quality": 1.0}),
@@ -144,7 +146,7 @@ CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
     (SPLAT, RENEW, {"gradients": False}),  # the radii may leave no pixel uncovered
     (SPLAT | {"gbuffer", "direct"}, set(), {"texture_memory": 64}),
     (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather_size": 16, "warmup": 10}),
-    (RENEW | {"direct"}, set(), {"gather": "plane"}),  # pixels take shadow rays by all others
+    (RENEW | {"direct"}, set(), {"gather": "plane"}),  # all other gathers use shadow rays at pixels
     (RENEW | {"shadow", "direct"}, set(), {"shadow_size": 128}),
     (RENEW | {"surface"}, set(), {"bounces": 2}),
 ]
@@ -152,7 +154,7 @@ CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
 
 @pytest.mark.few_sites
 def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer) -> None:
-    """The stages that draw after a change are those that read the setting; the others keep their results."""
+    """The stages that draw after a change are those that read the setting; other stages keep their results."""
     for least, besides, values in CHANGES:
         for name, value in values.items():
             ticks(renderer)
@@ -169,13 +171,13 @@ def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer) ->
 
 
 def test_every_setting_is_among_them() -> None:
-    """The next tests are about `bounces` = 0 and about the placement."""
+    """The next tests cover `bounces` = 0 and the placement."""
     assert {"bounces", "placement"}.union(*(values for _, _, values in CHANGES)) == set(SETTINGS)
 
 
 @pytest.mark.parametrize(("name", "value"), [("shadow_size", 128), ("gather", "plane")])
 def test_changed_settings_come_to_the_records_of_a_fresh_renderer(renderer: Renderer, name: str, value: Any) -> None:
-    """Records that were there are gathered again where they are, as a renderer that began with these settings would."""
+    """Existing records are gathered again in place, as in a renderer that started with these settings."""
     count = renderer.cache.count
     before, old = renderer.cache.read(), getattr(renderer.settings, name)
     renderer.change(replace(renderer.settings, **{name: value}))
@@ -190,7 +192,7 @@ def test_changed_settings_come_to_the_records_of_a_fresh_renderer(renderer: Rend
 
 
 def test_paper_and_default_by_one_change(ctx: moderngl.Context) -> None:
-    """The presets place their records differently: each begins with none, and comes to what it comes to alone."""
+    """The presets place their records differently: each starts without records, and equals a separate renderer."""
     paper, size = preset("paper", **FAST, warmup=20), (24, 20)
     with (
         Renderer(room(), size, ctx=ctx, **FAST) as renderer,
@@ -215,7 +217,7 @@ def dimmed(light: Light, by: float) -> Light:
 
 
 def test_lights_of_another_kind_and_number(renderer: Renderer) -> None:
-    """Their shaders are compiled for the kinds that there are: a directional light and a lamp in place of one lamp, then none."""
+    """Shaders are compiled for the present kinds: a directional and a point light in place of one point light, then none."""
     sun = Light((0.2, 1.0, 0.4), (1.0, 1.0, 1.0), directional=True)
     for lights in ([sun, *room().lights], []):
         renderer.relight(lights)
@@ -246,7 +248,7 @@ def test_another_size_keeps_the_records(renderer: Renderer) -> None:
 
 
 def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A changed shader changes the picture; one that is wrong is told by file and line, and the last good one goes on."""
+    """A changed shader changes the picture; a faulty one is reported with file and line, and the last valid one stays in use."""
     copy = tmp_path / "shaders"
     shutil.copytree(paths.folder("shaders"), copy)
     monkeypatch.setattr(shader_source, "folder", lambda name: copy)
@@ -270,7 +272,7 @@ def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch:
 
 @pytest.mark.few_sites
 def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every object that a renderer with a given context made is gone after its release, whatever changed meanwhile."""
+    """All OpenGL objects of a renderer with a given context are freed at its release, after any changes."""
     made: list[Any] = []
     for name in ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array"):
         create = getattr(moderngl.Context, name)
@@ -300,7 +302,7 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
 
 
 def test_too_many_shadow_tiles_are_refused_before_anything_changes(renderer: Renderer) -> None:
-    room_for = (int(renderer.ctx.info["GL_MAX_TEXTURE_SIZE"]) // 4096) ** 2  # tiles; a lamp takes six
+    room_for = (int(renderer.ctx.info["GL_MAX_TEXTURE_SIZE"]) // 4096) ** 2  # tiles; a point light takes six
     many = tuple(lamp((0.05 * i, 0.6, 0.2)) for i in range(room_for // 6 + 1))
     before = renderer.settings
     renderer.relight(many)

@@ -1,4 +1,4 @@
-"""Large pictures: what they need is known beforehand, a picture alone takes less, and the end of memory is one line."""
+"""Large pictures: known memory needs, less memory for a single picture, and one-line errors for a lack of memory."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
 
-SIZE = (176, 416)  # high enough for views that begin with every other pixel
+SIZE = (176, 416)  # high enough for views that start with every other pixel
 CHEAP: dict[str, Any] = {**FAST, "a": 0.8}
 ALONE = ("image", "alpha")
 
 
 @pytest.fixture
 def sparing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every picture counts as large."""
+    """Treat every picture as large."""
     monkeypatch.setattr(gl_limits, "LARGE", 0)
 
 
@@ -40,7 +40,7 @@ def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None) -> None:
     kind = {**CHEAP, "bounces": "all"}
     with Renderer(room(sky=0.5), SIZE, **kind) as renderer:
         alone = renderer.render(buffers=ALONE)
-        again = renderer.render()  # with all that was freed
+        again = renderer.render()  # with all freed resources
         with pytest.raises(InputError, match="unknown buffer 'imag' \\(did you mean 'image'"):
             renderer.render(buffers=("imag",))
     whole = irrsplat.render(room(sky=0.5), SIZE, **kind)
@@ -54,7 +54,7 @@ def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None) -> None:
 
 @pytest.fixture
 def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
-    """Bytes a pixel of SIZE that textures of that size, or of every other pixel, took at most since."""
+    """Peak bytes per pixel of SIZE, over textures of that size or of every other pixel."""
     live: dict[int, int] = {}
     most = [0]
 
@@ -65,7 +65,7 @@ def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
             texture = make(self, size, *some, **more)
             if size in (SIZE, (SIZE[0] // 2, SIZE[1] // 2)):
                 live[id(texture)] = size[0] * size[1] * bytes_of(*some, **more)
-                kept.append(texture)  # no id is used twice
+                kept.append(texture)  # keeps the ids unique
             most[0] = max(most[0], sum(n for t in kept if (n := live[id(t)]) and not isinstance(t.mglo, moderngl.InvalidObject)))
             return texture
 

@@ -1,4 +1,4 @@
-"""Moved meshes: the scene as if it had been loaded so, what goes, what stays, what is gathered again, and no ghosts."""
+"""Moved meshes: equal to a scene loaded in this state; removed, kept and renewed records, and no ghosts."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ BOX = 1  # of `room`
 
 
 def shift(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
-    """(4, 4): a move by so many metres."""
+    """Return the translation (4, 4) by these metres."""
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
 
 
 def named() -> Scene:
-    """Four meshes, two of one name."""
+    """Return four meshes, two with the same name."""
     names = ("floor", "ball", "case", "case")
     meshes = (floor(), sphere((0, 0.5, 0), 0.3, rings=6, segments=8), box((1, 0, 0), (2, 1, 1)), box((-2, 0, 0), (-1, 1, 1)))
     return scene(*(replace(m, name=n) for m, n in zip(meshes, names, strict=True)), lights=(lamp((0, 3, 0)),))
@@ -45,7 +45,7 @@ def named() -> Scene:
 
 
 def test_a_move_is_from_where_a_mesh_was_loaded() -> None:
-    """By index and by name, 4×4 and 3×4; rounding does not pile up, and what does not move is the very same."""
+    """By index and by name, 4×4 and 3×4: rounding errors do not accumulate, and unmoved meshes are identical objects."""
     world = named()
     once = moved(world, world.meshes, "ball", shift(0.3, 0.1))
     twice = moved(moved(world, world.meshes, 1, shift(5.0)), world.meshes, "ball", shift(0.3, 0.1)[:3])
@@ -57,7 +57,7 @@ def test_a_move_is_from_where_a_mesh_was_loaded() -> None:
 
 
 def test_normals_turn_and_mirrored_meshes_are_wound_anew() -> None:
-    """A stretched sphere's normals are those of the ellipsoid, across its tangents; a mirrored box is still closed."""
+    """A stretched sphere has the ellipsoid's normals, perpendicular to its tangents; a mirrored box is still closed."""
     ball = sphere((0, 0, 0), 1.0)
     stretched = transformed(ball, np.diag([3.0, 1.0, 0.5, 1.0]))
     p = stretched.positions.astype(float)
@@ -95,12 +95,12 @@ def test_what_cannot_be_is_said_in_one_line(mesh: Any, transform: Any, words: st
     assert find(world, number) == 2 == find(world, 2)
 
 
-# ---- what is left as it was -------------------------------------------------------------------------------------------
+# ---- unchanged values -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "mirrored and stretched"])
 def test_points_move_with_their_mesh(rigid: bool) -> None:
-    """As the matrix says: places and normals of random points of a ball, and vectors by its linear part."""
+    """Positions and normals of random points of a ball follow the matrix, and vectors its linear part."""
     turned = np.array([[0.36, 0.48, -0.8, 0.3], [-0.8, 0.6, 0.0, 1.0], [0.48, 0.64, 0.6, -0.2], [0, 0, 0, 1]])
     matrix = turned if rigid else turned @ np.diag([-1.0, 2.0, 1.0, 1.0])
     world = scene(floor(), sphere((0.2, 1.0, 0.1), 0.5), floor(1.0, 2.0))  # the ball's triangles come first: it is closed
@@ -123,7 +123,7 @@ def test_points_move_with_their_mesh(rigid: bool) -> None:
 
 
 def test_a_turned_room_is_the_same_room(ctx: moderngl.Context) -> None:
-    """All that there is turns, the eye too: records say the same as before without being gathered again."""
+    """All meshes and the eye rotate together: rotated records hold rotated values without a new gather."""
     walls = box((-1, -1, -1), (1, 1, 1), material((0.8, 0.6, 0.4), 0.5), outward=False)
     world = scene(walls, camera=FRONT)
     turned = np.array([[0.36, 0.48, -0.8, 0.0], [-0.8, 0.6, 0.0, 0.0], [0.48, 0.64, 0.6, 0.0]])
@@ -143,7 +143,7 @@ def test_a_turned_room_is_the_same_room(ctx: moderngl.Context) -> None:
 
 @pytest.fixture
 def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
-    """A renderer of `room` that has served FRONT whole."""
+    """A renderer of `room` with a converged view of FRONT."""
     with Renderer(room(), SIZE, ctx=ctx, **FAST) as made:
         made.render()
         yield made
@@ -159,7 +159,7 @@ def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
     ids=["out of the room", "mirrored"],
 )
 def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, transform: np.ndarray, bounces: Any) -> None:
-    """G-buffer, direct light, and values at the same sites are equal bit for bit, also where the scene grows."""
+    """G-buffer, direct light, and values at equal sites are equal bit for bit, also if the scene grows."""
     settings = {**FAST, "bounces": bounces, "gather": "trace"}
     with Renderer(room(), SIZE, ctx=ctx, **settings) as old:
         old.render()
@@ -182,7 +182,7 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, tra
 
 
 def test_records_within_a_moved_mesh_go(renderer: Renderer) -> None:
-    """The values of the others hold until they are gathered again; at rest no record lies in the box."""
+    """The values of other records stay until they are gathered again; after convergence no record lies in the box."""
     before = renderer.cache.read()
     renderer.move(BOX, shift(0.6, 0.0, -0.35))
     left, turn = renderer.cache.read(), renderer.cache.sites(slice(0, renderer.cache.count)).frame_rotation
@@ -196,7 +196,7 @@ def test_records_within_a_moved_mesh_go(renderer: Renderer) -> None:
 
 
 def test_what_no_record_sees_leaves_the_records(ctx: moderngl.Context) -> None:
-    """A box that moves in a closed room next door: no record is gathered again. Where the box is in view, many are."""
+    """A box moves in a closed room next door: no record is renewed. With the box in view, many are."""
     grey = material(0.6)
     here = box((-1, -1, -1), (1, 1, 1), grey, outward=False), box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), grey)
     there = box((9, -1, -1), (11, 1, 1), grey, outward=False), box((9.5, -1, -0.5), (10.0, -0.3, 0.0), grey)
@@ -213,7 +213,7 @@ def test_what_no_record_sees_leaves_the_records(ctx: moderngl.Context) -> None:
 
 @pytest.mark.few_sites
 def test_moves_in_ticks_leave_nothing_behind(ctx: moderngl.Context) -> None:
-    """A mesh that moves at every tick, and comes back: the picture is a fresh render's, within what records differ."""
+    """A mesh moves in every frame and returns: the picture is a fresh render's, within the noise of records."""
     with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "bounces": "all"}) as renderer:
         first = renderer.render()
         for x in (0.1, 0.3, 0.2):
@@ -229,7 +229,7 @@ def test_moves_in_ticks_leave_nothing_behind(ctx: moderngl.Context) -> None:
 
 @pytest.mark.long
 def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
-    """A step of 6 cm a frame, each a tick of so many rays: frames against fresh renders of their scenes."""
+    """A step of 6 cm per frame with a ray budget: each frame is compared with a fresh render of its scene."""
     settings = {**FAST, "gather_size": 32, "bounces": "all"}
     off = []
     with Renderer(room(), SIZE, **settings) as renderer:
@@ -247,7 +247,7 @@ def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
 
 @pytest.mark.parametrize("length", [0.05, 4.0, 8.0])
 def test_ways_through_many_triangles_are_held_against_those_about_them(length: float) -> None:
-    """Short and long ways come to what holding each against all triangles does; a wall stops the longest ones early."""
+    """Short and long segments give the result of an exhaustive test over all triangles; a wall blocks the longest ones early."""
     draw = np.random.default_rng(5)
     start = (draw.uniform(-1.0, 1.0, (200, 3)) * (0.2, 0.2, 0.02)).astype("f4").astype(float)
     end = start + length * np.array([0.6, 0.64, 0.48])

@@ -1,4 +1,4 @@
-"""No hole at rest: after any changes every pixel that sees a surface has a record once nothing is gathered."""
+"""No holes in a converged view: after any changes, every surface pixel has a record."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tests.support.worlds import lamp
 
 
 def holes(view: View) -> int:
-    """How many pixels see a surface, and have no record."""
+    """Return the number of surface pixels without a record."""
     seen = pixels(view.gbuffer.position)[..., 3] > 0.0
     return int(np.count_nonzero(seen & (pixels(view.splats.weight)[..., 0] <= 0.0)))
 
 
 def rest(renderer: Renderer, camera: Camera | None, seconds: float | None, most: int = 4000) -> tuple[View, list[Progress]]:
-    """Ticks until nothing is gathered any more."""
+    """Render frames until no record is gathered."""
     told: list[Progress] = []
     while not (told and told[-1].still):
         assert len(told) < most, f"no rest: {told[-1]}"
@@ -48,7 +48,7 @@ def coarser(renderer: Renderer) -> None:
 
 @pytest.mark.parametrize("second", [relit, coarser])
 def test_no_hole_at_rest_after_changes(second: Callable[[Renderer], None]) -> None:
-    """A box moves, and before the view rests another change comes. The fuzzers of tests/trust try many more."""
+    """A box moves, and a second change follows before convergence. The fuzzers of tests/trust try many more."""
     with Renderer(room(), (64, 48), **FAST) as renderer:
         rest(renderer, FRONT, 0.02)
         moved(renderer)

@@ -1,4 +1,4 @@
-"""Renders again, elsewhere, and beside each other: records persist, pictures repeat to the bit, renderers keep apart."""
+"""Repeated, moved and simultaneous renders: records persist, pictures repeat to the bit, renderers are independent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.worlds import box, floor, lamp, scene
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """One renderer of `room` that has rendered FRONT once."""
+    """A renderer of `room` after one render of FRONT."""
     with Renderer(room(), SIZE, **FAST) as made:
         made.render()
         yield made
@@ -27,7 +27,7 @@ def same(one: Frame, other: Frame, names: tuple[str, ...] = tuple(CHANNELS)) -> 
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
-# ---- the same again ---------------------------------------------------------------------------------------------------
+# ---- repetition -------------------------------------------------------------------------------------------------------
 
 
 def test_fresh_renderers_agree_bit_for_bit() -> None:
@@ -59,7 +59,7 @@ def test_away_and_back_gathers_hardly_anything_the_second_time(renderer: Rendere
 
 
 def turned(camera: Camera, degrees: float) -> Camera:
-    """The camera turned to the left about its own up vector."""
+    """Return the camera rotated to the left about its up vector."""
     t = np.radians(degrees)
     right, up, backward = camera.axes
     forward = -np.cos(t) * backward - np.sin(t) * right
@@ -67,11 +67,11 @@ def turned(camera: Camera, degrees: float) -> Camera:
 
 
 def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
-    """What the rounds added up one after the other is what one draw of all records gives: a picture depends on records alone."""
+    """The sum of several rounds equals one draw of all records: a picture depends on records alone."""
     with Renderer(room(), SIZE, **FAST) as fresh:
         rounds = fresh.render()
-        fresh.render(turned(FRONT, 180.0))  # whose records do not tell those of the first view how far these reach
-        cleared = fresh.render()  # drawn anew: every record in one go, those of the other view last
+        fresh.render(turned(FRONT, 180.0))  # its records do not limit the radii of the first view's
+        cleared = fresh.render()  # redrawn: all records at once, those of the other view last
         count = rounds.stats["records"]
         fresh.cache.truncate(count)
         fresh.forget(records=False)
@@ -81,11 +81,11 @@ def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
     assert cleared.stats["records"] > count
 
 
-# ---- several at once --------------------------------------------------------------------------------------------------
+# ---- several renderers ------------------------------------------------------------------------------------------------
 
 
 def test_renderers_do_not_disturb_each_other() -> None:
-    """Two renderers of different scenes and sizes, by turns, and each released while the other lives: as if they were alone."""
+    """Two renderers of different scenes and sizes take turns, each is released while the other lives: results as if alone."""
     worlds = {(48, 40): room(), (30, 50): scene(floor(1.0), box((0, 0, 0), (0.3, 0.4, 0.3)), lights=(lamp((1, 2, 1)),), sky=0.2)}
     alone = {}
     for size, world in worlds.items():
@@ -103,7 +103,7 @@ def test_renderers_do_not_disturb_each_other() -> None:
 
 
 def test_a_given_context_is_left_to_its_owner() -> None:
-    """A renderer in its caller's context draws the same picture, and leaves that context alive and current, as a window needs."""
+    """A renderer in its caller's context draws the same picture, and leaves the context alive and current for a window."""
     alone = rendered(room())
     mine = context.create()
     with Renderer(room(), SIZE, ctx=mine, **FAST) as one:

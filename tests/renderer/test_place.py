@@ -1,4 +1,4 @@
-"""Where a scene lies and how large it is changes nothing but its positions: far from 0 0 0 it is drawn relative to an origin."""
+"""Invariance to a scene's position and size, except for its positions: distant scenes are drawn relative to an origin."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from irrsplat.scene.model import Scene
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, rendered, room
 from tests.support.gltf_files import GltfFile
 
-# Multiples of a power of two that is greater than the room, so that its numbers are the same again relative to the origin
+# Multiples of a power of two greater than the room, so that relative coordinates are exactly equal
 FAR = [(1e4, -1e4, 2e4), (-1e6, 1e6, 3e6)]
 Place = tuple[float, float, float]
 
 
 def same(far: Frame, near: Frame, place: Place) -> None:
-    """Asserts that one view is the other, but for positions, which float32 holds to some 1e-7 of their distance."""
+    """Assert that two views are equal except for positions, which have float32 errors of about 1e-7 of their distance."""
     seen = np.isfinite(near.depth)
     assert seen.any() and np.array_equal(seen, np.isfinite(far.depth))
     slack = 1e-7 * np.abs(place).max()
@@ -40,7 +40,7 @@ def same(far: Frame, near: Frame, place: Place) -> None:
 
 
 def wavefront(folder: Path, place: Place) -> Path:
-    """The room as one .obj, of absolute numbers; camera and light stand in."""
+    """Write the room as one .obj with absolute coordinates; camera and light are stand-ins."""
     lines, first = [], 1
     for mesh in room().meshes:
         lines += ["v {:.9f} {:.9f} {:.9f}".format(*row) for row in mesh.positions + np.array(place)]
@@ -52,7 +52,7 @@ def wavefront(folder: Path, place: Place) -> Path:
 
 
 def text(folder: Path, place: Place) -> Path:
-    """The same .obj in a .scene, with a camera and a lamp."""
+    """Write this .obj in a .scene with a camera and a light."""
     wavefront(folder, place)
     x, y, z = np.add(room().lights[0].position, place)
     (folder / "lamp.light").write_text(f"position {x:.9f} {y:.9f} {z:.9f} 1\nintensity 5 4 3\n")
@@ -63,7 +63,7 @@ def text(folder: Path, place: Place) -> Path:
 
 
 def gltf(folder: Path, place: Place) -> Path:
-    """Meshes under a node that moves them; camera and light stand in."""
+    """Write the meshes under a node with a translation; camera and light are stand-ins."""
     file = GltfFile()
     meshes = [file.mesh(indices=m.faces.astype(np.uint32), POSITION=m.positions, NORMAL=m.normals) for m in room().meshes]
     children = [file.node(mesh=mesh) for mesh in meshes]
@@ -73,7 +73,7 @@ def gltf(folder: Path, place: Place) -> Path:
 
 
 def saved(folder: Path, place: Place) -> Path:
-    """A scene that was loaded and written again."""
+    """Write a loaded scene again."""
     scene = irrsplat.load(text(folder, place))
     path = folder / "again.scene"
     assert write_scene(scene, path) == ""
@@ -99,7 +99,7 @@ def test_a_file_far_away_is_the_file_near_by(written: Callable[[Path, Place], Pa
 
 
 def test_what_callers_give_and_get_is_in_world_space() -> None:
-    """Cameras, lights, moves about a point, poses, and the scene that comes back."""
+    """Cameras, lights, moves about a point, poses, and the returned scene use world space."""
     place = FAR[1]
     about = np.array([0.3, 0.2, -0.1])
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -126,13 +126,13 @@ def test_what_callers_give_and_get_is_in_world_space() -> None:
 
 
 def times(factor: float, place: Place) -> Place:
-    """A vector that much longer."""
+    """Return a scaled vector."""
     x, y, z = (factor * v for v in place)
     return x, y, z
 
 
 def scaled(scene: Scene, factor: float) -> Scene:
-    """The scene `factor` times as large, its lamps stronger by the square of that: so that all light is the same."""
+    """Return the scene scaled by `factor`, with light powers scaled by its square, so that irradiance is equal."""
     lamps = (
         replace(lamp, position=times(factor, lamp.position), color=times(factor**2, lamp.color))  # W/sr
         for lamp in scene.lights
@@ -142,9 +142,9 @@ def scaled(scene: Scene, factor: float) -> Scene:
 
 
 @pytest.mark.few_sites
-@pytest.mark.parametrize("factor", [2.0**-20])  # in scenes above 25 m the eye of a record is at most 2.5 mm off its surface
+@pytest.mark.parametrize("factor", [2.0**-20])  # above 25 m, a record's ray offset is limited to 2.5 mm
 def test_no_threshold_is_absolute(factor: float) -> None:
-    """A factor that is a power of two rounds nothing: all bits of light are the same, with all bounces too."""
+    """A power of two causes no rounding: all bits of light are equal, also with all bounces."""
     frames = []
     for by in (1.0, factor):
         camera = replace(FRONT, eye=times(by, FRONT.eye), target=times(by, FRONT.target))

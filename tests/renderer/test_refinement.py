@@ -1,4 +1,4 @@
-"""Refinement of a view at rest: errors fall, the estimate is honest, and the view goes back to what its settings make of it."""
+"""Progressive refinement: errors fall, the estimate is reliable, and changes restore the view of the settings."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Render
 
 
 def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Renderer) -> None:
-    """Ticks of a millisecond come to the same bits as one call; after a look elsewhere nothing of them is left."""
+    """Frames of a millisecond give the same bits as one call; motion discards the refinement."""
     renderer.forget()
     renderer.change(renderer.settings.with_values({"quality": 0.0}))
     plain = renderer.render()
@@ -60,7 +60,7 @@ def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Render
         while progress is None or not progress.refined:
             view, progress = renderer.refine(None, target, seconds)
         pictures.append(np.frombuffer(view.image.read(), "f4").copy())
-        assert renderer.frame()[0] is view  # it stays while nothing moves
+        assert renderer.frame()[0] is view  # it stays without motion
     assert np.array_equal(pictures[0], pictures[1])
     renderer.frame("corner")
     renderer.forget()
@@ -69,7 +69,7 @@ def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Render
 
 @pytest.mark.few_sites
 def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
-    """With three bounces, ticks come to the error aimed at; the records follow the refined values."""
+    """With three bounces, frames reach the target error; the records follow the refined values."""
     with Renderer(irrsplat.load(write_room(tmp_path)), (32, 24), **(COARSE | {"bounces": 3})) as renderer:
         first = renderer.render().irradiance
         progress = None
@@ -82,7 +82,7 @@ def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_a_refinement_with_the_picture_that_there_is(renderer: Renderer) -> None:
-    """The error is told of each step, and falls to the quality; with Ctrl-C it is that of the last step."""
+    """Each step reports its error, which falls to the quality; after Ctrl-C it is that of the last step."""
     renderer.forget()
     renderer.change(renderer.settings.with_values({"quality": 12.0}))
     told: list[float] = []

@@ -1,4 +1,4 @@
-"""Other lights and another sky: at rest, records and pictures are those of a fresh render."""
+"""Changed lights and sky: converged records and pictures equal those of a fresh render."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ TRACED: dict[str, Any] = {**FAST, "gather": "trace"}
 
 
 def lit_by(*lights: Light, glow: tuple[float, float, float] = (0.0, 0.0, 0.0), sky: float = 0.0) -> Scene:
-    """The room with these lamps and an emitting left wall."""
+    """Return the room with these lights and an emissive left wall."""
     plain = room(sky)
     return replace(repainted(plain, len(plain.meshes) - 1, material((0.7, 0.1, 0.1), glow)), lights=lights)
 
 
 def coloured(light: Light, *factor: float) -> Light:
-    """The light with these factors on its colour."""
+    """Return the light with these factors on its colour."""
     return replace(light, color=tuple((np.array(light.color) * factor).tolist()))
 
 
@@ -57,10 +57,11 @@ def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
 @pytest.mark.few_sites
 @pytest.mark.parametrize("bounces", [1, "all"])
 def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounces: Any) -> None:
-    """In ticks under other lights, records hold what a fresh cache gathers at the same sites.
+    """Under changed lights, records converge to those of a fresh cache at equal sites.
 
-    Lights move: one bounce is the same bit for bit. Further bounces were coarse first, and records that differ by more than 2 %
-    are gathered again. One of three, under a sky and by an emissive wall, changes its colour, goes out and on again.
+    Lights move: one bounce is equal bit for bit. Further bounces are coarse first, and records with a difference above 2 %
+    are gathered again. One of three lights, under a sky and next to an emissive wall, changes its colour, goes out and on
+    again.
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
@@ -83,7 +84,7 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
 @pytest.mark.few_sites
 @pytest.mark.parametrize("bounces", [1, "all"])
 def test_a_lone_lamp_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> None:
-    """Light is linear in its only source: the next tick, however short, shows the picture of a fresh render."""
+    """Light is linear in its only source: the next frame, however short, shows a fresh render's picture."""
     settings = {**TRACED, "bounces": bounces}
     after = lit_by(dimmed(LAMP, 0.3))
     with Renderer(lit_by(LAMP), SIZE, ctx=ctx, **settings) as old, Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
@@ -99,7 +100,7 @@ def test_a_lone_lamp_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> N
 
 
 def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
-    """The renderer's own fine gather of one bounce at some of its pixels."""
+    """Return the renderer's fine gather of one bounce at some of its pixels."""
     seen = paper_scan.read_back(renderer.frame(gather=False)[0].gbuffer)
     size = renderer.settings.shadow_size
     return fine_gather.gather(renderer.world, seen, size, count, seconds=1e6)
@@ -107,7 +108,7 @@ def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
 
 @pytest.mark.long
 def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:
-    """Over five seeds: a single pixel at the foot of a box may double the error of one."""
+    """Five seeds: a single pixel at the foot of a box may double one seed's error."""
     before = irrsplat.load("cornell")
     (old,) = before.lights
     x, y, z = old.position
@@ -127,9 +128,9 @@ def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:
 
 @pytest.mark.parametrize("bounces", [1, pytest.param("all", marks=pytest.mark.long)])
 def test_another_sky_lights_in_proportion_and_a_map_of_one_radiance_as_that(bounces: Any) -> None:
-    """A box on a floor, and no light but the sky: three times its radiance is three times the irradiance everywhere.
+    """A box on a floor under a sky alone: three times the radiance gives three times the irradiance everywhere.
 
-    A map of the same radiance all around does the same; the records stay, and at rest nothing is left of the old sky.
+    A map of uniform radiance has the same effect; the records stay, and no trace of the old sky remains after convergence.
     """
     plain = scene(floor(), box((-0.5, 0.0, -0.5), (0.5, 0.7, 0.5)), sky=1.0)
     tripled = replace(plain, sky=(3.0, 3.0, 3.0))

@@ -1,4 +1,4 @@
-"""The frame as a whole: what is promised of every buffer, of convergence and of repetition, on small pictures."""
+"""Whole frames: contracts of every buffer, of convergence and of repetition, on small pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FRONT = Camera((0.0, 0.0, 0.95), (0.0, -0.1, -1.0), fov=60.0)
 
 
 def room(sky: float = 0.0) -> Scene:
-    """A room of 2 m in three colours, open in front, a box in it, and a lamp."""
+    """Return a room of 2 m in three colours, open in front, with a box and a light in it."""
     walls = box((-1, -1, -1), (1, 1, 1), material((0.8, 0.7, 0.6)), outward=False)
     things = box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), material((0.2, 0.6, 0.8)))
     left = quad((-0.99, -1, -1), (0, 0, 2), (0, 2, 0), material((0.7, 0.1, 0.1), (0.05, 0.0, 0.0)))
@@ -33,7 +33,7 @@ def room(sky: float = 0.0) -> Scene:
 
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
-    """One renderer of `room` that has rendered FRONT once."""
+    """A renderer of `room` after one render of FRONT."""
     with Renderer(room(), SIZE, **FAST) as made:
         made.render()
         yield made
@@ -50,7 +50,7 @@ def rendered(world: Scene, size: tuple[int, int] = SIZE, camera: Camera | None =
 
 
 def check(frame: Frame, size: tuple[int, int], sky: tuple[float, float, float]) -> None:
-    """Names, shapes, types; NaN and infinity nowhere but in depth; zeros where nothing is seen; indirect and image add up."""
+    """Assert names, shapes and types; finite values except in depth; zeros in the background; the sum of indirect and image."""
     count = frame.stats["records"]
     for name, channel in CHANNELS.items():
         array = getattr(frame, name)
@@ -93,7 +93,7 @@ def test_no_geometry_is_the_sky(preset: str) -> None:
 
 
 def test_black_and_white_surfaces() -> None:
-    """Black reflects nothing, yet its irradiance is known; white reflects all. A quad of each under a uniform sky: E = π·L."""
+    """Black reflects no light but has an irradiance; white reflects all. A quad of each under a uniform sky: E = π·L."""
     black = quad((-2, 0, -2), (2, 0, 0), (0, 0, 4), material(0.0))
     white = quad((0, 0, -2), (2, 0, 0), (0, 0, 4), material(1.0))
     frame = rendered(scene(black, white, sky=2.0), gather_size=16)
@@ -105,10 +105,10 @@ def test_black_and_white_surfaces() -> None:
 
 
 def test_a_camera_inside_a_wall_sees_black() -> None:
-    """Inside a solid no light comes, and nothing else is wrong about it."""
+    """Inside a solid the picture is black, and all buffers are valid."""
     solid = box((-1, -1, -1), (1, 1, 1), material(0.9))
     world = scene(solid, lights=(lamp((0, 5, 0)),), sky=1.0)
-    frame = rendered(world, camera=Camera((0, 0, 0.2), (0, 0, -1)), shadow_size=1024)  # finer: a wall is steep to the lamp
+    frame = rendered(world, camera=Camera((0, 0, 0.2), (0, 0, -1)), shadow_size=1024)  # finer: a wall is steep towards the light
     check(frame, SIZE, (1.0, 1.0, 1.0))
     assert not frame.direct.any() and np.isfinite(frame.depth).all()
     assert frame.image.max() < 1e-3, "of a sky of 1 outside; at the edges the records' own shadow samples see a little"
@@ -130,14 +130,14 @@ def test_zero_bounces_is_direct_light_alone() -> None:
 
 @pytest.mark.parametrize(("blend", "weights"), [(0.0, (1.0, 0.0)), (0.8, (0.4, 1.0))])
 def test_blend_weighs_direct_against_indirect(blend: float, weights: tuple[float, float]) -> None:
-    """min(1, 2(1-b)) and min(1, 2b); irradiance, indirect and direct themselves do not change."""
+    """The weights are min(1, 2(1-b)) and min(1, 2b); irradiance, indirect and direct do not change."""
     frame = rendered(room(), blend=blend)
     truth = weights[0] * frame.direct + weights[1] * frame.indirect + frame.emission
     assert np.allclose(frame.image, truth, rtol=1e-4, atol=1e-6)
 
 
 def test_exposure_is_a_number_or_found() -> None:
-    """Walls of ρ = 0.8 come out between 176 and 201 of 255, as white rooms in Mitsuba's pictures do, black ones dark."""
+    """Walls of ρ = 0.8 have values between 176 and 201 of 255, as white rooms in Mitsuba's pictures; black ones are dark."""
     for rho, least, most in ((0.8, 176, 201), (0.03, 30, 60)):
         walls = box((-1, -1, -1), (1, 1, 1), material(rho), outward=False)
         picture = rendered(scene(walls, lights=(lamp((0.2, 0.3, 0.9)),), camera=FRONT)).picture
@@ -148,7 +148,7 @@ def test_exposure_is_a_number_or_found() -> None:
 
 @pytest.mark.parametrize("side", [4, 128])
 def test_every_gather_size_in_range_gathers(side: int) -> None:
-    """In a furnace E = π·L_e at any resolution: coarse ones are for speed, odd ones are rounded."""
+    """In a furnace E = π·L_e at any resolution; odd sizes are rounded."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 2.0), outward=False), camera=FRONT)
     frame = rendered(world, (12, 10), gather_size=side)
     assert np.allclose(frame.irradiance, 2.0 * np.pi, rtol=0.02)
@@ -158,7 +158,7 @@ def test_every_gather_size_in_range_gathers(side: int) -> None:
 
 
 def unserved(frame: Frame) -> int:
-    """The number of seen pixels whose Σw is below the threshold 1/a, or the tolerance that was set."""
+    """Return the number of surface pixels with Σw below the threshold 1/a, or below the given tolerance."""
     settings: Any = frame.stats["settings"]
     least = 1.0 / settings["a"] if settings["tolerance"] == "auto" else settings["tolerance"]
     return int((np.isfinite(frame.depth) & (frame.weight < least * (1 - 1e-5))).sum())
@@ -173,7 +173,7 @@ def test_converged_means_that_every_pixel_is_served(settings: dict[str, Any]) ->
 
 @pytest.mark.parametrize(("size", "at"), [((400, 400), (-0.6, 0.5)), ((40, 40), (0.45, -0.6))])
 def test_a_small_thing_is_served_wherever_it_is_seen(size: tuple[int, int], at: tuple[float, float]) -> None:
-    """Rounds take the fields of a chess board by turns: a round in which no field of its colour asks is not the last one."""
+    """Rounds alternate between the colours of a chess board: one round without a request does not end the render."""
     thing = quad((at[0], at[1], 0), (0.16, 0, 0), (0, 0.16, 0), material(0.5, 0.1))
     frame = rendered(scene(thing, sky=1.0), size, Camera((0, 0, 2), (0, 0, 0)))
     assert frame.stats["converged"] and frame.stats["records"] > 0
@@ -198,7 +198,7 @@ def test_progress_tells_each_round() -> None:
 
 
 def test_ctrl_c_yields_the_last_whole_round() -> None:
-    """Interrupted in its second round, the picture is that of the rounds before; and the renderer goes on as if nothing were."""
+    """An interruption in the second round yields the picture of the previous rounds; the renderer then continues normally."""
 
     def interrupt(progress: Any) -> None:
         if progress.round == 2:
@@ -221,7 +221,7 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
 
 
 def test_a_view_is_shown_in_a_framebuffer_of_its_size_alone(ctx: moderngl.Context) -> None:
-    """Twice the exposure is brighter; a window of another size is refused."""
+    """A higher exposure is brighter; a framebuffer of another size is refused."""
     with Renderer(room(), (32, 24), ctx=ctx, **FAST) as renderer, Target(ctx, (32, 24), (4,)) as target:
         view, shown = renderer.frame()[0], []
         for stops in (None, renderer.stops(view) + 1.0):

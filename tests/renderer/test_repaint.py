@@ -1,4 +1,4 @@
-"""Other materials and hidden meshes: records are gathered again in place, and in the end they are those of a fresh render."""
+"""Changed materials and hidden meshes: records are gathered again in place and converge to those of a fresh render."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ RED = Material((0.8, 0.1, 0.05))
 
 
 def world() -> Scene:
-    """The room with a small box in it."""
+    """Return the room with a small box in it."""
     scene = room()
     return replace(scene, meshes=(*scene.meshes, replace(box((0.4, -0.9, -0.5), (0.8, -0.5, -0.1)), name="box")))
 
 
 def mean(renderer: Renderer) -> np.ndarray:
-    """(3,) the irradiance of the view."""
+    """Return the mean irradiance (3,) of the view."""
     return np.nanmean(renderer.render().irradiance, axis=(0, 1))
 
 
 def without(scene: Scene, number: int) -> Scene:
-    """The scene with a mesh hidden."""
+    """Return the scene with a hidden mesh."""
     meshes = list(scene.meshes)
     meshes[number] = hidden(meshes[number], scene.meshes[0].positions[0])
     return replace(scene, meshes=tuple(meshes))
@@ -46,7 +46,7 @@ def without(scene: Scene, number: int) -> Scene:
     ],
 )
 def test_a_repainted_scene_is_lit_as_a_fresh_one(ctx: moderngl.Context, what: str, bounces: Any) -> None:
-    """In ticks, without a hole at the end, and without one of its records."""
+    """Limited frames leave no hole and no stale record at the end."""
     before = after = world()
     last = len(before.meshes) - 1
     if what == "walls red":

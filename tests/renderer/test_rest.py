@@ -1,4 +1,4 @@
-"""The viewer at rest, and in flight over what it has seen: samples add up, then nothing is drawn, and nothing is made anew."""
+"""Viewer in converged views and in flight over known views: samples accumulate, then neither draws nor new objects occur."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ SAMPLES = 6
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A viewer that takes SAMPLES a pixel while it rests."""
+    """A viewer with SAMPLES samples per pixel in a converged view."""
     with viewing(write_room(tmp_path_factory.mktemp("room")), (160, 120), viewer_samples=SAMPLES) as made:
         yield made
 
 
 @pytest.fixture
 def spied(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Counts what is drawn, by program, and what is made, by kind of OpenGL object, from now on; clear it to begin."""
+    """Count draws by program, and new OpenGL objects by kind; clear the counter to start."""
     counts: Counter[str] = Counter()
 
     def watch(owner: type, name: str, label: Any) -> None:
@@ -46,7 +46,7 @@ def spied(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def settle(driver: Driver) -> None:
-    """Frames as they come with a budget of 1 ms: a sample a frame."""
+    """Render frames with a budget of 1 ms: one sample per frame."""
     driver.session.change(0, budget=1.0, viewer_samples=SAMPLES)
     driver.settle()
 
@@ -55,7 +55,7 @@ def settle(driver: Driver) -> None:
 
 
 def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
-    """At most one sample a frame in so small a budget, none in the first; in the end, the picture that a render has."""
+    """A small budget gives at most one sample per frame, none in the first; the final picture is that of a render."""
     settle(driver)
     session = driver.session
     assert session.views[0].samples == SAMPLES and session.ms == {}
@@ -76,7 +76,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
 
 
 def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, spied: Counter[str]) -> None:
-    """Another exposure, another buffer, marks over it, a record inspected: samples stay. Blend, lamp, camera: they start over."""
+    """Exposure, buffer, overlays and an inspected record keep the samples; blend, light and camera restart them."""
     settle(driver)
     spied.clear()
     session, actions = driver.session, driver.actions
@@ -103,12 +103,12 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
         assert not session.at_rest and session.views[0].samples == 1
 
 
-# ---- nothing is drawn, nothing is made --------------------------------------------------------------------------------
+# ---- no draws, no new objects -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", ["panels", "marks", "split"])
 def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Counter[str], case: str) -> None:
-    """Each frame copies the picture that there is into the window, and the interface goes over it: nothing is made."""
+    """Each frame copies the existing picture into the window and draws the interface: no object is made."""
     actions, options = driver.actions, driver.session.options
     if case == "panels":
         actions.panels.settings = actions.panels.hud = actions.panels.lights = True
@@ -117,21 +117,21 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     elif case == "split":
         driver.session.split("buffers")
     settle(driver)
-    driver.frame(2)  # what was opened has its place now
+    driver.frame(2)  # opened panels have their place now
     spied.clear()
     driver.frame(5)
     assert spied == {}
 
 
 def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:
-    """The same way a second time, with the cursor on the picture, its value shown, and the exposure following."""
+    """A second flight along the same path, with the cursor on the picture, its value on show, and automatic exposure."""
     driver.actions.auto_exposure()
     driver.actions.panels.hud = True
     driver.session.change(0, viewer_samples=0)
     home = driver.session.camera
     cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]
     driver.move(80, 60)
-    for camera in 3 * cameras:  # where a later view's records contradict one, it draws back, and the next flight fills that
+    for camera in 3 * cameras:  # later views can shrink a record's radius; the next flight fills the gap
         driver.actions.go(camera)
         driver.settle()
     spied.clear()

@@ -1,4 +1,4 @@
-"""Where a test process ended that ended without a word: hooks of pytest and xdist, which itself tells no more than the test."""
+"""Stack traces of crashed test processes: hooks of pytest and xdist, which reports only the test's name."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-_FOLDER = "IRRSPLAT_TEST_STACKS"  # environment variable: where test processes write where they ended
-_held: list[Any] = []  # the folder, and in test processes the file, as long as the process lives
+_FOLDER = "IRRSPLAT_TEST_STACKS"  # environment variable: folder of the traces of test processes
+_held: list[Any] = []  # the folder and, in test processes, the file, kept open for the life of the process
 
 
 @pytest.hookimpl(trylast=True)  # after pytest's own, which writes to the terminal alone
 def pytest_configure(config: pytest.Config) -> None:
-    """Have test processes write where they end to a file of their own."""
+    """Let test processes write the trace of a crash to their own file."""
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker is None:
         _held.append(folder := TemporaryDirectory())
@@ -27,7 +27,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_handlecrashitem(report: Any) -> None:
-    """Say where the process of this test ended."""
+    """Add the crash's trace to the test's report."""
     file = Path(os.environ[_FOLDER]) / report.node.gateway.id
     lines = file.read_text().splitlines() if file.is_file() else []
     where = "\n".join(line for line in lines if line.strip() and "site-packages" not in line)

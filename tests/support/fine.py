@@ -1,6 +1,6 @@
-"""Truths that fine gathers find in bundled scenes, kept in fine.npz: `python -m tests.support.fine` makes them anew, in minutes.
+"""References from fine gathers in bundled scenes, in fine.npz; `python -m tests.support.fine` renews them in minutes.
 
-Each says which scene it belongs to; run it again whenever one changes. Luminances, Rec. 709.
+Each stores its scene's hash; renew them after a change of a scene. Luminances, Rec. 709.
 """
 
 from __future__ import annotations
@@ -22,15 +22,14 @@ from tests.support.worlds import Lit
 
 FILE = Path(__file__).with_suffix(".npz")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
-SIZE = 200  # pixels a side of the picture for Bends
-PIXELS = 400  # of them
+SIZE = 200  # pixels per side of the picture for Bends
+PIXELS = 400  # chosen pixels
 ROUND = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))  # a pixel and its neighbours
 
 
 @dataclass(frozen=True)
 class Bends:
-    """Of N smooth pixels (N, 2), row and column, of the first camera's view of `cornell`: E (5, N) at ROUND by 49 thousand
-    directions."""
+    """E (5, N) at ROUND of N smooth pixels (N, 2), row and column, in the first view of `cornell`, by 49 thousand directions."""
 
     hash: str
     pixels: np.ndarray
@@ -38,13 +37,13 @@ class Bends:
 
 
 def seen(ctx: moderngl.Context, world: Scene, side: int) -> Seen:
-    """What the first camera sees on side² pixels."""
+    """Return the first camera's visible surfaces at side² pixels."""
     with irrsplat.Renderer(world, (side, side), ctx=ctx, bounces=1) as renderer:
         return read_back(renderer.frame(gather=False)[0].gbuffer)
 
 
 def sites_at(view: Seen, pixels: np.ndarray) -> Sites:
-    """The points at pixels (N, 2)."""
+    """Return the points at pixels (N, 2)."""
     at = tuple(pixels.T)
     return Sites(view.position[at], view.normal[at], view.geometric[at])
 
@@ -53,7 +52,7 @@ def sites_at(view: Seen, pixels: np.ndarray) -> Sites:
 
 
 def load(name: str, world: Scene) -> Bends:
-    """Return the truth for the bundled scene `name`, which is `world`."""
+    """Return the reference for the bundled scene `name`, which is `world`."""
     with np.load(FILE) as data:
         found = {field.name: data[f"Bends/{name}/{field.name}"] for field in fields(Bends)}
     found["hash"] = found["hash"].item()
@@ -62,7 +61,7 @@ def load(name: str, world: Scene) -> Bends:
 
 
 def main() -> None:
-    """Make the file: the truth around pixels drawn at random from the smooth ones."""
+    """Write the file: the reference around random smooth pixels."""
     world = irrsplat.load("cornell")
     with context.shared() as ctx, Lit(ctx, world, Settings().shadow_size) as lit:
         view = seen(ctx, world, SIZE)

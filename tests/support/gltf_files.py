@@ -1,4 +1,4 @@
-"""Writes small glTF files from numbers."""
+"""Writer of small glTF files from arrays."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class GltfFile:
-    """A glTF tree that grows with each call, and the bytes of its one buffer."""
+    """Growing glTF tree, and the bytes of its single buffer."""
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {"asset": {"version": "2.0"}}
         self.data = b""
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
-        """The index of `entry` in the list called `kind`, to which it is added."""
+        """Add `entry` to the list `kind`; return its index."""
         self.tree.setdefault(kind, []).append(entry)
         return len(self.tree[kind]) - 1
 
     def view(self, data: bytes, **more: Any) -> int:
-        """The index of a new buffer view that holds `data`."""
+        """Add a buffer view of `data`; return its index."""
         self.data += b"\0" * (-len(self.data) % 4)
         index = self.add("bufferViews", {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **more})
         self.data += data
         return index
 
     def accessor(self, array: np.ndarray, stride: int | None = None, **more: Any) -> int:
-        """The index of a new accessor that holds an array (N,) or (N, n); stride: in bytes, what lies between is 255."""
+        """Add an accessor of an array (N,) or (N, n); return its index. stride: in bytes, padded with 255."""
         rows = np.ascontiguousarray(array).reshape(len(array), -1)
         size = rows.shape[1] * rows.itemsize
         padded = np.full((len(rows), stride or size), 255, np.uint8)
@@ -50,7 +50,7 @@ class GltfFile:
         return self.add("accessors", {"bufferView": view, **kind, **more})
 
     def mesh(self, material: dict[str, Any] | None = None, indices: np.ndarray | None = FACES, **attributes: Any) -> int:
-        """The index of a new mesh: the tetrahedron, unless POSITION is given; attributes are arrays or indices of accessors."""
+        """Add a mesh, by default the tetrahedron; return its index. attributes: arrays or indices of accessors."""
         given = {"POSITION": POINTS, **attributes}
         found = {name: array if isinstance(array, int) else self.accessor(array) for name, array in given.items()}
         primitive: dict[str, Any] = {"attributes": found}
@@ -61,30 +61,30 @@ class GltfFile:
         return self.add("meshes", {"primitives": [primitive]})
 
     def node(self, **entry: Any) -> int:
-        """The index of a new node."""
+        """Add a node; return its index."""
         return self.add("nodes", entry)
 
     def texture(self, pixels: np.ndarray, kind: str = "PNG", **sampler: Any) -> int:
-        """The index of a new texture: an image (H, W, 3 or 4) in a buffer view."""
+        """Add a texture of an image (H, W, 3 or 4) in a buffer view; return its index."""
         image = self.add("images", {"bufferView": self.view(encoded(pixels, kind)), "mimeType": f"image/{kind.lower()}"})
         return self.add("textures", {"source": image, **({"sampler": self.add("samplers", sampler)} if sampler else {})})
 
     def used(self, *extensions: str) -> None:
-        """Notes extensions as used."""
+        """Register extensions as used."""
         self.tree.setdefault("extensionsUsed", []).extend(extensions)
 
     def inline(self) -> dict[str, Any]:
-        """The tree with its buffer in a data URI."""
+        """Return the tree with its buffer in a data URI."""
         uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
         return {**self.tree, "buffers": [{"byteLength": len(self.data), "uri": uri}]} if self.data else self.tree
 
     def gltf(self, path: Path) -> Path:
-        """`path`, to which the file is written as one .gltf."""
+        """Write the file as one .gltf and return `path`."""
         path.write_text(json.dumps(self.inline()))
         return path
 
     def packed(self) -> bytes:
-        """The file as a GLB, its buffer in a chunk of its own."""
+        """Return the file as a GLB, with its buffer in a chunk."""
         text = json.dumps({**self.tree, "buffers": [{"byteLength": len(self.data)}]}).encode()
         text, data = text + b" " * (-len(text) % 4), self.data + b"\0" * (-len(self.data) % 4)
         body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
@@ -97,17 +97,17 @@ class GltfFile:
 
 
 def f32(values: Any) -> np.ndarray:
-    """`values` as an array of 32-bit floats."""
+    """Return `values` as an array of 32-bit floats."""
     return np.asarray(values, np.float32)
 
 
 def typed(kind: type, values: Any) -> np.ndarray:
-    """`values` as an array of numbers of this kind."""
+    """Return `values` as an array of this kind."""
     return np.asarray(values, kind)
 
 
 def encoded(pixels: np.ndarray, kind: str = "PNG") -> bytes:
-    """The bytes of an image file with these pixels."""
+    """Return the bytes of an image file with these pixels."""
     stream = io.BytesIO()
     PIL.Image.fromarray(pixels).save(stream, kind, **({"lossless": True, "exact": True} if kind == "WebP" else {}))
     return stream.getvalue()

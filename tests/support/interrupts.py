@@ -14,8 +14,10 @@ CORE = str(Path(irrsplat.__file__).parent)
 
 
 def run(act: Callable[[], object], interrupt_at: int | None = None) -> tuple[int, bool]:
-    """How many lines of irrsplat `act` executes, and whether Ctrl-C came out of it: that comes before the line of number
-    `interrupt_at`, if there are so many."""
+    """Return the number of irrsplat's lines that `act` executes, and True if it raised KeyboardInterrupt.
+
+    interrupt_at: the number of the line before which Ctrl-C occurs.
+    """
     count, came_out = 0, False
 
     def trace(frame: FrameType, event: str, _: Any) -> Any:

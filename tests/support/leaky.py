@@ -1,4 +1,4 @@
-"""Scenes where light must not pass: two rooms, a table and a ball; their views, and the truth at pixels."""
+"""Scenes for light leaks: two rooms, a table and a ball; their views, and references at pixels."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ WALL = 0.01  # metres
 
 
 def rooms(wall: float = WALL, without: str = "") -> Scene:
-    """Two rooms under one ceiling on one floor, parted by a `wall` so thick (0: a sheet), a lamp in the one where x < 0.
+    """Return two rooms with a common ceiling and floor, separated by a `wall` of this thickness (0: a sheet); one is lit.
 
-    without: "ceiling", "end" (the wall at z = Z) or nothing is taken away.
+    The light is in the room where x < 0. without: the missing part, "ceiling", "end" (the wall at z = Z) or "".
     """
     part = quad((0, 0, -Z), (0, 0, 2 * Z), (0, Y, 0), WHITE)
     if wall:
@@ -44,55 +44,55 @@ def rooms(wall: float = WALL, without: str = "") -> Scene:
 
 
 def in_the_dark(position: np.ndarray, normal: np.ndarray, wall: float = WALL) -> np.ndarray:
-    """(…,) bool: which points (…, 3), with normals towards the eye, belong to the room without light."""
+    """Return a mask (…,) of points (…, 3) in the dark room; normals point towards the eye."""
     return (position[..., 0] > wall / 2 + 1e-4) | ((position[..., 0] > wall / 2 - 1e-4) & (normal[..., 0] > 0.5))
 
 
 def table() -> Scene:
-    """A room with a table, 1.6 by 0.9 m, its top 2 cm thick at 70 cm on four legs, and a lamp above it."""
+    """Return a room with a table of 1.6 by 0.9 m, its top 2 cm thick at 70 cm on four legs, and a light above it."""
     legs = [box((x, 0, z), (x + 0.05, 0.68, z + 0.05), RED) for x in (-0.75, 0.70) for z in (-0.4, 0.35)]
     return scene(room(), box((-0.8, 0.68, -0.45), (0.8, 0.70, 0.45), RED), *legs, lights=(lamp((0.3, 2.0, 0.2), 20.0),))
 
 
 def resting() -> Scene:
-    """A room with a ball of 40 cm radius that rests on its floor."""
+    """Return a room with a ball of 40 cm radius on its floor."""
     return scene(room(), sphere((0.0, 0.4, 0.0), 0.4, RED), lights=(lamp((1.2, 2.2, 0.9), 20.0),))
 
 
 def room() -> Mesh:
-    """Four by four metres, Y high, seen from within."""
+    """Return a room of four by four metres, Y high, facing inward."""
     return box((-2, 0, -2), (2, Y, 2), Material((0.6, 0.6, 0.6)), outward=False)
 
 
-# ---- what is seen of them -----------------------------------------------------------------------------------------------
+# ---- views -------------------------------------------------------------------------------------------------------------
 
 
 def camera(eye: Sequence[float], target: Sequence[float], fov: float = 60.0) -> Camera:
-    """A camera that stands upright, unless it looks straight down."""
+    """Return an upright camera, or one straight down."""
     down = np.hypot(eye[0] - target[0], eye[2] - target[2]) < 1e-3
     return Camera(tuple(eye), tuple(target), (0.0, 0.0, -1.0) if down else UP, fov)  # type: ignore[arg-type]
 
 
 def random_cameras(low: Sequence[float], high: Sequence[float], count: int, seed: int = 3) -> list[Camera]:
-    """Cameras anywhere in a box, looking anywhere in it."""
+    """Return random cameras in a box with random targets in it."""
     rng = np.random.default_rng(seed)
     return [camera(*rng.uniform(low, high, (2, 3))) for _ in range(count)]
 
 
 @dataclass(frozen=True)
 class Look:
-    """A view: what the g-buffer has (Seen), and the irradiance (H, W, 3) that the renderer says is there."""
+    """View: visible surfaces of the g-buffer, and the renderer's irradiance (H, W, 3)."""
 
     seen: Seen
     irradiance: np.ndarray
     records: int
 
     def where(self, some: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
-        """(≤ count, 2) rows and columns, drawn at random from the pixels of the mask `some` (H, W)."""
+        """Return rows and columns (≤ count, 2) of random pixels in the mask `some` (H, W)."""
         return np.random.default_rng(seed).permutation(np.argwhere(some & self.seen.mask))[:count]
 
     def sites(self, pixels: np.ndarray) -> Sites:
-        """The points at pixels (N, 2)."""
+        """Return the points at pixels (N, 2)."""
         at = tuple(pixels.T)
         seen = self.seen
         assert seen.triangle is not None
@@ -102,7 +102,7 @@ class Look:
 def look(
     ctx: moderngl.Context, world: Scene, cameras: Sequence[Camera], how: str, size: tuple[int, int] = SIZE, **rest: Any
 ) -> list[Look]:
-    """The views from `cameras` in turn by the gather `how`, one cache for all of them."""
+    """Render the views from `cameras` in turn with the gather `how` and one common cache."""
     out = []
     with irrsplat.Renderer(world, size, ctx=ctx, gather=how, bounces=1, **rest) as renderer:
         for one in cameras:
@@ -113,8 +113,10 @@ def look(
 
 
 def truth(ctx: moderngl.Context, world: Scene, views: Sequence[Look], pixels: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """E (N, 3) at pixels (N, 2) of each view, by 12 thousand rays from every one of them, which are within 1 % of
-    four times as many: nothing is interpolated."""
+    """Return E (N, 3) at pixels (N, 2) of each view, by 12 thousand rays per pixel, without interpolation.
+
+    The result is within 1 % of four times as many rays.
+    """
     parts = [view.sites(at) for view, at in zip(views, pixels, strict=True)]
     joined = Sites(
         *(np.concatenate([getattr(p, name) for p in parts]) for name in ("position", "normal", "geometric", "triangle"))

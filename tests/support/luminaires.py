@@ -1,4 +1,4 @@
-"""Photometric files that are written from numbers, and the light of luminaires by formula."""
+"""Photometric files from arrays, and the light of luminaires by formula."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Intensity = Callable[[np.ndarray, np.ndarray], np.ndarray]  # cd by vertical and
 
 
 def steps(first: float, last: float, count: int) -> list[float]:
-    """Evenly spaced angles in degrees."""
+    """Return evenly spaced angles in degrees."""
     return np.linspace(first, last, count).tolist()
 
 
@@ -28,7 +28,7 @@ def ies_text(
     units: int = 2,
     factors: str = "1 1 100",
 ) -> str:
-    """A file with these angles in degrees and the intensities there; kind: 1, 2 or 3 for photometry of type C, B or A."""
+    """Return a file with these angles in degrees and their intensities; kind: 1, 2 or 3 for photometry of type C, B or A."""
     v, h = np.meshgrid(np.radians(vertical), np.radians(horizontal))
     counts = f"{len(vertical)} {len(horizontal)}"
     rows = [" ".join(f"{x:.9g}" for x in row) for row in (vertical, horizontal, *candela(v, h))]
@@ -37,36 +37,38 @@ def ies_text(
 
 
 def isotropic(v: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """100 cd in all directions: 400π lm."""
+    """Return 100 cd in all directions: 400π lm."""
     return np.full(v.shape, 100.0)
 
 
 def lambert(v: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """1000·cos γ cd downwards, nothing upwards: 1000π lm."""
+    """Return 1000·cos γ cd downwards, 0 upwards: 1000π lm."""
     return 1000.0 * np.maximum(np.cos(v), 0.0)
 
 
 def street(v: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """A street light's: more to the front (0°) than to the back, two beams aside at some 60° from the nadir, nothing upwards."""
-    aside = np.degrees(np.arccos(np.cos(h)))  # 0..180, the same on both sides
+    """Return a street light's intensity: more to the front (0°), two side beams about 60° from the nadir, 0 upwards."""
+    aside = np.degrees(np.arccos(np.cos(h)))  # 0..180, equal on both sides
     beam = 1.0 + 3.0 * np.exp(-(((np.degrees(v) - 60.0) / 12.0) ** 2) - ((aside - 65.0) / 20.0) ** 2)
     return 400.0 * np.maximum(np.cos(v), 0.0) ** 0.3 * beam * (1.2 + np.cos(h) * np.sin(v))
 
 
 def lopsided(v: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Different in every direction, upwards as well."""
+    """Return intensities that differ in every direction, upwards as well."""
     return 300.0 + 150.0 * np.cos(h - 0.7) * np.sin(v) + 80.0 * np.sin(3.0 * h) * np.sin(v) ** 2 + 90.0 * np.cos(v)
 
 
 def photometry(polar: Sequence[float], azimuth: Sequence[float], candela: Intensity) -> Photometry:
-    """One of type C with these angles in degrees and the intensities there."""
+    """Return photometry of type C with these angles in degrees and their intensities."""
     v, h = np.meshgrid(np.radians(polar), np.radians(azimuth))
     return Photometry(np.array(polar), np.array(azimuth), candela(v, h), np.diag([1.0, 1.0, -1.0]))
 
 
 def bilinear(candela: Intensity, vertical: Sequence[float], horizontal: Sequence[float], way: np.ndarray) -> np.ndarray:
-    """(…,) cd along ways (…, 3) from a luminaire in its own frame, aimed along −z with 0° at +x: linear between these angles,
-    which go all around, or are one."""
+    """Return (…,) cd along directions (…, 3) from a luminaire in its own frame, aimed along −z with 0° at +x.
+
+    The intensity is linear between these angles; horizontal angles cover a full circle or are a single one.
+    """
     v, h = np.meshgrid(np.radians(vertical), np.radians(horizontal), indexing="ij")
     values = candela(v, h)
     x, y, z = np.moveaxis(way, -1, 0)

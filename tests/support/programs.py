@@ -1,4 +1,4 @@
-"""The programs of docs/programs/, to be called by tests."""
+"""Import of the programs of docs/programs/ in tests."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "docs" / "programs"
 
 
 def program(name: str) -> ModuleType:
-    """The program of that name, as a module."""
+    """Return a program as a module."""
     spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

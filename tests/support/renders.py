@@ -1,4 +1,4 @@
-"""Pictures of bundled scenes that tests only read: each is rendered once, however many tests want it."""
+"""Pictures of bundled scenes for read-only use: each is rendered once for all tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.truth import SIZE
 def rendered(
     name: str, size: tuple[int, int] = (SIZE, SIZE), preset: str = "default", **settings: Unpack[SettingValues]
 ) -> Frame:
-    """The bundled scene from its first camera; its arrays are shared, and cannot be written to."""
+    """Return the bundled scene from its first camera; its arrays are shared and read-only."""
     return _rendered(name, size, preset, tuple(sorted(settings.items())))
 
 

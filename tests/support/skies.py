@@ -1,4 +1,4 @@
-"""Skies from arrays and formulas, files that hold them, and sums over the sphere to compare with."""
+"""Skies from arrays and formulas, their files, and reference sums over the sphere."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from irrsplat.sky.split import split
 
 
 def mapped(scene: Scene, radiance: np.ndarray, turn: float = 0.0) -> Scene:
-    """The scene under an equirectangular map (H, W, 3), as a file of it would be read; up is y."""
+    """Return the scene under an equirectangular map (H, W, 3), as from a file; up is y."""
     light, suns = split(radiance.astype("f4"))
     return with_sky(Sky(environment=Environment(radiance.astype("f4"), light, suns), turn=turn), scene, np.eye(3))
 
 
 def cie(scene: Scene, sky: CieSky) -> Scene:
-    """The scene under a CIE sky; up is y."""
+    """Return the scene under a CIE sky; up is y."""
     return with_sky(Sky(environment=sky.environment("CIE")), scene, np.eye(3))
 
 
 def without_lights(scene: Scene) -> Scene:
-    """The scene without lamps and suns."""
+    """Return the scene without lights and suns."""
     return replace(scene, lights=())
 
 
 def irradiance(radiance: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(N, 3) E = Σ L·max(n·ω, 0)·dω of an equirectangular map (H, W, 3) on planes of unit normals (N, 3) that see all of it."""
+    """Return E = Σ L·max(n·ω, 0)·dω (N, 3) of an equirectangular map (H, W, 3) on planes of unit normals (N, 3)."""
     height, width = radiance.shape[:2]
     weight = radiance * solid_angles(height, width)[:, None, None]
     ways = texel_directions(height, width)

@@ -1,7 +1,7 @@
-"""Compare a frame with the path-traced reference data in tests/reference, by the measures that the project promises.
+"""Comparison of frames with the path-traced references in tests/reference, by the project's error measures.
 
 A reference holds some thousand pixels of a 400×400 image of a bundled scene. `python -m tests.reference.make` makes them
-(needs the extra `reference`); reading and comparing them needs numpy alone.
+(needs the extra `reference`); reading and comparison need numpy alone.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from irrsplat.scene.model import Camera, Light, Scene
 
 SIZE = 400  # pixels; references are square images of this side
 FOLDER = Path(__file__).resolve().parents[1] / "reference"
-FAR_FROM_EDGES = 3  # direct light is compared where a shadow's edge is farther than this, in pixels
+FAR_FROM_EDGES = 3  # pixels: direct light is compared farther from shadow edges than this
 
 
 @dataclass(frozen=True)
 class Reference:
-    """The truth at N pixels of a SIZE×SIZE image from the scene's default camera.
+    """Reference at N pixels of a SIZE×SIZE image from the scene's default camera.
 
-    pixels: (N, 2) row and column, top row first. position, normal: (N, 3) world space, the shading normal turned to the
-    camera. irradiance: (N, 3) one-bounce indirect irradiance in W/m². direct: (N, 3) ρ/π·E_direct in W/(m² sr).
-    edge: (N,) distance in pixels to the nearest edge of a shadow, a cone or a surface. noise: (N, 3) standard error of
-    irradiance in W/m². agreement: relative RMS difference of two independent halves. samples: rays of each kind per pixel.
-    irradiance_all, noise_all, agreement_all, samples_all: the same of all bounces.
+    pixels: (N, 2) row and column, top row first. position, normal: (N, 3) world space, the shading normal towards the
+    camera. irradiance: (N, 3) one-bounce indirect irradiance in W/m². direct: (N, 3) ρ/π·E_direct in W/(m² sr). edge: (N,)
+    distance in pixels to the nearest edge of a shadow, a cone or a surface. noise: (N, 3) standard error of irradiance in
+    W/m². agreement: relative RMS difference of two independent halves. samples: rays of each kind per pixel.
+    irradiance_all, noise_all, agreement_all, samples_all: the same values for all bounces.
     """
 
     scene: str
@@ -50,12 +50,12 @@ class Reference:
     samples_all: int
 
     def of(self, bounces: int | str) -> tuple[np.ndarray, float]:
-        """Irradiance (N, 3) and the agreement of its halves, of 1 or of "all" bounces."""
+        """Return irradiance (N, 3) and the agreement of its halves, for 1 or "all" bounces."""
         return {1: (self.irradiance, self.agreement), "all": (self.irradiance_all, self.agreement_all)}[bounces]
 
 
 def load_reference(scene_name: str) -> Reference:
-    """The reference data of a bundled scene; FileNotFoundError where none has been made."""
+    """Return the reference of a bundled scene; raise FileNotFoundError without one."""
     with np.load(FOLDER / f"{scene_name}.npz") as data:
         values = {k: data[k] if data[k].ndim else data[k].item() for k in data.files}
     for name in ("position", "normal", "irradiance", "direct", "noise", "irradiance_all", "noise_all"):
@@ -65,15 +65,15 @@ def load_reference(scene_name: str) -> Reference:
 
 
 def scene_hash(scene: Scene) -> str:
-    """A hash of all that the reference depends on: geometry, materials, lights, sky and the default camera.
+    """Return a hash of the reference's inputs: geometry, materials, lights, sky and the default camera.
 
-    Coordinates count to 1e-4 of the scene's diagonal, other numbers to four digits, normals in sum: the hash tells another
-    scene from this one, but not the last bit of one machine's sine from another's.
+    Coordinates count to 1e-4 of the scene's diagonal, other numbers to four digits, normals in sum. The hash is independent
+    of the last bit of a machine's sine.
     """
     digest = hashlib.sha256()
 
     def add(values: Any, step: float) -> None:
-        # the offset keeps round numbers, which scenes are full of, away from where rounding could go either way
+        # the offset keeps round numbers, which are frequent in scenes, away from rounding boundaries
         digest.update(np.floor(np.asarray(values, np.float64) / step + 0.381966).astype(np.int64).tobytes())
 
     length = 1e-4 * float(f"{scene.diagonal:.3g}")
@@ -102,20 +102,19 @@ def _light_numbers(light: Light) -> list[float]:
 
 
 def camera_numbers(camera: Camera) -> np.ndarray:
-    """(10,) eye, target, up and vertical field of view in degrees."""
+    """Return eye, target, up and vertical field of view in degrees (10,)."""
     return np.array([*camera.eye, *camera.target, *camera.up, camera.fov], np.float64)
 
 
 def compare(frame: Any, reference: Reference, bounces: int | str = 1) -> dict[str, float]:
-    """How far a frame of SIZE×SIZE pixels is from the truth of 1 or "all" `bounces`.
+    """Return the errors of a frame of SIZE×SIZE pixels against the reference of 1 or "all" `bounces`.
 
-    A frame may also have SIZE/k pixels a side, k odd: then its pixels' centres are those of every k-th pixel of SIZE×SIZE.
-
+    A frame may also have SIZE/k pixels per side, k odd: its pixel centres are those of every k-th pixel of SIZE×SIZE.
 
     `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of
-    pixels where any channel is off by more than 30 % of the mean. `direct_rms`, `direct_max`: error of direct over its
-    mean, away from shadow edges; `direct_off`: share of those pixels that are off by more than 2 % of the mean.
-    `misplaced`: share of pixels whose position is off by more than 0.2 % of the scene's diagonal. 0 is perfect, always.
+    pixels with an error above 30 % of the mean in any channel. `direct_rms`, `direct_max`: error of direct over its mean,
+    away from shadow edges; `direct_off`: share of those pixels with an error above 2 % of the mean. `misplaced`: share of
+    pixels whose position is off by more than 0.2 % of the scene's diagonal. 0 is always perfect.
     """
     height, width = frame.irradiance.shape[:2]
     step = SIZE // height

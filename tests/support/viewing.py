@@ -1,4 +1,4 @@
-"""The viewer in a window in memory, driven as by a user: keys, mouse and text come in, and frames pass in between."""
+"""Viewer in an off-screen window with simulated keys, mouse and text, and frames in between."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ FAST: SettingValues = {
     "viewer_quality": 0.0,
 }
 LEFT, RIGHT = 1, 2
-SAFETY = 120.0  # seconds that a wait for a thread may take; it decides no outcome
+SAFETY = 120.0  # seconds: limit of a wait for a thread; no result depends on it
 ROOM = """cam 0 0 2.6  0 0 0  0 1 0
 cam corner 0.5 0.3 0.6  -0.6 -0.4 -0.6  0 1 0
 proj 50 1 0.1 100
@@ -83,7 +83,7 @@ OBJECTS = {
 
 
 def write_room(folder: Path) -> Path:
-    """An open room of 2 m with one lamp and a box in it, as files in `folder`; the .scene."""
+    """Write an open room of 2 m with a light and a box into `folder`; return the .scene."""
     for name, text in {**OBJECTS, "lamp.light": LAMP, "room.scene": ROOM}.items():
         (folder / name).write_text(text)
     return folder / "room.scene"
@@ -91,7 +91,7 @@ def write_room(folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class ShownView(Owner):
-    """A renderer's view as the viewer shows it, and the same as arrays."""
+    """View of a renderer with the viewer's exposure, and its arrays."""
 
     source: ViewSource
     frame: Frame
@@ -106,21 +106,21 @@ class ShownView(Owner):
 
     @property
     def seen(self) -> np.ndarray:
-        """(H, W) where the camera sees something."""
+        """Mask (H, W) of pixels with a surface."""
         return np.isfinite(self.frame.depth)
 
     def draw(self, target: Target, name: str, region: Region | None = None) -> np.ndarray:
-        """The picture (H, W, 3) of a buffer, top row first."""
+        """Return the picture (H, W, 3) of a buffer, top row first."""
         self.buffer_view.draw(target, name, self.source, region)
         return target.read()[..., :3]
 
     def value(self, name: str, x: int, y: int) -> np.ndarray | None:
-        """The value of a buffer at a pixel."""
+        """Return the value of a buffer at a pixel."""
         return self.buffer_view.value(name, self.source, x, y)
 
 
 def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
-    """The first camera's view after so many rounds of gathering, in the shared context."""
+    """Return the first camera's view after `rounds` rounds of gathering, in the shared context."""
     quick: dict[str, Any] = {"bounces": 1, "gather_size": 16, "shadow_size": 128} | settings
     renderer = Renderer(scene, size, ctx=context.shared(), **quick)
     for _ in range(rounds):
@@ -132,7 +132,7 @@ def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), 
 
 @dataclass(frozen=True)
 class Widget:
-    """What a widget is, as imgui calls it, and where it lies without the label beside it.
+    """Widget by its imgui kind, and its box without the label next to it.
 
     box: left, top, right, bottom in window coordinates.
     """
@@ -142,21 +142,21 @@ class Widget:
     box: tuple[float, float, float, float]
 
     def at(self, along: float = 0.5) -> tuple[float, float]:
-        """A point of it, `along` 0..1 from left to right."""
+        """Return a point of it, `along` 0..1 from left to right."""
         left, top, right, bottom = self.box
         return left + along * (right - left), 0.5 * (top + bottom)
 
 
 class Driver:
-    """A Viewer, and what a user does with it. Every frame is checked for OpenGL errors."""
+    """Viewer with simulated input. Every frame is checked for OpenGL errors."""
 
     def __init__(self, viewer: Viewer, values: SettingValues) -> None:
         self.viewer, self.wnd = viewer, viewer.wnd
-        self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
+        self.values, self.source = values, viewer.actions.source  # restored by `reset`
         self.scene = viewer.actions.session.scene  # likewise
         self.size = self.wnd.size
-        self.density = 1.0  # that `reset` goes back to
-        self.records: CacheState | None = None  # of the view that `reset` goes back to, once it was at rest
+        self.density = 1.0  # restored by `reset`
+        self.records: CacheState | None = None  # of the initial converged view, for `reset`
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
 
@@ -187,7 +187,7 @@ class Driver:
             assert error == "GL_NO_ERROR", error
 
     def settle(self, most: int = 400, when: str = "") -> None:
-        """Frames until nothing is left to do, and one more, which shows it. when: for the message where that takes too long."""
+        """Render frames until no work is left, and one more to show the result. when: text for the error at the limit."""
         for _ in range(most):
             self.frame()
             if self.session.at_rest:
@@ -195,35 +195,37 @@ class Driver:
         pytest.fail(f"not at rest after {most} frames {when}: {self.session.progress}")
 
     def window(self) -> np.ndarray:
-        """What the window shows: (H, W, 3) uint8, top row first."""
+        """Return the window's pixels, (H, W, 3) uint8, top row first."""
         width, height = self.wnd.buffer_size
         pixels = self.wnd.fbo.read((0, 0, width, height), components=3, alignment=1)
         return np.frombuffer(pixels, "u1").reshape(height, width, 3)[::-1].copy()
 
     def canvas(self) -> np.ndarray:
-        """What lies under the interface, likewise."""
+        """Return the pixels below the interface, (H, W, 3) uint8, top row first."""
         texture = self.viewer.canvas.textures[0]
         return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[::-1, :, :3].copy()
 
     def resize(self, size: tuple[int, int], density: float = 1.0) -> None:
-        """The window has another size; (0, 0): it is minimised. density: so many pixels across has a unit of it; with few, frames
-        take little time, and widgets stand where they would with many."""
+        """Resize the window; (0, 0) minimises it.
+
+        density: pixels per window unit. Low values save time, with unchanged widget positions.
+        """
         if all(size) and size != self.wnd.size:
-            self.viewer.ctx.detect_framebuffer(0).use()  # the window frees its own, which is bound
+            self.viewer.ctx.detect_framebuffer(0).use()  # the window frees its bound framebuffer
             self.wnd.size = size
             self.wnd.use()
-        pixels = [round(density * n) for n in size]  # which the window in memory forgets
+        pixels = [round(density * n) for n in size]  # the off-screen window does not store it
         self.wnd._buffer_width, self.wnd._buffer_height = pixels
 
     # ---- keys ----------------------------------------------------------------------------------------------------
 
     def down(self, name: str) -> None:
-        """A key goes down; as on X11, a modifier's own event comes with the modifiers before it."""
+        """Press a key; as on X11, a modifier's own event has the modifiers before it."""
         self.viewer.controls.key(self._number(name), self.wnd.keys.ACTION_PRESS, self.modifiers)
         self._modify(name, True)
 
     def up(self, name: str) -> None:
-        """A key goes up."""
+        """Release a key."""
         self.viewer.controls.key(self._number(name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
         self._modify(name, False)
 
@@ -240,7 +242,7 @@ class Driver:
             self.modifiers.alt = on
 
     def press(self, name: str, ctrl: bool = False, shift: bool = False) -> None:
-        """A key goes down and up, and a frame passes."""
+        """Press and release a key, and render a frame."""
         held = ("LEFT_CTRL",) * ctrl + ("LEFT_SHIFT",) * shift
         for modifier in held:
             self.down(modifier)
@@ -251,7 +253,7 @@ class Driver:
         self.frame()
 
     def type(self, text: str) -> None:
-        """Text is typed."""
+        """Type text."""
         for char in text:
             self.viewer.controls.text(char)
         self.frame(2)
@@ -259,7 +261,7 @@ class Driver:
     # ---- mouse ---------------------------------------------------------------------------------------------------
 
     def move(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
-        """The mouse comes to (x, y), or, captured, moves by (dx, dy)."""
+        """Move the mouse to (x, y), or, captured, by (dx, dy)."""
         was = self.viewer.controls.mouse
         if not (dx or dy):
             dx, dy = x - was[0], y - was[1]
@@ -271,11 +273,11 @@ class Driver:
         act(x, y, button)
 
     def click(self, x: float, y: float, button: int = LEFT) -> None:
-        """A click at a place, slow enough for the interface to follow."""
+        """Click at a point, slowly enough for the interface."""
         self.drag((x, y), (x, y), button)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], button: int = LEFT) -> None:
-        """Down at `start`, moved to `end` in four steps, up."""
+        """Press at `start`, move to `end` in four steps, release."""
         self.move(*start)
         self.frame(2)
         self.button(True, button)
@@ -289,7 +291,10 @@ class Driver:
     # ---- the interface -------------------------------------------------------------------------------------------
 
     def find(self, label: str, beside: str = "", header: bool = False) -> Widget:
-        """The last frame's widget of that label; of several, the one in the same line as `beside`. header: one to unfold."""
+        """Return the last frame's widget with this label.
+
+        beside: label of another widget in the same line, for ambiguous labels. header: True for a collapsible header.
+        """
         found = [w for w in self.widgets if w.label.split("##")[0] == label and header == (w.kind == "collapsing_header")]
         if beside:
             line = self.find(beside).at()[1]
@@ -303,7 +308,7 @@ class Driver:
             self.click(*self.find(label).at())
 
     def enter(self, widget: Widget, text: str) -> None:
-        """Type a value into a slider: Ctrl+click, all of it anew, Enter."""
+        """Type a value into a slider: Ctrl+click, replace all, Enter."""
         self.down("LEFT_CTRL")
         self.click(*widget.at())
         self.press("A")
@@ -313,17 +318,17 @@ class Driver:
         self.frame(2)
 
     def split_presets(self) -> None:
-        """Two presets side by side, the right one (paper) with settings for a fast picture; at rest."""
+        """Show two presets side by side, the right one (paper) with settings for a fast picture; wait for convergence."""
         self.session.split("presets")
         self.quicken()
         self.settle()
 
     def quicken(self) -> None:
-        """Settings for a fast picture on the right side."""
+        """Apply settings for a fast picture on the right side."""
         self.session.change(1, warmup=20, a=0.8, gather_size=8, shadow_size=64, viewer_samples=0)
 
     def reset(self) -> None:
-        """As when it was opened: options, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
+        """Restore the initial state: options, panels, camera, settings, lights; no widget under the mouse, a converged view."""
         actions, session = self.actions, self.session
         self.resize(self.size, self.density)
         self.viewer.controls.focus_changed(True)
@@ -337,7 +342,7 @@ class Driver:
         session.unpark()
         for snapshot in list(session.snapshots):
             session.forget_snapshot(snapshot)
-        actions.pending, actions.editor.saved = None, actions.editor.edit  # nobody is asked
+        actions.pending, actions.editor.saved = None, actions.editor.edit  # without a question
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
@@ -362,12 +367,12 @@ class Driver:
         if self.records is None:
             self.settle()
             self.records = renderer.scheduler.state()
-        else:  # the same again is not gathered again
+        else:  # an equal state is not gathered again
             renderer.forget()
             renderer.scheduler.follow(renderer.settings, renderer.scheduler.change_to(renderer.scene), renderer.shadows)
             renderer.scheduler.restore(self.records)
             self.settle()
-            self.frame(8)  # in which the interface forgets what was clicked
+            self.frame(8)  # the interface drops its click state
 
 
 _WIDGETS = (
@@ -378,13 +383,13 @@ _WIDGETS = (
 
 @contextmanager
 def watched(driver: Driver) -> Iterator[None]:
-    """While this lasts, the driver sees where the widgets of its viewer lie."""
+    """Record the widgets' boxes of the driver's viewer in this context."""
     plain = {name: getattr(imgui, name) for name in _WIDGETS}
 
     def watch(name: str, make: Callable[..., Any]) -> Callable[..., Any]:
         def widget(label: str, *args: Any, **options: Any) -> Any:
             result = make(label, *args, **options)
-            if name in ("begin_menu", "begin_combo") and result:  # then the last item is another window's
+            if name in ("begin_menu", "begin_combo") and result:  # then the last item belongs to another window
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             right = high.x
@@ -408,7 +413,7 @@ def watched(driver: Driver) -> Iterator[None]:
 def viewing(
     source: str | Path, size: tuple[int, int] = SIZE, preferences: Preferences | None = None, **settings: Unpack[SettingValues]
 ) -> Iterator[Driver]:
-    """A viewer of the scene at `source` with settings for fast pictures; closed at the end without saving preferences."""
+    """Open a viewer of the scene at `source` with settings for fast pictures; close it without saving preferences."""
     if preferences is None:
         ui: dict[str, object] = {"panels": {"controls": False}}
         preferences = Preferences(values={**FAST, **settings}, ui=ui)
@@ -424,23 +429,23 @@ def viewing(
 
 
 def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The driver as when it was opened, at rest, its context current; what the viewer writes goes to `folder`."""
+    """Provide the driver in its initial converged state, its context current; the viewer writes to `folder`."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "config"))
     monkeypatch.setenv("XDG_PICTURES_DIR", str(folder / "pictures"))
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # so that a changed view is at rest sooner
+    monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # for faster convergence of a changed view
     with driver.wnd.ctx:
         driver.reset()
         yield driver
 
 
 class Tracer:
-    """Stands in for the path tracer: at work until `go` is set, then done with a made-up irradiance.
+    """Stand-in for the path tracer: busy until `go` is set, then done with a synthetic irradiance.
 
-    early: passes that are made before that. calls: the requested cameras, sizes and bounces, in order.
-    The plan has two passes over coarse pixels and two over all of them.
+    early: passes before that. calls: the requested cameras, sizes and bounces, in order. The plan has two passes over
+    coarse pixels and two over all of them.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, early: int = 0) -> None:
@@ -475,7 +480,7 @@ class Tracer:
 
     @staticmethod
     def make(size: tuple[int, int]) -> dict[str, np.ndarray]:
-        """Return another irradiance for every pixel, up to 2 W/m²; every fifth is no surface."""
+        """Return a different irradiance for every pixel, up to 2 W/m²; every fifth is background."""
         chance = np.random.default_rng(5)
         shape = size[1], size[0]
         seen = chance.random(shape) < 0.8
@@ -484,14 +489,14 @@ class Tracer:
 
     @classmethod
     def traced(cls, size: tuple[int, int]) -> Traced:
-        """Return the same with all else that a truth has, in grey."""
+        """Return it with the other channels of a reference, in grey."""
         found = cls.make(size)
         grey = np.full((*found["seen"].shape, 3), 0.5, "f4")
         kinds = dict.fromkeys(("direct", "emission", "albedo", "normal", "tint", "glow"), grey)
         return Traced(**found, **kinds, opacity=grey[..., 0], clear=found["seen"])
 
     def begin(self, driver: Driver) -> None:
-        """Pass frames until a thread traces the view on show, and wait until it has made its early passes."""
+        """Render frames until a thread traces the view on show, and wait for its early passes."""
         for _ in range(20):
             driver.frame()
             if (thread := driver.session.truths._tracing) is not None:
@@ -501,7 +506,7 @@ class Tracer:
         pytest.fail("no tracing after 20 frames")
 
     def wait(self, driver: Driver) -> Truth:
-        """Return the truth of the early passes, once the viewer shows it."""
+        """Return the reference of the early passes, once the viewer shows it."""
         self.begin(driver)
         driver.frame()
         found = driver.session.source(0).truth
@@ -509,7 +514,7 @@ class Tracer:
         return found
 
     def finish(self, driver: Driver) -> None:
-        """Let the tracer end, and pass frames until the viewer has taken the truth."""
+        """Let the tracer end, and render frames until the viewer has its reference."""
         self.go.set()
         for _ in range(20):
             driver.frame()
@@ -525,7 +530,7 @@ class Tracer:
 
 
 def push(driver: Driver, shown: str) -> None:
-    """Press the key that a user reads as `shown`."""
+    """Press the key with the display name `shown`."""
     found = next(k for k in KEYS if k.shown == shown)
     driver.press(found.key, found.ctrl, found.shift)
 
@@ -534,9 +539,9 @@ Case = Callable[[Driver, str], None]
 
 
 class Cases:
-    """For every key of these groups a check that takes the driver and the key's shown name.
+    """One check for every key of these groups, called with the driver and the key's display name.
 
-    elsewhere: keys of the groups whose checks are in other tests, or in another key's check.
+    elsewhere: keys with checks in other tests, or in another key's check.
     """
 
     def __init__(self, *groups: str, elsewhere: Sequence[str] = ()) -> None:
@@ -544,7 +549,7 @@ class Cases:
         self.made: dict[str, Case] = {}
 
     def case(self, *keys: str) -> Callable[[Case], Case]:
-        """Make a function the check of each of `keys`."""
+        """Register a function as the check of each of `keys`."""
 
         def add(check: Case) -> Case:
             self.made.update(dict.fromkeys(keys, check))
@@ -553,13 +558,13 @@ class Cases:
         return add
 
     def run(self, driver: Driver, shown: str, moving: tuple[str, ...] = ()) -> None:
-        """Check a key: the camera is where it was, but for those of `moving`, nothing went wrong, and nobody quits."""
+        """Check a key: the camera stays, except for keys in `moving`, no error occurs, and the viewer does not quit."""
         before = driver.session.camera
         self.made[shown](driver, shown)
         assert shown in moving or driver.session.camera == before
         assert not driver.actions.quitting and not driver.actions.messages.errors
 
     def check(self) -> None:
-        """No key without a check, and none of the same name as another."""
+        """Assert that every key has a check, and that key names are unique."""
         assert sorted(self.made) == sorted(self.keys)
         assert len({k.shown for k in KEYS}) == len({(k.key, k.ctrl, k.shift) for k in KEYS}) == len(KEYS)

@@ -1,4 +1,4 @@
-"""Small scenes of known shape, what a pinhole sees of them, Lambert's formula, and pictures of what went wrong."""
+"""Small scenes of known shape, their pinhole views, Lambert's formula, and pictures of failures."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from irrsplat.settings import Settings
 
 FAILURES = Path(__file__).resolve().parents[1] / "failures"
 Vector = Iterable[float]
-ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 45.0)  # looks straight down at the origin
+ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 45.0)  # straight down at the origin
 
 
 def material(albedo: float | tuple[float, float, float] = 0.5, emission: float | tuple[float, float, float] = 0.0) -> Material:
-    """A Material of grey or coloured reflectance and emission."""
+    """Return a Material of grey or coloured reflectance and emission."""
     grey = [(v, v, v) if isinstance(v, (int, float)) else v for v in (albedo, emission)]
     return Material(albedo=grey[0], emission=grey[1])
 
 
 def quad(corner: Vector, u: Vector, v: Vector, paint: Material | None = None) -> Mesh:
-    """A parallelogram of two triangles, wound so that u × v is its normal."""
+    """Return a parallelogram of two triangles with the normal u × v."""
     c, u, v = (np.asarray(x, float) for x in (corner, u, v))
     n = np.cross(u, v)
     positions = np.array([c, c + u, c + u + v, c + v], "f4")
@@ -47,12 +47,12 @@ def quad(corner: Vector, u: Vector, v: Vector, paint: Material | None = None) ->
 
 
 def floor(half: float = 2.0, height: float = 0.0, paint: Material | None = None) -> Mesh:
-    """A horizontal square about the y axis that faces up."""
+    """Return a horizontal square around the y axis that faces up."""
     return quad((-half, height, half), (2 * half, 0, 0), (0, 0, -2 * half), paint)
 
 
 def box(low: Vector, high: Vector, paint: Material | None = None, outward: bool = True) -> Mesh:
-    """An axis-aligned box of 12 triangles: closed where it is wound outward."""
+    """Return an axis-aligned box of 12 triangles, closed if it is wound outward."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     parts = []
     for axis in range(3):
@@ -73,7 +73,7 @@ def box(low: Vector, high: Vector, paint: Material | None = None, outward: bool 
 
 
 def sphere(centre: Vector, radius: float, paint: Material | None = None, rings: int = 24, segments: int = 48) -> Mesh:
-    """A closed sphere with smooth normals."""
+    """Return a closed sphere with smooth normals."""
     theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), 2 * np.pi * np.arange(segments) / segments, indexing="ij")
     unit = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
     unit[0], unit[-1] = (0, 1, 0), (0, -1, 0)
@@ -94,20 +94,20 @@ def sphere(centre: Vector, radius: float, paint: Material | None = None, rings: 
 def scene(
     *meshes: Mesh, lights: tuple[Light, ...] = (), sky: float | tuple[float, float, float] = 0.0, camera: Camera = ABOVE
 ) -> Scene:
-    """A Scene of these parts; sky grey or coloured."""
+    """Return a Scene of these parts; sky grey or coloured."""
     return Scene(meshes, lights, (camera,), (sky, sky, sky) if isinstance(sky, (int, float)) else sky)
 
 
 def lamp(position: Vector, power: float = 1.0, **rest: Any) -> Light:
-    """A physical point light, `power` in W/sr for each channel."""
+    """Return a physical point light, `power` in W/sr for each channel."""
     return Light(tuple(position), (power, power, power), physical=True, **rest)  # type: ignore[arg-type]
 
 
-# ---- what a pinhole sees ----------------------------------------------------------------------------------------------
+# ---- pinhole views ----------------------------------------------------------------------------------------------------
 
 
 def rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(H, W, 3) float64 directions through the pixels' centres, top row first, of length 1 along the view axis."""
+    """Return float64 directions (H, W, 3) through pixel centres, top row first, of length 1 along the view axis."""
     width, height = size
     t = np.tan(np.radians(camera.fov) / 2.0)
     x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * t * width / height
@@ -117,7 +117,7 @@ def rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
 
 
 def on_plane(camera: Camera, size: tuple[int, int], point: Vector, normal: Vector) -> tuple[np.ndarray, np.ndarray]:
-    """Where each pixel's ray meets a plane, (H, W, 3), and its depth along the view axis (negative: behind the eye)."""
+    """Return each pixel ray's hit on a plane (H, W, 3), and its depth along the view axis (negative: behind the eye)."""
     d, n, eye = rays(camera, size), np.asarray(normal, float), np.asarray(camera.eye, float)
     with np.errstate(divide="ignore"):
         t = ((np.asarray(point, float) - eye) @ n) / (d @ n)
@@ -125,13 +125,13 @@ def on_plane(camera: Camera, size: tuple[int, int], point: Vector, normal: Vecto
 
 
 def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, depth: np.ndarray, **rest: np.ndarray) -> GBuffer:
-    """A GBuffer of (H, W, 3) arrays, top row first; the geometric normal is the shading normal unless `geometric` is given.
+    """Return a GBuffer of (H, W, 3) arrays, top row first; the geometric normal defaults to the shading normal.
 
-    depth: (H, W), 0 where nothing is seen. rest: `geometric`, and properties of the material; default albedo 0.5, all others 0.
+    depth: (H, W), 0 for the background. rest: `geometric`, and material properties; default albedo 0.5, others 0.
     """
     octahedral = encode(rest.get("geometric", normal))
     rest = {"albedo": np.full_like(position, 0.5), **rest}
-    last = {"albedo": octahedral[..., 1], "emission": np.ones_like(depth)}  # what else these textures hold
+    last = {"albedo": octahedral[..., 1], "emission": np.ones_like(depth)}  # last components of these textures
 
     def texture(rgb: np.ndarray, w: np.ndarray) -> moderngl.Texture:
         return table_texture(ctx, np.concatenate([rgb, w[..., None]], -1)[::-1])
@@ -144,7 +144,7 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
 
 
 def encode(v: np.ndarray) -> np.ndarray:
-    """The octahedral map (Meyer et al. 2010), (..., 3) to (..., 2)."""
+    """Return the octahedral map (Meyer et al. 2010), (..., 3) to (..., 2)."""
     v = v / np.abs(v).sum(-1, keepdims=True)
     folded = (1.0 - np.abs(v[..., 1::-1])) * np.where(v[..., :2] >= 0.0, 1.0, -1.0)
     return np.where(v[..., 2:] >= 0.0, v[..., :2], folded)
@@ -155,8 +155,11 @@ def encode(v: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Gathered:
-    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3), the axis (N, 3) along which they bend least, the bends (N, 2),
-    and the greatest radius that these may lead to (N,)."""
+    """N records.
+
+    E (N, 3), R (N,), M and ∇E (N, 3 channels, 3). axis (N, 3): direction of least bend. bend (N, 2): along and across it.
+    farthest (N,): greatest radius.
+    """
 
     E: np.ndarray
     R: np.ndarray
@@ -168,19 +171,19 @@ class Gathered:
 
 
 def gathered(cache: RecordCache) -> Gathered:
-    """What a cache holds, read from the GPU."""
+    """Return a cache's values, read from the GPU."""
     names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature", "max_radius")
     return Gathered(*cache.records.read(*names).values())
 
 
 def error_scale(Y: np.ndarray, dark: float) -> np.ndarray:
-    """What errors are judged in proportion to (docs/METHOD.md, 5.3): `dark` at least, of what is over 32 times that a mean."""
+    """Return the scale of relative errors (docs/METHOD.md, 5.3): at least `dark`; above 32 times that, a geometric mean."""
     bright = 32.0 * dark if dark > 0.0 else np.inf
     return np.maximum(np.where(bright < Y, np.sqrt(np.minimum(bright, 1e30) * np.maximum(Y, 0.0)), Y), dark)
 
 
 def records_of(ctx: moderngl.Context, luminance_floor: float = 0.0, **columns: np.ndarray) -> Records:
-    """Records with these columns (N, …) by the names of record_layout.COLUMNS; what lies beyond the last one is rubbish."""
+    """Return records with these columns (N, …) of record_layout.COLUMNS; texels after the last one are arbitrary."""
     count = len(columns["position"])
     size = TABLE_COLUMNS, -(-count // TABLE_COLUMNS)
     textures = {name: float_texture(ctx, size, channels) for name, channels in TEXTURES.items()}
@@ -192,7 +195,7 @@ def records_of(ctx: moderngl.Context, luminance_floor: float = 0.0, **columns: n
 
 
 def write_columns(records: Records, first: int, **columns: np.ndarray) -> None:
-    """Write columns (N, …) by name into the records' textures, past the cache, from number `first` on."""
+    """Write columns (N, …) by name directly into the records' textures, from number `first` on."""
     for name, values in columns.items():
         texels = {
             texture: np.frombuffer(records.textures[texture].read(), "f4").reshape(-1, TEXTURES[texture]).copy()
@@ -204,7 +207,7 @@ def write_columns(records: Records, first: int, **columns: np.ndarray) -> None:
 
 
 def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:
-    """Sites of (N, 3) or (3,) arrays, normals made unit."""
+    """Return sites of (N, 3) or (3,) arrays, with normalized normals."""
     p, n = (np.atleast_2d(np.asarray(x, float)) for x in (position, normal))
     n = np.broadcast_to(n / np.linalg.norm(n, axis=1, keepdims=True), p.shape)
     g = n if geometric is None else np.broadcast_to(geometric, p.shape)
@@ -212,7 +215,7 @@ def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:
 
 
 class Lit(Owner):
-    """A scene on the GPU with its shadow maps, ready for any gather."""
+    """Scene on the GPU with its shadow maps, ready for any gather."""
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, shadow: int = 256) -> None:
         self.ctx, self.scene = ctx, scene
@@ -221,16 +224,16 @@ class Lit(Owner):
         self.light = HitLight(self.shadow(self.world, shadow))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the GPU resources to free."""
         return (self.world, self.shadow)
 
     def look(self, side: int, kind: str, capacity: int | None = None) -> Gather:
-        """A gather by `kind`, which becomes the caller's: what its directions find, without light samples."""
+        """Return a gather of `kind` without next-event estimation; the caller owns it."""
         settings = Settings(bounces=1, gather=kind, gather_size=side, light_samples=0)
         return gather_pass(self.world, settings, capacity)
 
     def gather(self, where: Sites, side: int, kind: str = "trace", capacity: int = 64, seed: int = 0) -> Gathered:
-        """What records at `where` are, `capacity` of them a call."""
+        """Return records at `where`, `capacity` of them per call."""
         with self.look(side, kind, capacity) as look, ReducePass(self.ctx, True) as reduce, RecordCache(self.ctx) as cache:
             gather_records(look, reduce, self.light, cache, cache.append(where) + np.arange(len(where)), seed)
             return gathered(cache)
@@ -245,7 +248,7 @@ def gather(
     capacity: int | None = None,
     shadow: int = 256,
 ) -> Gathered:
-    """What gather and reduction make of records at `where`, `capacity` of them a call (default: about all)."""
+    """Return gathered and reduced records at `where`, `capacity` of them per call (default: all)."""
     with Lit(ctx, world, shadow) as lit:
         return lit.gather(where, side, kind, capacity or len(where))
 
@@ -254,10 +257,10 @@ def gather(
 
 
 def polygon_vector(corners: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """∫ ω dω, (..., 3), over what a polygon (C, 3) or (..., C, 3) takes up in the sky of points p (..., 3), towards it.
+    """Return ∫ ω dω (..., 3) over the solid angle of a polygon (C, 3) or (..., C, 3) from points p (..., 3), towards it.
 
     Lambert 1760: half the sum of the edges' angles times their planes' normals. Its product with n is the irradiance from
-    unit radiance, where the whole polygon lies above the horizon.
+    unit radiance, if the whole polygon lies above the horizon.
     """
     v = corners - p[..., None, :]
     v = v / np.linalg.norm(v, axis=-1, keepdims=True)
@@ -273,7 +276,7 @@ def polygon_vector(corners: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def assert_pictures(name: str, picture: np.ndarray, truth: np.ndarray, limit: Any, where: Any = True) -> None:
-    """Fail where |picture - truth| > limit (pixels of `where` only), and leave picture, reference and difference behind."""
+    """Fail for |picture - truth| > limit at pixels of `where`, and write picture, reference and difference."""
     picture, truth = np.asarray(picture, float), np.broadcast_to(truth, np.shape(picture)).astype(float)
     wrong = ~(np.abs(picture - truth) <= limit)  # NaN is wrong too
     counted = np.broadcast_to(where, picture.shape[:2])

@@ -1,4 +1,4 @@
-"""All bounces: furnaces, radiosity by plain sums, rooms that no light enters, and what a change of lights or settings does."""
+"""All bounces: furnaces, radiosity by plain sums, rooms without light, and changes of lights or settings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LONG = pytest.mark.long
 
 @contextmanager
 def made(ctx: moderngl.Context, world: Scene, **settings: Any) -> Iterator[Renderer]:
-    """A renderer whose surface cache is whole."""
+    """A renderer with a complete surface cache."""
     with Renderer(world, SIZE, ctx=ctx, **{**ALL, "gather_size": 32, **settings}) as renderer:
         advance(renderer)
         yield renderer
@@ -43,7 +43,7 @@ def advance(renderer: Renderer) -> None:
 
 
 def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
-    """(N, 3): E of records at these places."""
+    """Return irradiance (N, 3) of records at these sites."""
     assert renderer.shadows is not None and renderer.gbuffer is not None
     renderer.cache.truncate(0)
     renderer.cache.append(where)
@@ -53,18 +53,17 @@ def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
 
 
 def values(renderer: Renderer) -> np.ndarray:
-    """What the surface cache holds, (S, 3)."""
+    """Return the values (S, 3) of the surface cache."""
     assert renderer.scheduler.gatherer.surface is not None and renderer.scheduler.gatherer.surface.result is not None
     return renderer.scheduler.gatherer.surface.result.irradiance
 
 
-# ---- truths -----------------------------------------------------------------------------------------------------------
+# ---- references -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("kind", "number"), [("trace", "all"), pytest.param("embree", 3, marks=LONG)])
 def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
-    """Where all surfaces emit L_e and reflect ρ, a bounce brings ρ times the one before: E_N = π·L_e·Σ ρ^k for k < N, and
-    π·L_e/(1 − ρ) in the end."""
+    """All surfaces emit L_e and reflect ρ: E_N = π·L_e·Σ ρ^k for k < N, and π·L_e/(1 − ρ) in the limit."""
     paint = material(ALBEDO, EMITTER)
     world = scene(box((-1, -1, -1), (1, 1, 1), paint, outward=False), box((-0.2, -0.9, -0.3), (0.3, 0.1, 0.2), paint))
     where = np.array([[-0.6, -0.999, 0.5], [0.999, 0.4, 0.3], [0.1, 0.101, 0.0], [-0.5, 0.2, 0.6]])
@@ -80,7 +79,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
 
 @LONG
 def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
-    """With ρ = 1 no bounce is weaker than the one before: after 64 the statistics say that there is more to come."""
+    """With ρ = 1 bounces do not decay: after 64 the statistics report that more would follow."""
     white = scene(box((-1, -1, -1), (1, 1, 1), material(1.0), outward=False), lights=(lamp((0.2, 0.4, 0.1), 3.0),))
     with Renderer(white, (12, 10), ctx=ctx, **ALL) as renderer:
         stats = renderer.render().stats
@@ -90,15 +89,17 @@ def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
         renderer.change(renderer.settings.with_values({"bounces": 3}))
         stats = renderer.render().stats
         assert (stats["bounces"], stats["bounces_converged"]) == (3, None)
-        # the lamp's 4π·3 W fall on 24 m² again and again: E_direct, and as much with each bounce
+        # The light's 4π·3 W reach 24 m² at every bounce: E_direct, and as much with each bounce
         assert mean == pytest.approx(63 * 4 * np.pi * 3.0 / 24.0, rel=0.05)
         assert values(renderer)[2:].mean() == pytest.approx(2 * 4 * np.pi * 3.0 / 24.0, rel=0.1)
 
 
 @LONG
 def test_a_bright_sky_around_a_room_does_not_end_its_bounces(ctx: moderngl.Context) -> None:
-    """Of a closed room that glows a little inside, all bounces are the same under a black sky, and under a map far brighter than
-    anything inside, which shines on the walls' outer sides alone."""
+    """A closed room with weak emitters has equal bounces under a black sky and under a far brighter map.
+
+    The map lights only the walls' outer sides.
+    """
     dark, bright = replace(room(), lights=()), np.full((32, 64, 3), 10.0, np.float32)
     found = []
     for world in (dark, replace(dark, environment=Environment(bright, bright))):
@@ -109,7 +110,7 @@ def test_a_bright_sky_around_a_room_does_not_end_its_bounces(ctx: moderngl.Conte
     assert shone_on.irradiance.mean() == pytest.approx(black.irradiance.mean(), rel=0.01)
 
 
-FACES = (  # of a box of 1 m that is open above: corner, edges, reflectance, emission
+FACES = (  # of a 1 m box open at the top: corner, edges, reflectance, emission
     ((0, 0, 0), (0, 0, 1), (1, 0, 0), (0.8, 0.8, 0.8), 0.0),
     ((0, 0, 0), (0, 1, 0), (0, 0, 1), (0.9, 0.1, 0.1), 0.0),
     ((1, 0, 0), (0, 0, 1), (0, 1, 0), (0.1, 0.9, 0.2), (0.3, 0.6, 0.9)),
@@ -120,9 +121,9 @@ SKY = (1.0, 0.8, 0.5)
 
 
 def radiosity(where: np.ndarray, normal: np.ndarray, number: int, parts: int = 10) -> np.ndarray:
-    """(N, 3): E after `number` bounces at points in the box, by sums over parts² patches a face and Lambert's formula.
+    """Return irradiance (N, 3) after `number` bounces at points in the box, by Lambert's formula over parts² patches per face.
 
-    What all patches leave open of the hemisphere is sky.
+    The sky fills the rest of the hemisphere.
     """
     corners, centres, normals, albedo, emission = [], [], [], [], []
     step = (np.arange(parts)[:, None, None] / parts, np.arange(parts)[None, :, None] / parts)
@@ -138,7 +139,7 @@ def radiosity(where: np.ndarray, normal: np.ndarray, number: int, parts: int = 1
     patches, p, n, rho, L_e = (np.concatenate(x) for x in (corners, centres, normals, albedo, emission))
 
     def seen(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """(N, P): ∫cosθ dω over each patch; those in the point's own plane are seen edge on."""
+        """Return ∫cosθ dω over each patch (N, P); patches in the point's own plane are edge on."""
         facing = np.abs(((patches.mean(1) - points[:, None]) * normal[:, None]).sum(-1)) > 1e-6
         return np.maximum((polygon_vector(patches, points[:, None]) * normal[:, None]).sum(-1), 0.0) * facing
 
@@ -154,7 +155,7 @@ def radiosity(where: np.ndarray, normal: np.ndarray, number: int, parts: int = 1
     [("trace", "all"), *(pytest.param(*case, marks=LONG) for case in (("trace", 2), ("trace", 4), ("embree", "all")))],
 )
 def test_bounces_are_those_of_radiosity(ctx: moderngl.Context, kind: str, number: int | str) -> None:
-    """Coloured walls, one of them a source, under a sky: some and all bounces."""
+    """Coloured walls, one of them a source, under a sky: several and all bounces."""
     world = scene(*(quad(corner, u, v, material(rho, light)) for corner, u, v, rho, light in FACES), sky=SKY)
     chance = np.random.default_rng(2).uniform(0.15, 0.85, (12, 2))
     faces = [(np.array(c), np.array(u), np.array(v)) for c, u, v, *_ in FACES * 2]
@@ -168,8 +169,10 @@ def test_bounces_are_those_of_radiosity(ctx: moderngl.Context, kind: str, number
 
 
 def rooms(fine: bool) -> Scene:
-    """Two rooms on one floor polygon, a wall of 1 cm between them, and a lamp in the left one; fine: a floor of small triangles
-    lies on it, and the wall stands anywhere on them."""
+    """Return two rooms on one floor polygon with a 1 cm wall between them and a light in the left one.
+
+    fine: a floor of small triangles lies on top, and the wall stands anywhere on them.
+    """
     grey, parts = material(0.7), []
     if fine:
         x, z = np.meshgrid(np.linspace(-2, 2, 49), np.linspace(-1, 1, 25))
@@ -203,7 +206,7 @@ def test_a_room_that_no_light_enters_stays_black(ctx: moderngl.Context, kind: st
 
 
 def closed(sizes: int, reflectance: float, seed: int = 0) -> tuple[Transport, np.ndarray, np.ndarray]:
-    """A made-up scene of sites that see each other by lot: F, E_1 and areas; rows sum to the reflectance."""
+    """Return a random scene of mutually visible sites: F, E_1 and areas; rows sum to the reflectance."""
     random = np.random.default_rng(seed)
     area, seen = random.uniform(0.5, 2.0, sizes), random.uniform(0.0, 1.0, (sizes, sizes)) ** 8
     form = (seen + seen.T) * area
@@ -212,7 +215,7 @@ def closed(sizes: int, reflectance: float, seed: int = 0) -> tuple[Transport, np
 
 
 def by_rows(F: np.ndarray) -> Transport:
-    """A transport that is F (S, S) in all channels: each site has a ray to each other."""
+    """Return a transport equal to F (S, S) in all channels: each site has a ray to each other one."""
     sites = len(F)
     transport = Transport(sites, sites)
     where = np.broadcast_to(np.arange(sites)[:, None], (sites, sites, 3))
@@ -223,7 +226,7 @@ def by_rows(F: np.ndarray) -> Transport:
 
 
 def dense(transport: Transport) -> np.ndarray:
-    """(3, S, S)."""
+    """Return the matrices (3, S, S)."""
     return np.stack([matrix.toarray() for matrix in transport.matrices])
 
 
@@ -233,8 +236,11 @@ def last(*arguments: Any) -> BouncedLight:
 
 @pytest.mark.parametrize("reflectance", [0.2, 0.9])
 def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> None:
-    """E = E_1 + F·E, and `remaining` is the share that the sum without its last estimate lacks. A dark area 10 000 times as large
-    changes nothing, also while light spreads: two sites that light each other, the first of them dark at first."""
+    """E = E_1 + F·E, and `remaining` is the error share of the sum without its last estimate.
+
+    A dark area 10 000 times as large changes no value, also during convergence: two sites light each other, the first
+    initially dark.
+    """
     transport, E_1, area = closed(50, reflectance)
     E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
     found = last(E_1, transport, area, 64, True)
@@ -266,14 +272,14 @@ def test_as_many_bounces_as_are_asked_for() -> None:
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A surface cache of few points and rays: exact enough to compare it with itself."""
+    """Use a surface cache of few points and rays: exact enough for comparisons with itself."""
     monkeypatch.setattr(site_layout, "POINTS", (300, 300))
     monkeypatch.setattr(site_rays, "SIDES", (8, 8))
 
 
 @pytest.mark.usefixtures("few")
 def test_other_lights_come_to_the_values_of_a_fresh_cache(ctx: moderngl.Context) -> None:
-    """Bit for bit; the old values hold meanwhile."""
+    """The values are equal bit for bit; the old values remain in the meantime."""
     moved = [lamp((-0.5, 0.2, 0.5), 5.0), lamp((0.4, 0.3, 0.2), 1.0)]
     with made(ctx, room()) as renderer, made(ctx, replace(room(), lights=tuple(moved))) as other:
         before = values(renderer)
@@ -285,7 +291,7 @@ def test_other_lights_come_to_the_values_of_a_fresh_cache(ctx: moderngl.Context)
 
 @pytest.mark.usefixtures("few")
 def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> None:
-    """The box's inside needs no sites while it is dark; when a lamp is in it, it is lit."""
+    """The box's inside has no sites while it is dark, and is lit when it contains the light."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5), outward=False), box((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4)))
     places = (0.0, 0.8, 0.0), (0.0, 0.0, 0.0), (0.0, 0.8, 0.0)
     counts: list[int] = []
@@ -306,7 +312,7 @@ def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> No
 
 @pytest.mark.usefixtures("few")
 def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context) -> None:
-    """The values are those of a cache that was made at once."""
+    """The values are those of a cache made at once."""
     with Renderer(room(), SIZE, ctx=ctx, **ALL) as small, made(ctx, room(), gather_size=8) as whole:
         shares: list[float] = []
         while small.scheduler.gatherer.surface_share < 1.0 and len(shares) < 3000:
@@ -319,7 +325,7 @@ def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context) -> None:
 
 @pytest.mark.usefixtures("few")
 def test_records_follow_the_number_of_bounces(ctx: moderngl.Context) -> None:
-    """Each number's records are those of a renderer of that number; without bounces they wait, and are as they were."""
+    """Records of each number of bounces equal those of a new renderer; without bounces they are kept unchanged."""
     with Renderer(room(), SIZE, ctx=ctx, **{**ALL, "bounces": 1}) as renderer:
         one = renderer.render().records_irradiance
         for number in ("all", 2):
@@ -338,7 +344,7 @@ def test_records_follow_the_number_of_bounces(ctx: moderngl.Context) -> None:
 
 @pytest.mark.few_sites
 def test_a_scene_of_nothing_another_sky_and_other_rays(ctx: moderngl.Context) -> None:
-    """Without triangles there is no site; another sky, then another seed, come to the values of a fresh cache."""
+    """A scene without triangles has no site; another sky, then another seed, give the values of a fresh cache."""
     with Renderer(scene(sky=1.0), (8, 6), ctx=ctx, **ALL) as renderer:
         frame = renderer.render()
         assert not frame.irradiance.any() and frame.stats["bounces_converged"]

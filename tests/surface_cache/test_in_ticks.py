@@ -1,4 +1,4 @@
-"""The surface cache in ticks of little time: records of one bounce before it is there, and light that follows a moving lamp."""
+"""Surface cache within small frame budgets: one-bounce records before it exists, and indirect light of a moving light."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STEPS = 10
 
 
 def ticks(renderer: Renderer, until: Callable[[Progress], bool]) -> Progress:
-    """Take ticks of little time until one fulfils the condition. Return its progress."""
+    """Render frames with a small budget until one fulfils the condition; return its progress."""
     for _ in range(5000):
         progress = renderer.frame(seconds=2e-3)[1]
         if until(progress):
@@ -36,7 +36,7 @@ def ticks(renderer: Renderer, until: Callable[[Progress], bool]) -> Progress:
 
 
 def agrees(renderer: Renderer) -> None:
-    """Assert that the picture at rest is that of a fresh renderer, as far as other records go."""
+    """Assert that the converged picture is that of a fresh renderer, within the noise of different records."""
     ours = renderer.render()
     with Renderer(renderer.scene, renderer.size, ctx=renderer.ctx, **asdict(renderer.settings)) as fresh:
         theirs = fresh.render()
@@ -46,11 +46,11 @@ def agrees(renderer: Renderer) -> None:
 
 
 def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ticks gather records by coarse further bounces, and correct them when the full surface cache is there.
+    """Frames gather records with coarse further bounces, and correct them when the full surface cache exists.
 
-    The coarse one has 15 % of the sites and half of their rays: its light is within 10 % on the mean. A file of such records
-    does not count as finished, and a light may move meanwhile. The tick that has the first values draws a picture of them,
-    even if another picture would not be due for long.
+    The coarse cache has 15 % of the sites with half of the rays: its light is within 10 % on average. A file of provisional
+    records does not count as converged, and a light may move meanwhile. The first frame with values draws a picture, even
+    before the next one is due.
     """
     for name in ("_PICTURE_SHARE", "_OLDEST_PICTURE"):
         monkeypatch.setattr(f"irrsplat.renderer.frames.{name}", 1e9)
@@ -83,7 +83,7 @@ def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeyp
 
 
 def carried(share: float) -> tuple[float, float, float]:
-    """A way from just under the ceiling, where a lamp lights a small bright spot, across the room."""
+    """Return a position on a path from just under the ceiling, with a small bright spot, across the room."""
     return -0.7 + 1.3 * share, 0.95 - 0.6 * share, 0.0
 
 
@@ -96,12 +96,12 @@ ROOM = scene(
 
 
 def lit(share: float) -> list[Light]:
-    """The lamps at this share of the way, 0..1."""
+    """Return the lights at this share 0..1 of the path."""
     return [replace(ROOM.lights[0], position=carried(share))]
 
 
 def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
-    """The bright spot above a lamp does not stay where the lamp was: what follows is near what is made anew."""
+    """The bright spot above a light moves with it: updated values are close to newly computed ones."""
     with made(ctx, ROOM) as renderer, made(ctx, replace(ROOM, lights=tuple(lit(1.0)))) as other:
         surface = renderer.scheduler.gatherer.surface
         assert surface is not None
@@ -115,7 +115,7 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
 
 
 def test_no_pixel_goes_dark_while_a_lamp_is_carried() -> None:
-    """In ticks that do no more than they must; and soon after, the picture is that of a fresh render."""
+    """Minimal frames never darken a pixel; soon after, the picture is that of a fresh render."""
     after = replace(ROOM, lights=tuple(lit(1.0)))
     with Renderer(ROOM, SIZE, **ALL) as renderer, Renderer(after, SIZE, **ALL) as fresh:
         renderer.render()

@@ -1,4 +1,4 @@
-"""Sites look from places that rays meet, so that narrow gaps send on as much light as they receive."""
+"""Gather positions of sites at ray hits, so that narrow gaps emit as much light as they receive."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LAMP = irrsplat.Light(position=(0.0, 2.3, 0.0), color=(5.0, 5.0, 5.0))
 
 
 def grooves() -> irrsplat.Scene:
-    """A closed white room whose rear wall has deep grooves: dark at their bottom, bright on what sticks out between them."""
+    """Return a closed white room with deep grooves in its rear wall: dark at the bottom, bright on the ridges."""
     white = irrsplat.Material(albedo=(0.7, 0.7, 0.7))
     room = trimesh.creation.box(bounds=[(-2.0, 0.0, -2.0), (2.0, 2.5, 2.0)])
     room.invert()
@@ -47,7 +47,7 @@ def grooves() -> irrsplat.Scene:
 
 
 def gathered(renderer: Renderer, sites: Sites) -> np.ndarray:
-    """(N, 3) irradiance of one bounce at these sites, by 32² rays each from themselves."""
+    """Return one-bounce irradiance (N, 3) at these sites, by 32² rays each."""
     with TraceGather(renderer.world, 32) as fine, ReducePass(renderer.ctx, False) as reduce, RecordCache(renderer.ctx) as cache:
         cache.append(sites)
         gather_records(fine, reduce, HitLight(renderer.draw_shadows()), cache, np.arange(len(sites)), seed=0)
@@ -56,9 +56,9 @@ def gathered(renderer: Renderer, sites: Sites) -> np.ndarray:
 
 @pytest.mark.long
 def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The light that a view's surfaces receive by lookups is within 4 % of that by gathers at the places that rays meet.
+    """Lookups give a view's surfaces light within 4 % of gathers at the hit points.
 
-    From the sites alone, more than 6 % would be lacking, and a quarter of the light of the grooves.
+    With gathers at the sites alone, more than 6 % and a quarter of the grooves' light would be missing.
     """
     monkeypatch.setattr(site_layout, "POINTS", (1500, 1500))
     with Renderer(grooves(), (48, 36), bounces=2, gather="trace", shadow_size=512) as renderer:
@@ -80,20 +80,20 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         part = (share[hit] * albedo[hit].mean(-1))[:, None]
         true = part * gathered(renderer, places)
 
-        def said(E: np.ndarray) -> np.ndarray:
+        def reflected(E: np.ndarray) -> np.ndarray:
             return part * (weights[hit][..., None] * E[values[hit]]).sum(1)
 
         E = surface.result.irradiance
-        assert said(E).sum() == pytest.approx(true.sum(), rel=0.04)
+        assert reflected(E).sum() == pytest.approx(true.sum(), rel=0.04)
         alone, used = np.zeros_like(E), np.unique(values[hit])
         alone[used] = gathered(renderer, replace(surface.records.sites(used), frame_rotation=None))
         small = np.ptp(renderer.world.geometry.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
-        assert said(alone).sum() < 0.94 * true.sum() and said(alone)[small].sum() < 0.75 * true[small].sum()
-        assert said(E)[small].sum() > 0.82 * true[small].sum()
+        assert reflected(alone).sum() < 0.94 * true.sum() and reflected(alone)[small].sum() < 0.75 * true[small].sum()
+        assert reflected(E)[small].sum() > 0.82 * true[small].sum()
 
 
 def test_hits_are_drawn_by_their_weights() -> None:
-    """Of a site's hits each comes in by its share, give or take one, and those of weight 0 never; -1: there are none."""
+    """Each hit of a site is drawn in proportion to its weight, give or take one, never with weight 0; -1: no hits."""
     rng = np.random.default_rng(3)
     sites, weight = rng.integers(0, 5, 60), rng.random(60)
     sites[sites == 3], weight[::7] = 4, 0.0
@@ -113,14 +113,14 @@ def test_hits_are_drawn_by_their_weights() -> None:
 
 
 def test_codes_have_the_bits_of_coordinates_in_turn() -> None:
-    """By plain loops."""
+    """Plain loops give the same codes."""
     at = np.random.default_rng(2).integers(0, 1024, (3, 40))
     codes = [sum((int(at[axis, i]) >> bit & 1) << 3 * bit + axis for bit in range(10) for axis in range(3)) for i in range(40)]
     assert morton_codes(at + 0.5).tolist() == codes
 
 
 def test_places_ride_along_with_their_triangles() -> None:
-    """On a box that is turned about its axis and lifted; those on the floor stay."""
+    """A box is rotated about its axis and lifted: its positions follow, positions on the floor stay."""
     ground, block = floor(), box((-0.5, 0.0, -0.5), (0.5, 1.0, 0.5))
     matrix = np.array([[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
     before = scene(ground, block)
@@ -138,7 +138,7 @@ def test_places_ride_along_with_their_triangles() -> None:
 
 @pytest.mark.long
 def test_a_further_refinement_brings_lookups_nearer_to_gathers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On what the view shows of a room, with two bounces: E_1 by lookup against E_1 by 64² rays."""
+    """In a view of a room with two bounces, refinement reduces the error of E_1 by lookup against E_1 by 64² rays."""
     monkeypatch.setattr(site_layout, "POINTS", (150, 150))
     with Renderer(irrsplat.load(write_room(tmp_path)), (48, 36), bounces=2, gather="trace", shadow_size=256) as renderer:
         renderer.frame()

@@ -1,4 +1,4 @@
-"""The surface cache: cells and their points, who shares a site with whom, what is seen from where, and what a lookup finds."""
+"""Surface cache: cells and their points, shared sites, visibility, and lookups."""
 
 from __future__ import annotations
 
@@ -40,8 +40,10 @@ def test_a_triangle_has_as_many_steps_as_its_longest_edge_needs() -> None:
 
 
 def test_cells_fill_their_triangles() -> None:
-    """Of a floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m): n² cells a triangle, each with three points, all of
-    their areas alike, and every point of the triangle in one of them."""
+    """A floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m) has n² cells per triangle with three points each.
+
+    All areas are equal, and every point of the triangle lies in a cell.
+    """
     found = cut(scene(quad((0, 0, 0), (0, 0, 2), (4, 0, 0))), 1.0)
     assert found.cells == 50 and len(found.position) == 150 and found.table[:, 0, 3].tolist() == [5, 5]
     assert found.table[:, 1, 3].tolist() == [0, 25]
@@ -56,7 +58,7 @@ def test_cells_fill_their_triangles() -> None:
 
 
 def inside(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates (…, 3) of points (…, 2) in triangles (…, 3, 2), and the triangles' doubled areas."""
+    """Return barycentric coordinates (…, 3) of points (…, 2) in triangles (…, 3, 2), and the triangles' doubled areas."""
     a, b, c = (corners[..., k, :] - points for k in range(3))
     parts = np.stack([x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0] for x, y in ((b, c), (c, a), (a, b))], axis=-1)
     whole = parts.sum(-1, keepdims=True)
@@ -64,12 +66,12 @@ def inside(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def test_cells_are_cut_in_halves_however_long_they_are() -> None:
-    """Slivers with long steps are cut, too: lookups go by four cells."""
+    """Slivers with long steps are cut too: lookups use four cells."""
     sliver = np.zeros((3, WIDTH), np.float32)
     sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
     faces = np.array([[0, 1, 2]])
     assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0, 3] > 2
-    long = np.full(40_000, 100.0)  # many slivers are cut as one is, and leave others as fine as they were
+    long = np.full(40_000, 100.0)  # many slivers are cut as a single one is, without coarser cells elsewhere
     assert set(steps(np.append(long, 1.0), 0.5, most=2)) == {2}
     cut = tessellate(sliver, faces, 0.5, 0.0, most=2)
     assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
@@ -79,7 +81,7 @@ def test_cells_are_cut_in_halves_however_long_they_are() -> None:
 
 
 def test_what_no_light_reaches() -> None:
-    """The inside of a closed box is dark, unless it shines, or a lamp or what shines is in it; an open one's may be lit."""
+    """The inside of a closed box is dark unless it emits or contains a light or an emitter; that of an open box may be lit."""
     case = box((0, 0, 0), (1, 1, 1))
     count = len(case.faces)
     assert unlit_interiors(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
@@ -91,7 +93,7 @@ def test_what_no_light_reaches() -> None:
 
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
-    """Straight ways past a wall and through it; over a ball by the tangents; round by a corner of one's own."""
+    """Straight lines past a wall and through it; tangents over a ball; around a corner."""
     wall, sight = World(ctx, scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0)))), VisibilityPass(ctx)
     a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
     ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
@@ -112,7 +114,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """(N, 3): of all cells of the point's triangle the one that it lies in, and the mean of its corners' values."""
+    """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
     assert cache.layout is not None
     cut = cache.layout.tessellation
     numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
@@ -137,7 +139,7 @@ def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.
 
 @pytest.mark.few_sites
 def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
-    """A floor and a ball of small triangles beside it; each site has a value of its own."""
+    """A floor and a ball of small triangles next to it; each site has a distinct value."""
     eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
     world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
@@ -165,7 +167,7 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
 
 
 def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
-    """The floor under a box is dark, but who stands beside it does not see that: a lookup there is about what a gather finds."""
+    """The floor under a box is dark, invisibly from outside: lookups next to the box are close to gathers."""
     grey = material(0.6)
     eye = Camera((1.2, 1.6, 1.4), (0.1, 0.0, 0.0), fov=50.0)
     parts = (box((-2, 0, -2), (2, 2, 2), grey, outward=False), box((-0.41, 0, -0.33), (0.37, 0.5, 0.29), grey))

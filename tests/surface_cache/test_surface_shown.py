@@ -1,4 +1,4 @@
-"""The surface cache in the viewer: its buffer, and its value under the cursor."""
+"""Surface cache in the viewer: its buffer, and its value under the cursor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXPOSURE = -1.0  # stops
 
 @pytest.mark.few_sites
 def test_the_buffer_is_the_light_that_a_white_surface_reflects(ctx: moderngl.Context) -> None:
-    """The buffer and its numbers under the cursor are those of lookups."""
+    """The buffer and its values under the cursor equal lookups."""
     target, buffer_view = Target(ctx, SIZE, (4,)), BufferView(ctx)
     with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, gather_size=8, shadow_size=128) as renderer:
         view, _ = renderer.frame()

@@ -22,7 +22,7 @@ NORMALS = np.array([[0, 1, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0]])
 
 
 def pattern(colours: Any) -> Texture:
-    """A texture of linear colours (H, W) or (H, W, 3)."""
+    """Return a texture of linear colours (H, W) or (H, W, 3)."""
     colours = np.asarray(colours, float)
     rgb = np.repeat(colours[..., None], 3, -1) if colours.ndim == 2 else colours
     pixels = np.concatenate([np.round(255 * srgb(rgb)), np.full((*rgb.shape[:2], 1), 255.0)], -1)
@@ -30,12 +30,12 @@ def pattern(colours: Any) -> Texture:
 
 
 def mapped(mesh: Mesh, paint: Material) -> Mesh:
-    """A quad with the whole image on it: u along its first edge, v along its second."""
+    """Return a quad with the whole image: u along its first edge, v along its second."""
     return replace(mesh, material=paint, uvs=WHOLE)
 
 
 def room(wall: Material, *more: Mesh) -> Scene:
-    """A room of grey walls but the left one and the floor, with a lamp."""
+    """Return a lit room with grey walls and `wall` on the left wall and the floor."""
     left = mapped(quad((-1, -1, -1), (0, 0, 2), (0, 2, 0)), wall)
     bottom = mapped(quad((-1, -1, -1), (2, 0, 0), (0, 0, 2)), wall)
     paint = material(0.7)
@@ -49,20 +49,19 @@ def room(wall: Material, *more: Mesh) -> Scene:
 
 
 def lit(ctx: moderngl.Context, world: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """E at PLACES, and the mean of what the surface cache holds."""
+    """Return E at PLACES, and the mean of the surface cache."""
     with made(ctx, world, gather="trace") as renderer:
         return gathered(renderer, sites(PLACES, NORMALS)), values(renderer)[2:].mean(0)
 
 
 def grey(ctx: moderngl.Context) -> tuple[np.ndarray, np.ndarray]:
-    """The same where the wall and the floor are of 0.5."""
+    """Return the values for a wall and a floor of reflectance 0.5."""
     return lit(ctx, room(material(0.5)))
 
 
 @pytest.mark.long
 def test_a_fine_checker_lights_a_room_as_its_mean_does(ctx: moderngl.Context) -> None:
-    """Walls of 0 and 1 in squares of 1.5 cm against walls of 0.5: E of records within 1.5 %, of the cache in the mean within
-    0.5 %."""
+    """Walls of 0 and 1 in squares of 1.5 cm match walls of 0.5: records within 1.5 %, the cache's mean within 0.5 %."""
     fine = Material((1.0, 1.0, 1.0), albedo_texture=pattern(np.indices((128, 128)).sum(0) % 2))
     (found, mean), (truth, level) = lit(ctx, room(fine)), grey(ctx)
     assert np.allclose(found, truth, rtol=0.015)
@@ -71,8 +70,10 @@ def test_a_fine_checker_lights_a_room_as_its_mean_does(ctx: moderngl.Context) ->
 
 @pytest.mark.long
 def test_each_half_of_a_wall_bleeds_where_it_is(ctx: moderngl.Context) -> None:
-    """A wall and a floor that are red where z < 0 and green beyond: near them the light of two bounces and more is theirs, and a
-    wall made of a red and a green quad does the same."""
+    """A wall and a floor, red where z < 0 and green beyond, colour the light of further bounces nearby.
+
+    A wall of a red and a green quad gives equal values.
+    """
     red, green = (0.8, 0.02, 0.02), (0.02, 0.8, 0.02)
     halves = np.array([[red] * 32 + [green] * 32] * 64)
     one = Material((1.0, 1.0, 1.0), albedo_texture=pattern(halves))
@@ -87,13 +88,13 @@ def test_each_half_of_a_wall_bleeds_where_it_is(ctx: moderngl.Context) -> None:
     truth, level = lit(ctx, replace(world, meshes=(*parts, *world.meshes[2:])))
     found, mean = lit(ctx, world)
     assert np.allclose(found, truth, rtol=0.04)
-    assert np.allclose(mean, level, rtol=0.03)  # there are other sites
+    assert np.allclose(mean, level, rtol=0.03)  # the sites differ
     assert found[2, 0] > 1.1 * found[2, 1] and found[1, 1] > found[1, 0]
 
 
 @pytest.mark.usefixtures("few")
 def test_panes_take_no_part_in_bounces(ctx: moderngl.Context) -> None:
-    """To the last bit, for rasters and rays; and a pane that moves changes nothing."""
+    """Panes change no bit, for rasters and rays, and neither does a moving pane."""
     glass = quad((-0.9, 0.0, -0.9), (1.8, 0, 0), (0, 0, 1.8), Material((1.0, 1.0, 1.0), alpha_mode="blend", opacity=0.2))
     truth, level = grey(ctx)
     with made(ctx, room(material(0.5), replace(glass, name="pane")), gather="trace") as renderer:
@@ -106,7 +107,7 @@ def test_panes_take_no_part_in_bounces(ctx: moderngl.Context) -> None:
 
 @pytest.mark.usefixtures("few")
 def test_light_bounces_through_holes(ctx: moderngl.Context) -> None:
-    """A box about the lamp whose walls are all hole is no box; one of whose sides each has a half cut out keeps some light in."""
+    """A box around the light with fully transparent walls has no effect; one with half-cut sides keeps some light inside."""
     paint = Material((0.0, 0.0, 0.0), alpha_mode="mask")
     case = replace(box((-0.2, 0.2, -0.1), (0.4, 0.8, 0.5), paint), uvs=np.tile(WHOLE, (6, 1)))
     found, (truth, _) = [], grey(ctx)

@@ -1,8 +1,8 @@
-"""What irrsplat needs from others: least and newest versions, licences, and the exact versions of CI.
+"""Dependencies of irrsplat: least and newest versions, licences, and the exact versions of CI.
 
-    python tests/trust/dependencies.py oldest      some tests run with the least version of each in pyproject.toml
-    python tests/trust/dependencies.py newest      the same with the newest ones, in a new environment, too
-    python tests/trust/dependencies.py lock        write .ci/constraints.txt: the versions that are installed here
+    python tests/trust/dependencies.py oldest      run some tests with the least version of each in pyproject.toml
+    python tests/trust/dependencies.py newest      run them with the newest versions, also in a new environment
+    python tests/trust/dependencies.py lock        write .ci/constraints.txt: the versions installed here
 
 Exit status: 0 if all is well; 1 if tests fail.
 """
@@ -29,7 +29,7 @@ TESTED = (
 )
 ALLOWED = ("MIT", "BSD", "Apache", "ISC", "PSF", "Python Software Foundation", "HPND", "Zlib", "Unlicense", "CC0", "0BSD", "MPL")
 SILENT = {"alktx2": "names none; optional, for KTX2 images"}
-SENTENCES = {  # of licences, in files of packages that do not name theirs
+SENTENCES = {  # phrases of licences, for packages that do not name theirs
     "Permission is hereby granted, free of charge": "MIT",
     "Redistribution and use in source and binary forms": "BSD",
     "Apache License": "Apache",
@@ -39,27 +39,27 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 
 def declared(extras: Sequence[str] = EXTRAS) -> list[str]:
-    """The requirements of pyproject.toml, with those of some extras; by default, of those that CI has."""
+    """Return the requirements of pyproject.toml and of some extras, by default those of CI."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     return [*project["dependencies"], *(one for extra in extras for one in project["optional-dependencies"][extra])]
 
 
 def named(requirement: str) -> str:
-    """The name of a requirement's package, as registries spell it."""
+    """Return a requirement's package name in its normalized form."""
     found = _NAME.match(requirement)
     assert found is not None, requirement
     return re.sub(r"[-_.]+", "-", found[0]).lower()
 
 
 def least(requirement: str) -> str:
-    """The least version that a requirement takes."""
+    """Return the least version of a requirement."""
     found = re.search(r">=\s*([\w.]+)", requirement.split(";")[0])
     assert found is not None, f"{requirement}: no least version is given"
     return found[1]
 
 
 def needed(name: str = "irrsplat", extras: Sequence[str] = EXTRAS) -> Iterator[str]:
-    """The names of the installed packages that a package needs, directly and through others, each once."""
+    """Yield the installed packages that a package needs, directly or indirectly, each once."""
     waiting: list[tuple[str, Sequence[str]]] = [(name, extras)]
     seen: set[str] = set()
     while waiting:
@@ -76,7 +76,7 @@ def needed(name: str = "irrsplat", extras: Sequence[str] = EXTRAS) -> Iterator[s
 
 
 def installed(name: str) -> str:
-    """The version of a package that is installed; empty where none is."""
+    """Return the installed version of a package, or ""."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
@@ -84,7 +84,7 @@ def installed(name: str) -> str:
 
 
 def licence(name: str) -> str:
-    """Return the licence that a package declares, else those of the sentences in its files, in a few words."""
+    """Return a package's declared licence, else the licences of known phrases in its files."""
     about = metadata.metadata(name)
     kinds = [value.split(" :: ")[-1] for value in about.get_all("Classifier") or () if value.startswith("License ::")]
     stated = [value for field in ("License-Expression", "License") for value in about.get_all(field) or ()]
@@ -97,18 +97,18 @@ def licence(name: str) -> str:
 
 
 def allowed(words: str) -> bool:
-    """Whether a licence is one by which the package may be used beside an MIT-licensed one without further duties."""
+    """True if a licence permits use together with MIT-licensed code without further duties."""
     return any(word.lower() in words.lower() for word in ALLOWED)
 
 
 def lock() -> str:
-    """The text of constraints: the exact versions of all that is installed here and needed."""
+    """Return the text of constraints: exact versions of all needed packages installed here."""
     lines = (f"{name}=={installed(name)}\n" for name in needed() if name != "irrsplat")
     return f"# Versions that CI uses, written by {Path(__file__).relative_to(ROOT)} lock\n" + "".join(lines)
 
 
 def tried(constraints: str) -> int:
-    """The exit status of some tests in a new environment, its packages restricted by `constraints`."""
+    """Return the exit status of some tests in a new environment restricted by `constraints`."""
     with tempfile.TemporaryDirectory() as folder:
         python, file = Path(folder) / "venv/bin/python", Path(folder) / "constraints.txt"
         subprocess.run([sys.executable, "-m", "venv", Path(folder) / "venv"], check=True)
@@ -120,7 +120,7 @@ def tried(constraints: str) -> int:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command line; the exit status."""
+    """Run the command line; return the exit status."""
     if arguments == ["oldest"]:
         return tried("".join(f"{named(one)}=={least(one)}\n" for one in declared(["gltf"])))
     if arguments == ["newest"]:

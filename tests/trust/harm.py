@@ -1,6 +1,6 @@
-"""Processes that render by the command line and are harmed meanwhile: killed, interrupted, or left without room.
+"""Rendering processes on the command line under faults: killed, interrupted, or without disk space.
 
-They are forked from a server that has all modules but no OpenGL, so that hundreds of them take minutes.
+They are forked from a server with all modules but no OpenGL, so that hundreds take minutes.
 """
 
 from __future__ import annotations
@@ -20,23 +20,26 @@ from typing import Any
 from irrsplat.app import cli
 from tests.support.interrupts import run
 
-ESCAPED = 77  # the status where an interruption came out of main
-LIMIT = 600.0  # seconds, after which a process hangs
-OURS = ".irrsplat-"  # how temporary files begin
+ESCAPED = 77  # exit status for an interruption that escaped from main
+LIMIT = 600.0  # seconds, after which a process counts as hanging
+OURS = ".irrsplat-"  # prefix of temporary files
 
 
 def rendered(
     folder: Path, argv: list[str], harm: Callable[..., Callable[[], int]] | None = None, *values: Any
 ) -> tuple[int, str]:
-    """The status of `irrsplat` with `argv` in `folder`, in a process of its own, and what it wrote to stderr; a negative status
-    is a signal's number. harm: called there with `argv` and `values`, it returns what is done in place of the command."""
+    """Run `irrsplat` with `argv` in `folder` as a process; return its status and stderr.
+
+    A negative status is a signal's number. harm: called there with `argv` and `values`; it returns a replacement of the
+    command.
+    """
     forks = multiprocessing.get_context("forkserver")
     forks.set_forkserver_preload(["irrsplat.app.cli", "irrsplat.renderer", "irrsplat.app.film.frames", "OpenEXR", __name__])
     told, said = forks.Pipe(duplex=False)
     process = forks.Process(target=_child, args=(str(folder), said, argv, harm, values))
     process.start()
     said.close()
-    process.join(LIMIT)  # a line or two do not fill the pipe
+    process.join(LIMIT)  # a line or two fit into the pipe
     if process.exitcode is None:
         process.kill()
         raise AssertionError(f"{argv} hangs, with {harm} {values}")
@@ -66,7 +69,7 @@ def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tu
 
 
 def killed(argv: list[str], event: int) -> Callable[[], int]:
-    """By SIGKILL, at the n-th opening, renaming or removal of a temporary file."""
+    """Return a command that SIGKILL ends at the n-th opening, renaming or removal of a temporary file."""
     left = event
 
     def hook(name: str, args: tuple[Any, ...]) -> None:
@@ -81,7 +84,7 @@ def killed(argv: list[str], event: int) -> Callable[[], int]:
 
 
 def limited(argv: list[str], most: int) -> Callable[[], int]:
-    """No file may be longer than so many bytes."""
+    """Return a command with a limit of `most` bytes per file."""
     import resource
 
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
@@ -89,7 +92,7 @@ def limited(argv: list[str], most: int) -> Callable[[], int]:
 
 
 def at_line(argv: list[str], line: int) -> Callable[[], int]:
-    """By Ctrl-C, before the line of this number that irrsplat executes."""
+    """Return a command that Ctrl-C interrupts before this line number of irrsplat's execution."""
     status = ESCAPED
 
     def main() -> None:
@@ -100,7 +103,7 @@ def at_line(argv: list[str], line: int) -> Callable[[], int]:
 
 
 def signalled(argv: list[str], number: int, seconds: float) -> Callable[[], int]:
-    """By a signal, after so many seconds."""
+    """Return a command that a signal interrupts after this time."""
     ended = threading.Event()
 
     def send() -> None:

@@ -1,11 +1,11 @@
-"""A day's use in minutes: through all bundled scenes, lap after lap, with anything that a user may do thrown at random.
+"""A day's use in minutes: random user actions in all bundled scenes, over several laps.
 
-No OpenGL error, no message of one, no hole at rest, no more records than may be kept, and objects of OpenGL that do not grow in
-number. Over many laps memory does not grow either: after each lap, in the same state, it is within GROWTH of the most in the
-first third of the laps. Those load all libraries.
+The run has no OpenGL error or message, no hole in a converged view, no record above the limit, and a constant number of
+OpenGL objects. Over many laps memory is constant too: after each lap, in an equal state, it is within GROWTH of the maximum
+of the first third of the laps, which load all libraries.
 
-IRRSPLAT_LAPS: through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: in each scene of a lap (4). IRRSPLAT_SEED:
-which (1). With -s, memory is told.
+IRRSPLAT_LAPS: laps through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: actions per scene of a lap (4).
+IRRSPLAT_SEED: their seed (1). With -s, memory is printed.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ LAPS = int(os.environ.get("IRRSPLAT_LAPS", "2"))
 SCENES = tuple(bundled()) if "IRRSPLAT_LAPS" in os.environ else ("furnace",)
 ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
-DT = 0.1  # seconds of a frame
-KEPT = 2500  # records at most
-REST = 20_000  # frames at most until all is at rest
+DT = 0.1  # seconds per frame
+KEPT = 2500  # limit of records
+REST = 20_000  # limit of frames until convergence
 GROWTH = 1.05
-MANY = 9  # laps, from which on memory is judged
-OBJECTS = 12  # of OpenGL may come after that: programs of overlays at first use, the interface's letters
+MANY = 9  # laps, from which memory is checked
+OBJECTS = 12  # OpenGL objects that may be added later: programs of overlays at first use, glyphs of the interface
 EDITED = 3  # meshes that edits need
 
 
 def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> str:
-    """One thing that a user may do, by its name."""
+    """Perform one random user action; return its name."""
     if draw.random() < 0.25:
         key = KEYS[draw.integers(len(KEYS))]
         if key.action not in LEFT_OUT:
@@ -54,13 +54,16 @@ def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> st
 
 
 def check(driver: Driver, done: list[str]) -> None:
-    """At rest, each pixel that sees anything has a record, where no more are wanted than may be kept; and there are not more."""
+    """Assert for the converged view that every surface pixel has a record, unless the limit of records is reached.
+
+    The limit always holds.
+    """
     session = driver.session
     session.options.frozen = False
     if session.path_recorder.recording is not None:
-        driver.actions.record()  # which ends the recording
+        driver.actions.record()  # ends the recording
     session.path_recorder.stop()
-    for side in range(len(session.active)):  # a key may have brought a preset that refines for minutes
+    for side in range(len(session.active)):  # a key may have selected a preset with minutes of refinement
         session.change(side, viewer_samples=0, viewer_quality=0.0)
     driver.settle(REST, f"after {done}, with {[(r.preset, r.cache.count, r.settings) for r in session.active]}")
     for view, progress, renderer in zip(session.views, session.progress, session.active, strict=True):

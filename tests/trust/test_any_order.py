@@ -1,11 +1,11 @@
-"""Whatever is called, in whatever order: a change is applied whole or not at all, and at rest the picture is a fresh renderer's.
+"""Calls in any order: a change applies completely or not at all, and the converged picture is a fresh renderer's.
 
-Calls are drawn at random: frames, renders, lights, moves, paint, settings, sizes, caches, calls that have to be refused, and
-Ctrl-C in the middle of any of them. The scene that they make is kept beside, by value. Now and then the refined view is compared
-with new renderers of that scene. Buffers without a part of records are equal bit for bit. Irradiance differs by at most AS_SEEDS
-times the difference of two of them with other seeds, or is as near to a finer picture as theirs.
+Calls are random: frames, renders, lights, moves, materials, settings, sizes, caches, invalid calls, and Ctrl-C during any
+of them. The expected scene is tracked by value. At intervals the refined view is compared with new renderers of that scene.
+Buffers without records are equal bit for bit. Irradiance differs by at most AS_SEEDS times the difference of two other
+seeds, or is as near to a finer picture as theirs.
 
-IRRSPLAT_CALLS: how many calls (60). IRRSPLAT_SEED: which ones (1). With -s, the pictures that were compared are summed up.
+IRRSPLAT_CALLS: number of calls (60). IRRSPLAT_SEED: their seed (1). With -s, a summary of the compared pictures is printed.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from tests.support.worlds import lamp
 
 CALLS = int(os.environ.get("IRRSPLAT_CALLS", "60"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
-COMPARED = 40 if CALLS < 1000 else 100  # calls, after about so many a picture is compared
-FEW = 600  # records that may be kept, where these are not enough for some views
-MOST = 1500  # records, above which they are forgotten, so that the calls stay quick
+COMPARED = 40 if CALLS < 1000 else 100  # calls between two comparisons, about
+FEW = 600  # limit of records, too low for some views
+MOST = 1500  # records above which they are discarded, for quick calls
 SIZES = (36, 30), (48, 24)
 CAMERAS = FRONT, Camera((-0.8, 0.7, 0.9), (0.3, -0.5, -0.6), fov=60.0), Camera((0.7, -0.5, 0.9), (-0.6, 0.0, -1.0), fov=70.0)
 BASE: dict[str, Any] = {**FAST, "gather": "trace", "gather_size": 24, "a": 0.5}
@@ -42,17 +42,17 @@ SETTINGS: dict[str, tuple[Any, ...]] = {
     "max_records": (FEW, 4000, 4000, 4000),
 }  # fmt: skip
 EXACT = "position", "normal", "albedo", "depth", "direct", "emission"
-AS_SEEDS = 1.5  # times as much as two seeds do may a picture differ from a new renderer's
-SEEDS = 24  # that are tried before a picture counts as wrong: one of eight may miss a strip of light that is a pixel wide
-DARK = 1e-3  # W/m²: a mean that is less counts as this
-LEAST = 0.02  # of the mean: differences of the size of a seed's are not looked for below this
+AS_SEEDS = 1.5  # allowed difference from a new renderer, in differences of two seeds
+SEEDS = 24  # seeds before a picture counts as wrong: one in eight may miss a strip of light one pixel wide
+DARK = 1e-3  # W/m²: lower bound for a mean
+LEAST = 0.02  # of the mean: smaller differences are not checked
 
 Draw = np.random.Generator
 
 
 @dataclass
 class Run:
-    """A renderer in use, and beside it what its scene, settings and size have to be."""
+    """Renderer in use, and the expected scene, settings and size."""
 
     renderer: Renderer
     folder: Path
@@ -68,13 +68,13 @@ class Run:
     off: list[tuple[float, float]] = field(default_factory=list)  # of each compared picture, and of two seeds there
 
     def check(self) -> None:
-        """The renderer is of what it has to be."""
+        """Assert that the renderer has the expected state."""
         there = self.renderer
         assert _same(there.scene, self.scene), f"another scene after {self.done}"
         assert there.settings == self.settings and there.size == self.size, f"other settings after {self.done}"
 
 
-# ---- calls: each is returned with the Run's values as they have to be once it is done ---------------------------------------
+# ---- calls: each is returned with the expected values of the Run after it ---------------------------------------------------
 
 Call = tuple[Callable[[], object], dict[str, Any]]
 
@@ -85,7 +85,7 @@ def vector(draw: Draw, low: float, high: float) -> tuple[float, float, float]:
 
 
 def look(name: str, run: Run, draw: Draw) -> Call:
-    """A call that changes nothing that the scene has to be."""
+    """Return a call that does not change the expected scene."""
     renderer, view, some = run.renderer, run.view, bool(draw.random() < 0.5)
     run.view = None
     if name == "turn":
@@ -97,13 +97,13 @@ def look(name: str, run: Run, draw: Draw) -> Call:
             run.view = renderer.frame(run.camera, seconds, gather)[0]
 
         return frame, {}
-    if name == "accumulate" and view:  # the view that the last call gave
+    if name == "accumulate" and view:  # the view of the last call
         samples = int(draw.integers(1, 6))
         return lambda: renderer.accumulate(view, samples, None if some else 1e-4), {}
     if name == "save":
         run.saved += 1
         return lambda: renderer.save_cache(run.folder / f"{run.saved % 3}.cache"), {}
-    if name == "load":  # refused where it is of another scene or other settings
+    if name == "load":  # refused for another scene or other settings
         file = run.folder / f"{draw.integers(3)}.cache"
 
         def load() -> None:
@@ -122,7 +122,7 @@ def look(name: str, run: Run, draw: Draw) -> Call:
 
 
 def relit(lights: list[Light], draw: Draw) -> list[Light]:
-    """Dim, carry, add and take away lamps."""
+    """Dim, move, add or remove lights."""
     what, number = draw.integers(5), int(draw.integers(len(lights) or 1))
     if what == 0:
         by = float(draw.choice([0.0, 0.5, 2.0, 1.3]))
@@ -145,7 +145,7 @@ def change(name: str, run: Run, draw: Draw) -> Call:
     if name == "relight":
         lights = relit(list(scene.lights), draw)
         return lambda: renderer.relight(lights), {"scene": replace(scene, lights=tuple(lights))}
-    if name == "move":  # the box, from where it was loaded; by a mirror, too; tests/renderer/test_move.py judges the arithmetic
+    if name == "move":  # the box, from its loaded place, also mirrored; tests/renderer/test_move.py checks the arithmetic
         matrix = np.diag([-1.0 if draw.random() < 0.2 else 1.0, 1.0, 1.0, 1.0])
         matrix[:3, 3] = draw.uniform(-0.3, 0.3, 3)
         return lambda: renderer.move(1, matrix), {"scene": moved(scene, run.loaded.meshes, 1, matrix)}
@@ -180,7 +180,7 @@ def refused(name: str, run: Run, draw: Draw) -> Call:
 
 # ---- in order --------------------------------------------------------------------------------------------------------------
 
-KINDS = (  # how often each is drawn, and its calls; those that come more often stand there several times
+KINDS = (  # probability of each kind, and its calls; frequent ones are repeated
     (0.45, change, "relight relight relight move move repaint change change change change resize carry"),
     (0.5, look, "frame frame frame frame turn render refine accumulate forget renew save load"),
     (0.05, refused, "refused"),
@@ -188,7 +188,7 @@ KINDS = (  # how often each is drawn, and its calls; those that come more often 
 
 
 def call(run: Run, draw: Draw) -> None:
-    """Make one call, and see that it is applied, or refused, whole."""
+    """Make one call; assert that it is applied or refused completely."""
     _, kind, names = KINDS[draw.choice(3, p=[often for often, _, _ in KINDS])]
     name = str(draw.choice(names.split()))
     act, values = kind(name, run, draw)
@@ -200,7 +200,7 @@ def call(run: Run, draw: Draw) -> None:
     elif draw.random() < 0.05:
         run.done[-1] += " interrupted"
         if run_lines(act, int(np.exp(draw.uniform(0.0, 9.0))))[1]:
-            run.view = None  # and what differs now is applied, and whole: `check` sees to that
+            run.view = None  # later differences are applied completely: `check` tests that
             applied = not all(_same(getattr(run.renderer, one), getattr(run, one)) for one in values)
     else:
         act()
@@ -220,8 +220,10 @@ def _same(a: Any, b: Any) -> bool:
 
 
 def fresh(run: Run, more: int, **settings: Any) -> Frame:
-    """What a new renderer makes of the scene as it has to be, by a seed that is so much more; then it has seen another view
-    before, so that its records lie elsewhere, too. settings: what else differs."""
+    """Render the expected scene with a new renderer, with its seed raised by `more`; return the frame.
+
+    For more > 0 it renders another view first, so that its records lie elsewhere too. settings: other changed settings.
+    """
     with Renderer(run.scene, run.size) as made:
         made.change(replace(run.settings, **{"seed": run.settings.seed + more, **settings}))
         made.carry_headlamp(run.headlamp)
@@ -231,13 +233,13 @@ def fresh(run: Run, more: int, **settings: Any) -> Frame:
 
 
 def off(one: Frame, other: Frame) -> float:
-    """How far two pictures' irradiance is apart, relative to its mean: the root of the mean square."""
+    """Return the RMS difference of two pictures' irradiance, relative to its mean."""
     mean = max(float(other.irradiance.mean()), DARK)
     return float(np.sqrt(((one.irradiance - other.irradiance) ** 2).mean())) / mean
 
 
 def at_rest(run: Run, draw: Draw) -> Frame:
-    """The view, by a render, or by ticks until nothing is left to do."""
+    """Return the converged view, by a render, or by limited frames."""
     if draw.random() < 0.4:
         return run.renderer.render(run.camera)
     for _ in range(6000):
@@ -248,15 +250,15 @@ def at_rest(run: Run, draw: Draw) -> Frame:
 
 
 def compare(run: Run, draw: Draw) -> None:
-    """Come to rest, in ticks or at once, and see what a new renderer has there."""
+    """Converge, in limited frames or at once, and compare with new renderers."""
     found, made = at_rest(run, draw), [fresh(run, 0), fresh(run, 1)]
     for name in EXACT:
         assert np.array_equal(getattr(found, name), getattr(made[0], name)), f"{name} differs after {run.done}"
-    if not (found.stats["converged"] and made[0].stats["converged"]):  # how good a picture is then depends on the past
+    if not (found.stats["converged"] and made[0].stats["converged"]):  # the quality then depends on the past
         assert run.settings.max_records == FEW, f"unfinished after {run.done}"
         return
     apart, seeds = off(found, made[0]), off(made[0], made[1])
-    if apart > max(AS_SEEDS * seeds, LEAST):  # as records of the past may make it better: which is nearer to a finer picture?
+    if apart > max(AS_SEEDS * seeds, LEAST):  # older records can improve it: compare both with a finer picture
         fine = fresh(run, 0, a=0.15, radius_max=2.0, max_records=20_000)
         made += [fresh(run, more) for more in range(2, SEEDS)]
         apart, seeds = off(found, fine), max(off(one, fine) for one in made)

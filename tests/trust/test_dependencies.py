@@ -1,4 +1,4 @@
-"""What is needed from others has a least version, a licence that can be lived with, and an exact version in CI."""
+"""Dependencies have a least version, an acceptable licence, and an exact version in CI."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tests.trust.dependencies import LOCK, SILENT, allowed, declared, installed,
 
 
 def parts(version: str) -> list[int]:
-    """The numbers of a version, of which tuples compare."""
+    """Return the numbers of a version, for comparisons."""
     return [int(part) for part in version.split(".") if part.isdigit()]
 
 

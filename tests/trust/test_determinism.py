@@ -1,8 +1,8 @@
-"""Equal runs give equal bytes: PNG, EXR, records and every array, by one thread or several, under other versions of OpenGL; and a
-slow and a fast flight along one path end with the same picture once it rests.
+"""Determinism: equal runs give equal bytes, and slow and fast flights converge to one picture.
 
-IRRSPLAT_RUNS=full: all bundled scenes in every circumstance (else one small render in two of them). With -s, what was compared is
-told.
+The bytes are those of PNG, EXR, records and every array, with one or several threads, and under other versions of OpenGL.
+IRRSPLAT_RUNS=full: all bundled scenes in every circumstance (else one small render in two of them). With -s, the
+comparisons are printed.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ CIRCUMSTANCES: dict[str, dict[str, str]] = {
 }
 TRIED = list(CIRCUMSTANCES) if FULL else list(CIRCUMSTANCES)[:2]
 SIZE = ["120", "90"] if FULL else ["48", "40"]
-LIMIT = 0.01  # of the mean: as near as the pictures of a slow and of a fast flight are (root mean square), refined at rest
-NOISE = 0.028  # and where they are only covered: records elsewhere, each picture 1.6 % off (docs/measurements.md); measured 2.2 %
-QUALITY = 0.005  # estimated error at which a picture at rest is left, as in the viewer
+LIMIT = 0.01  # of the mean: RMS difference of refined pictures after a slow and a fast flight
+NOISE = 0.028  # the difference without refinement: other records, each picture 1.6 % off (docs/measurements.md); measured 2.2 %
+QUALITY = 0.005  # estimated error at which refinement ends, as in the viewer
 
 
 def test_equal_renders_give_equal_arrays() -> None:
-    """Of one process, by renderers of their own."""
+    """The renders are in one process, with separate renderers."""
     one, two = (irrsplat.render(room(), (24, 20), **FAST) for _ in range(2))
     names = [name for name, value in vars(one).items() if isinstance(value, np.ndarray)]
     assert len(names) > 10 and [name for name in names if getattr(one, name).tobytes() != getattr(two, name).tobytes()] == []
 
 
 def made(folder: Path, scene: str, environment: dict[str, str]) -> dict[str, str]:
-    """Hashes of what a process renders, by name: of files as they are, of the arrays of an NPZ one by one."""
+    """Return hashes of a process's renders by name: of whole files, and of each array of an NPZ."""
     folder.mkdir(parents=True)
     outputs = ["-o", "a.png", "-o", "a.exr", "-o", "a.npz", "--cache", "a.cache"]
     command = [sys.executable, "-m", "irrsplat", "render", scene, "--size", *SIZE, *outputs]
@@ -56,7 +56,7 @@ def made(folder: Path, scene: str, environment: dict[str, str]) -> dict[str, str
     with np.load(folder / "a.npz") as file:
         arrays = {name: file[name].tobytes() for name in file.files if name != "stats"}
     files = {name: (folder / name).read_bytes() for name in ("a.png", "a.exr", "a.cache")}
-    if "MESA_GL_VERSION_OVERRIDE" in environment:  # an EXR says by which version it was made
+    if "MESA_GL_VERSION_OVERRIDE" in environment:  # an EXR stores the OpenGL version
         del files["a.exr"]
     return {name: hashlib.sha256(content).hexdigest() for name, content in (arrays | files).items()}
 
@@ -73,7 +73,7 @@ def test_equal_runs_give_equal_bytes(scene: str, tmp_path: Path) -> None:
 
 
 def flown(scene: Scene, cameras: list[irrsplat.Camera], size: tuple[int, int], **settings: object) -> list[np.ndarray]:
-    """(H, W, 3) irradiance after a flight along `cameras`, a tick of each: once the last view is covered, and refined at rest."""
+    """Return irradiance (H, W, 3) after a flight with one frame per camera: covered, and after refinement."""
     with Renderer(scene, size, **settings) as renderer:  # type: ignore[arg-type]
         for camera in cameras:
             view, progress = renderer.frame(camera, seconds=0.05)
@@ -87,7 +87,7 @@ def flown(scene: Scene, cameras: list[irrsplat.Camera], size: tuple[int, int], *
 
 @pytest.mark.long
 def test_a_slow_and_a_fast_flight_end_alike() -> None:
-    """Their records lie elsewhere, so that pixels differ a little; what is seen once the view rests does not."""
+    """The flights have different records, so that single pixels differ slightly; the converged pictures agree."""
     settings = {**FAST, "gather": "trace", "gather_size": 32}
     eyes = np.linspace([-0.7, 0.5, 0.9], FRONT.eye, 24)
     way = [irrsplat.Camera(tuple(eye), FRONT.target, fov=60.0) for eye in eyes.tolist()]

@@ -1,7 +1,7 @@
-"""A bad day: killed at any moment, a disk that is full, Ctrl-C anywhere, a clock that leaps, files cut short.
-Outputs are as before or whole, an error is one line, and the next run works.
+"""Faults: SIGKILL at any moment, a full disk, Ctrl-C anywhere, a clock that jumps, truncated files.
 
-IRRSPLAT_FAULTS: how often each is tried in the long form (4). IRRSPLAT_SEED: which moments (1). With -s, a summary is printed.
+Outputs are unchanged or complete, an error is one line, and the next run works. IRRSPLAT_FAULTS: repetitions of each fault
+in the long form (4). IRRSPLAT_SEED: the seed of the moments (1). With -s, a summary is printed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tests.trust.harm import at_line, killed, limited, rendered, signalled
 
 TIMES = int(os.environ.get("IRRSPLAT_FAULTS", "4"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
-OUTPUTS = ["a.png", "a.exr", "a.npz", "new", "old", "a.cache", "a.json"]  # new, old: folders, of which old is there already
+OUTPUTS = ["a.png", "a.exr", "a.npz", "new", "old", "a.cache", "a.json"]  # new, old: folders; old already exists
 RENDER = [
     *("render", "plain.scene", "--size", "40", "30", "--gather-size", "8", "--shadow-size", "64", "--bounces", "1"),
     *("-o", "a.png", "-o", "a.exr", "-o", "a.npz", "-o", "new", "-o", "old", "--cache", "a.cache", "--stats", "a.json"),
@@ -52,11 +52,11 @@ def place(tmp_path: Path) -> Path:
     return folder
 
 
-# ---- what has to hold of the files -------------------------------------------------------------------------------------------
+# ---- conditions on the files -------------------------------------------------------------------------------------------------
 
 
 def read(path: Path) -> object:
-    """What is in an output, read whole; raises what its reader raises for a damaged one."""
+    """Return the contents of an output, read completely; raise its reader's error for a damaged one."""
     if path.is_dir():
         return [read(one) for one in sorted(path.iterdir())]
     if path.suffix == ".png":
@@ -74,7 +74,10 @@ def read(path: Path) -> object:
 
 
 def check(place: Path, old: dict[str, bytes], parts: bool) -> Counter[str]:
-    """Each output is as it was, missing as it was, or whole; how many are which. parts: temporary files may be there, too."""
+    """Assert that each output is unchanged, still missing, or complete; return the counts.
+
+    parts: temporary files are allowed.
+    """
     found: Counter[str] = Counter()
     for path in place.iterdir():
         if path.name.startswith(".irrsplat-"):
@@ -92,7 +95,7 @@ def check(place: Path, old: dict[str, bytes], parts: bool) -> Counter[str]:
 
 
 def laid(place: Path, draw: np.random.Generator) -> dict[str, bytes]:
-    """Some outputs of another run, the folder `old` among them; their content by name."""
+    """Write some outputs of an earlier run, including the folder `old`; return their contents by name."""
     (place / "old").mkdir()
     files = {name: b"old" for name in OUTPUTS if name not in ("new", "old", "a.cache") and draw.random() < 0.5}
     for name, content in files.items():
@@ -108,13 +111,15 @@ def emptied(place: Path) -> None:
             path.unlink()
 
 
-# ---- killed, without room, interrupted ---------------------------------------------------------------------------------------
+# ---- killed, without space, interrupted --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("times", [1, pytest.param(TIMES, marks=pytest.mark.long)])
 def test_killed_at_any_moment(times: int, place: Path) -> None:
-    """`kill -9` where files are made, filled and renamed: the next run finds all as before or whole, works, and leaves nothing of
-    the killed one behind."""
+    """`kill -9` at the creation, writing and renaming of files: the next run finds unchanged or complete outputs, and works.
+
+    It removes all remains of the killed run.
+    """
     draw, found = np.random.default_rng(SEED), Counter[str]()
     while found["killed"] < times:
         emptied(place)
@@ -130,7 +135,7 @@ def test_killed_at_any_moment(times: int, place: Path) -> None:
 
 @pytest.mark.long
 def test_a_full_disk(place: Path) -> None:
-    """No file may be longer than so many bytes: those that are shorter are written, all others are named in one line."""
+    """With a limit of the file size, shorter files are written, and one line names all others."""
     draw, found = np.random.default_rng(SEED), Counter[str]()
     for _ in range(TIMES):
         emptied(place)
@@ -147,8 +152,10 @@ def test_a_full_disk(place: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("how", ["Ctrl-C before a line", "SIGINT", "SIGTERM"])
 def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before lines that lie evenly in all that a render executes, and by signals after random times, also within numpy and
-    OpenGL: one line, status 130, and whole files."""
+    """Interrupts before evenly spaced lines, and signals at random times, also within numpy and OpenGL.
+
+    Each gives one line, status 130, and complete files.
+    """
     draw, found = np.random.default_rng(SEED), Counter[str]()
     monkeypatch.chdir(place)
     lines = run(lambda: cli.main(RENDER))[0] if "line" in how else 0
@@ -170,7 +177,7 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
 
 
 class Leaping(CountedClock):
-    """A clock that leaps by an hour now and then, as on a machine that was suspended."""
+    """Clock that sometimes jumps by an hour, as after suspension of a machine."""
 
     draw = np.random.default_rng(SEED)
 
@@ -181,7 +188,7 @@ class Leaping(CountedClock):
 
 @pytest.mark.parametrize("busy", [0.0, 0.2])
 def test_a_clock_that_leaps_and_input_that_waits_change_no_picture(busy: float) -> None:
-    """Ticks come to rest with the records of whole rounds. busy: the share of the checks at which input waits."""
+    """Limited frames converge with the records of whole rounds. busy: share of the checks with pending input."""
     clock, done = Leaping(), False
     with Renderer(room(), (24, 20), **FAST) as whole, Renderer(room(), (24, 20), **FAST) as leaping, use_clock(clock):
         whole.render()
@@ -198,7 +205,7 @@ def test_a_clock_that_leaps_and_input_that_waits_change_no_picture(busy: float) 
 
 
 def test_a_file_of_tomorrow_is_read_again_all_the_same(tmp_path: Path, clock: CountedClock) -> None:
-    """The file lies on a server whose clock is ahead: it counts as left alone at the second look."""
+    """The file lies on a server with a clock ahead: it counts as stable at the second check."""
     path = tmp_path / "a.scene"
     path.write_text("sky 1 1 1\n")
     watch = file_watch.FileWatch([str(path)])
@@ -220,7 +227,7 @@ EDITED: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("name", EDITED)
 def test_a_scene_that_an_editor_has_written_in_part(name: str, tmp_path: Path) -> None:
-    """Each part of a file gives a scene, or an error of one line."""
+    """Each part of a file gives a scene, or a one-line error."""
     for file, write in EDITED.items():
         write(tmp_path / file)
     path, top = tmp_path / name, str(tmp_path / ("b.glb" if name == "b.glb" else "a.scene"))

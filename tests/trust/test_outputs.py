@@ -1,5 +1,7 @@
-"""Outputs stand alone: one that cannot be written loses no other, all failures are told, none is given twice, and what a killed
-process left under a temporary name goes."""
+"""Independent outputs: a failed one affects no other, all failures are reported, and duplicates are refused.
+
+Temporary files of a killed process are removed.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ NAMES = {"a.png", "b.exr", "c.npz", "folder", "s.json"}
 
 @pytest.fixture
 def broken(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """Names of files that cannot be put in place: the disk is full."""
+    """Names of files that cannot be put in place, as on a full disk."""
     names: set[str] = set()
     replace = os.replace
 
@@ -48,7 +50,7 @@ def written(folder: Path) -> set[str]:
 def test_each_output_stands_alone(
     bad: set[str], broken: set[str], fake: Any, place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """All others are written, and one line names each that could not be."""
+    """All other files are written, and one line names each failed one."""
     broken |= bad
     outputs = ["-o", "a.png", "-o", "b.exr", "-o", "c.npz", "-o", "folder/", "--stats", "s.json"]
     assert cli.main([*RENDER, *outputs]) == 1
@@ -73,7 +75,7 @@ def test_failed_outputs_do_not_lose_the_cache(
 def test_a_path_goes_on_with_the_outputs_that_are_left(
     broken: set[str], fake: Any, flight: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One that failed is not tried again; where none is left, the path ends, with the statistics of what was written."""
+    """A failed output is not tried again; without outputs, the path ends with the statistics of the written frames."""
     broken |= {"a1.png"}
     assert cli.main([*FLIGHT, "-o", "a{frame}.png", "-o", "b{frame}.png", "--stats", "s.json"]) == 1
     assert capsys.readouterr().err == "irrsplat: a1.png: cannot write: No space left on device\n"
@@ -99,7 +101,7 @@ def test_the_same_file_twice_is_refused(argv: list[str], words: str, refused: Ca
 
 
 def test_frames_of_one_name_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
-    """Patterns that differ, and give the same name from some frame on."""
+    """Different patterns that give one name from some frame on."""
     path = flight / "a.path"
     path.write_text(path.read_text().replace("frames 4", "frames 12"))
     line = refused([*FLIGHT, "-o", "f{frame}.png", "-o", "f{frame:02d}.png"])
@@ -107,14 +109,17 @@ def test_frames_of_one_name_are_refused(refused: Callable[..., str], fake: Any, 
 
 
 def test_what_a_killed_process_left_is_swept(tmp_path: Path) -> None:
-    """By whoever writes there next; what a living process is about to write stays. (tests/trust/test_faults.py kills some.)"""
+    """The next writer removes temporary files of dead processes; those of a living process stay.
+
+    (tests/trust/test_faults.py kills some processes.)
+    """
     (tmp_path / ".irrsplat-0123456789ab.part").write_text("half")
     (tmp_path / ".irrsplat-0123456789ac.part").mkdir()
     (tmp_path / ".irrsplat-0123456789ac.part" / "a.png").touch()
     seen: list[str] = []
 
     def fill(part: Path) -> None:
-        """Meanwhile another file is written here."""
+        """Write another file meanwhile."""
         part.write_text("new")
         files.write_text(tmp_path / "b.txt", "other")
         seen.extend(path.name for path in tmp_path.glob(".irrsplat-*"))
@@ -126,7 +131,7 @@ def test_what_a_killed_process_left_is_swept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rows", [1, 16, 33])
 def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
-    """OpenEXR's writer does not tell of a disk that is full; whatever is missing at the end, or has become 0, is found."""
+    """OpenEXR's writer does not report a full disk; missing or zeroed data at the end is detected."""
     import OpenEXR
 
     path = tmp_path / "a.exr"
@@ -144,7 +149,7 @@ def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
 
 
 def test_others_files_stay(tmp_path: Path) -> None:
-    """Names that are not ours, links, and a pipe, which nobody waits for."""
+    """Foreign names, links, and a pipe that has no reader stay."""
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious/file").touch()
     (tmp_path / ".irrsplat-0123456789ab.part").symlink_to(tmp_path / "precious")
@@ -158,7 +163,7 @@ def test_others_files_stay(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_swept_before_it_is_locked_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process sweeps at the one moment when nobody holds the temporary file: the file is written all the same."""
+    """Another process removes the temporary file before it is locked: the file is still written."""
     fcntl = pytest.importorskip("fcntl")
     lock, swept = fcntl.flock, list[Path]()
 
@@ -174,7 +179,7 @@ def test_a_name_that_is_swept_before_it_is_locked_is_made_anew(tmp_path: Path, m
 
 
 def test_permissions_and_links_stay(tmp_path: Path) -> None:
-    """A private file stays private, in a folder of pictures too; a link leads to the new content."""
+    """A private file stays private, also in a folder of pictures; a link leads to the new content."""
     file, link, folder = tmp_path / "a.txt", tmp_path / "link", tmp_path / "pictures"
     folder.mkdir()
     for private in (file, folder / "a.png"):

@@ -1,4 +1,4 @@
-"""What all peers are measured by: the points of two views with the truth there, and the time and error of each measurement."""
+"""Common measure of all peers: points of two views with their reference, and time and error of each measurement."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from irrsplat.scene.model import Camera
 if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
 
-ENOUGH = 0.03  # relative RMSE below which no peer is measured any finer
-SECONDS = 120.0  # after which a peer begins no finer measurement
-CPUS = max(1, os.cpu_count() or 1)  # the same for all: ours, rtrace -n and Mitsuba's threads
+ENOUGH = 0.03  # relative RMSE below which refinement ends
+SECONDS = 120.0  # time limit for starting a finer measurement
+CPUS = max(1, os.cpu_count() or 1)  # threads, equal for all: ours, rtrace -n and Mitsuba
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement: what the `system` was set to, its seconds, and the relative RMSE of irradiance that it reaches.
+    """One measurement: settings of the `system`, seconds, and relative RMSE of irradiance.
 
-    further, further_rmse: the same for a further view of the scene with all that was kept from the first; None: not known.
+    further, further_rmse: the values of a further view with all kept data; None: unknown.
     """
 
     system: str
@@ -42,10 +42,10 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Series:
-    """The measurements of one system, fastest first: a line of the plot, in `colour`. None where it could not take part.
+    """Measurements of one system, fastest first: a line of the plot in `colour`; empty if it cannot take part.
 
-    about: what came before its clock began, or why it could not take part. keeps_nothing: it has nothing for a further view, and
-    its error falls with 1/√seconds.
+    about: preparation outside the timing, or the reason for absence. keeps_nothing: True for a system without data for
+    further views; its error falls with 1/√seconds.
     """
 
     measurements: tuple[Measurement, ...]
@@ -56,8 +56,11 @@ class Series:
 
 @dataclass(frozen=True)
 class JudgedView:
-    """What a camera sees: points (N, 3) with shading and geometric normals, the numbers (M,) of those at which irradiance is
-    judged, and the truth there (M, 3) in W/m²; its pixels as `fine_gather.Truth` has them."""
+    """Visible points of a camera with reference irradiance.
+
+    Points (N, 3) with shading and geometric normals; indices (M,) of the compared points; the reference there (M, 3) in W/m²,
+    with pixels as in `fine_gather.Truth`.
+    """
 
     camera: Camera
     position: np.ndarray
@@ -67,13 +70,13 @@ class JudgedView:
     truth: fine_gather.Truth
 
     def error(self, E: np.ndarray) -> float:
-        """The relative RMSE of irradiance (N, 3) at all points."""
+        """Return the relative RMSE of irradiance (N, 3) at the compared points."""
         off = E[self.judged] - self.truth.irradiance
         return float(np.sqrt(np.mean(off**2)) / self.truth.irradiance.mean(dtype=float))
 
 
 def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
-    """What `camera` sees, and its truth; raises InputError where there is none."""
+    """Return the visible points of `camera` and their reference; raise InputError without one."""
     truth = gather_truth.truth(renderer, camera)
     if truth is None or not truth.irradiance.any():
         bounces = renderer.settings.bounces
@@ -92,5 +95,5 @@ def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
 
 
 def fastest_first(measurements: Sequence[Measurement]) -> tuple[Measurement, ...]:
-    """The same in the order of a Series."""
+    """Return the measurements in the order of a Series."""
     return tuple(sorted(measurements, key=lambda one: one.seconds))

@@ -1,4 +1,4 @@
-"""Mitsuba among the peers: its own path tracer, and the one of `verify`, which has its intersections from Mitsuba."""
+"""Mitsuba as a peer: its path tracer, and the path tracer of `verify`, which uses Mitsuba's intersections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series
-from irrsplat.app.bench.peers.table import Tell
+from irrsplat.app.bench.peers.table import Notify
 from irrsplat.image.figures.pen import Colour
 from irrsplat.reference import worker
 from irrsplat.reference.truth import vertices
@@ -21,22 +21,22 @@ _PROCESS = "from irrsplat.reference.trace_points import main; main()"
 
 
 def measure_path(
-    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
-    """By Mitsuba's own integrator."""
-    yield _traced("Mitsuba", "path", (60, 140, 60), scene, bounces, views[0], tell)
+    """Measure Mitsuba's own integrator."""
+    yield _traced("Mitsuba", "path", (60, 140, 60), scene, bounces, views[0], notify)
 
 
 def measure_joined(
-    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
-    """By the integrator of `verify`, which joins every vertex to what each lamp shines on."""
-    yield _traced("Mitsuba, lamps joined", "joined", (130, 80, 160), scene, bounces, views[0], tell)
+    """Measure the integrator of `verify`, with next-event estimation at every vertex."""
+    yield _traced("Mitsuba, lamps joined", "joined", (130, 80, 160), scene, bounces, views[0], notify)
 
 
-def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int | All, view: JudgedView, tell: Tell) -> Series:
-    """A path tracer's measurements, by more and more samples; of a further view they are the same, since it keeps nothing."""
-    tell(name)
+def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int | All, view: JudgedView, notify: Notify) -> Series:
+    """Return a path tracer's measurements with growing sample counts; further views are the same, as it keeps no data."""
+    notify(name)
     answer = worker.call(
         _PROCESS,
         (

@@ -1,4 +1,4 @@
-"""irrsplat among the peers, with the settings of `verify --curve`."""
+"""irrsplat as a peer, with the settings of `verify --curve`."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from collections.abc import Iterator, Sequence
 from irrsplat.app.bench import cases
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series, fastest_first
-from irrsplat.app.bench.peers.table import Tell
+from irrsplat.app.bench.peers.table import Notify
 from irrsplat.app.verify import error_curve
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
 
 
-def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell) -> Iterator[Series]:
-    """From an empty cache, then the further view with the records kept."""
+def measure(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
+) -> Iterator[Series]:
+    """Measure from an empty cache, then the further view with the kept records."""
     import irrsplat
 
     first, second = views
@@ -22,7 +24,7 @@ def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequ
     about = ""
     for values in error_curve.points("default", {"bounces": bounces}):
         with irrsplat.Renderer(scene, size=size, **values) as renderer:
-            tell(f"irrsplat, a {values['a']:.3g}")
+            notify(f"irrsplat, a {values['a']:.3g}")
             cases.warm_up(renderer, first.camera)
             empty = cases.middle(cases.from_records(renderer, first.camera))
             kept = cases.records_of(renderer)

@@ -1,4 +1,4 @@
-"""`irrsplat bench --peers`: time against error, ours beside the other renderers of table.py, as tables and a plot."""
+"""`irrsplat bench --peers`: time against error, ours and the renderers of table.py, as tables and a plot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
-from irrsplat.app.bench.peers.table import PEERS, Tell, others
+from irrsplat.app.bench.peers.table import PEERS, Notify, others
 from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core import files
@@ -24,7 +24,7 @@ from irrsplat.settings import All
 
 DEFAULT_SCENES = ("cornell",)
 SIZE = [400, 400]
-TARGET = 0.05  # relative RMSE that all are timed to
+TARGET = 0.05  # relative RMSE of the comparison
 INSTALL = "pip install 'irrsplat[peers]'"
 LEGEND = (
     "rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view",
@@ -34,7 +34,7 @@ LEGEND = (
 
 
 def check(args: Namespace) -> None:
-    """Raises InputError or IrrsplatError for what can be told to be wrong before anything is rendered."""
+    """Raise InputError or IrrsplatError for errors that show before any rendering."""
     if not any(peer.package and peer.installed for peer in PEERS):
         raise IrrsplatError(f"--peers: of {others()} none is installed; run: {INSTALL}")
     if args.preset is not None or args.compare is not None:
@@ -48,7 +48,7 @@ def check(args: Namespace) -> None:
 
 
 def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[str, object]:
-    """Measure every scene and size, print tables, plot where asked for; what the JSON says of them."""
+    """Measure every scene and size, print tables, plot on request; return the part of the JSON."""
     import irrsplat
 
     about: dict[str, object] = {}
@@ -75,12 +75,12 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[st
 
 
 def measured(
-    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
-    """The series of every peer; of one that cannot take part a series without measurements, which says why."""
+    """Yield the series of every peer; an absent peer has an empty series with the reason."""
     for peer in PEERS:
         try:
-            yield from peer.measure(scene, size, bounces, views, tell)
+            yield from peer.measure(scene, size, bounces, views, notify)
         except IrrsplatError as error:
             if not peer.package:
                 raise
@@ -88,7 +88,7 @@ def measured(
 
 
 def report(title: str, found: Sequence[Series]) -> Iterator[str]:
-    """The table of a scene, and what follows from it."""
+    """Yield the table of a scene, and its summary."""
     yield from ("", title, *LEGEND)
     rows = [("system", "quality", "seconds", "rmse", "further s", "rmse")]
     for series in found:
@@ -103,30 +103,32 @@ def report(title: str, found: Sequence[Series]) -> Iterator[str]:
 
 
 def verdict(found: Sequence[Series]) -> Iterator[str]:
-    """How long each takes to the target, and for a further view as good, and how many times the first one's time that is."""
+    """Yield each peer's time to the target and for an equally good further view, with its ratio to the first peer's."""
     for words, further in ((f"to {TARGET:.0%} relative RMSE", False), ("a further view as good", True)):
-        told = []
+        parts = []
         base: float | None = None
         for series in found:
             if not series.measurements:
                 continue
             name, time_to_target = series.measurements[0].system, reached(series, further)
             if time_to_target is None:
-                told.append(f"{name} does not get there ({min(one.rmse for one in series.measurements):.1%} at best)")
+                parts.append(f"{name} does not get there ({min(one.rmse for one in series.measurements):.1%} at best)")
                 continue
             seconds, was_measured = time_to_target
             if base is None and series is found[0]:
                 base = seconds
-                told.append(f"{name} {seconds:.3f} s")
+                parts.append(f"{name} {seconds:.3f} s")
             else:
                 times = "" if base is None else f", {seconds / base:,.1f} times as long"
-                told.append(f"{name} {'' if was_measured else 'by 1/√samples some '}{seconds:,.2f} s{times}")
-        yield f"{words}: {'; '.join(told)}"
+                parts.append(f"{name} {'' if was_measured else 'by 1/√samples some '}{seconds:,.2f} s{times}")
+        yield f"{words}: {'; '.join(parts)}"
 
 
 def reached(series: Series, further: bool = False) -> tuple[float, bool] | None:
-    """Seconds to TARGET, or of a further view with what first got there, and whether that was measured: if not, it follows from
-    1/√samples. None: it never gets there."""
+    """Return the seconds to TARGET and True if they are measured, False if extrapolated by 1/√samples.
+
+    further: of a further view with the first measurement that reaches TARGET. None: the target is out of reach.
+    """
     there = [one for one in series.measurements if one.rmse <= TARGET]
     if there:
         seconds = there[0].further if further else there[0].seconds
@@ -138,7 +140,7 @@ def reached(series: Series, further: bool = False) -> tuple[float, bool] | None:
 
 
 def plot(title: str, found: Sequence[Series]) -> np.ndarray:
-    """(H, W, 3) display values 0..1: rmse in percent over seconds, both logarithmic, a line a system."""
+    """Return display values (H, W, 3) in 0..1: rmse in percent over seconds, both logarithmic, one line per system."""
     lines = []
     for series in found:
         if series.measurements:

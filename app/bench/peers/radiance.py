@@ -1,4 +1,4 @@
-"""Radiance among the peers: its rtrace with an ambient file, which it fills in one pass and reads in a second."""
+"""Radiance as a peer: rtrace with an ambient file, filled in a first pass and read in a second."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import numpy as np
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Measurement, Series, fastest_first
 from irrsplat.app.bench.peers.radiance_scene import meshes, text, write_obj
-from irrsplat.app.bench.peers.table import Tell
+from irrsplat.app.bench.peers.table import Notify
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
 
-# ambient accuracy, divisions and super-samples (-aa, -ad, -as), from rough to fine
+# Ambient accuracy, divisions and super-samples (-aa, -ad, -as), from coarse to fine
 QUALITIES: tuple[tuple[float, int, int], ...] = (
     (0.3, 256, 64),
     (0.25, 512, 128),
@@ -32,16 +32,18 @@ QUALITIES: tuple[tuple[float, int, int], ...] = (
     (0.1, 4096, 1024),
     (0.07, 8192, 2048),
 )
-# every lamp is sampled once, at its middle; what is left to chance are the ambient rays, and none of those ends early
+# One sample at the centre of every light; only ambient rays are random, and none ends early
 _EXACT = ("-ds", "0", "-dt", "0", "-dc", "1", "-dj", "0", "-dr", "0", "-ss", "0", "-lr", "64", "-lw", "1e-7")
 
 
-def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell) -> Iterator[Series]:
-    """Two series: what the pass that fills the ambient file says, and what a second pass does."""
+def measure(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
+) -> Iterator[Series]:
+    """Yield two series: the pass that fills the ambient file, and a second pass."""
     first, second = views
     most = vertices(bounces)
     with tempfile.TemporaryDirectory(prefix="irrsplat-") as folder:
-        tell("Radiance: compiling the scene")
+        notify("Radiance: compiling the scene")
         it = Rtrace(scene, Path(folder), CPUS)
         plain = [min((it.irradiance(v.position, v.normal, 0) for _ in range(2)), key=lambda found: found[1]) for v in views]
         prepared = ", ".join(f"{program} {seconds:.2f} s" for program, seconds in it.seconds.items())
@@ -52,7 +54,7 @@ def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequ
             it.forget()
             found: list[tuple[float, float]] = []
             for v, (direct, base) in ((first, plain[0]), (first, plain[0]), (second, plain[1])):
-                tell(f"Radiance, -aa {quality[0]:g} -ad {quality[1]} -as {quality[2]}: pass {len(found) + 1}")
+                notify(f"Radiance, -aa {quality[0]:g} -ad {quality[1]} -as {quality[2]}: pass {len(found) + 1}")
                 E, seconds = it.irradiance(v.position, v.normal, most, quality)
                 found.append((max(seconds - base, 1e-3), v.error(E - direct)))
             words = "-aa {:g} -ad {} -as {}".format(*quality)
@@ -65,14 +67,14 @@ def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequ
 
 
 def installed() -> Path | None:
-    """Where pyradiance keeps its programs (bin) and their files (lib); None where it is not installed."""
+    """Return pyradiance's folder of programs (bin) and files (lib); None if it is not installed."""
     spec = importlib.util.find_spec("pyradiance")
     places = [] if spec is None else list(spec.submodule_search_locations or ())
     return Path(places[0]) if places else None
 
 
 class Rtrace:
-    """A scene compiled in an empty `folder`; seconds: what compiling took, by program. Raises IrrsplatError where that fails."""
+    """Scene compiled in an empty `folder`; seconds: compile time by program. Raises IrrsplatError for a failure."""
 
     def __init__(self, scene: Scene, folder: Path, cpus: int) -> None:
         home = installed()
@@ -88,7 +90,7 @@ class Rtrace:
         (folder / "scene.oct").write_bytes(octree)
 
     def _run(self, command: Sequence[str], rays: bytes = b"") -> tuple[bytes, float]:
-        """What a program answers to `rays`, and the seconds that it took."""
+        """Return a program's output for `rays`, and its seconds."""
         program = self.home / "bin" / command[0]
         environment = os.environ | {"RAYPATH": os.pathsep.join((".", str(self.home / "lib")))}
         start = time.perf_counter()
@@ -106,9 +108,9 @@ class Rtrace:
     def irradiance(
         self, position: np.ndarray, normal: np.ndarray, bounces: int, quality: tuple[float, int, int] | None = None
     ) -> tuple[np.ndarray, float]:
-        """(N, 3) irradiance, direct and of so many bounces, at points (N, 3) with their normals, and the seconds of the process.
+        """Return irradiance (N, 3), direct and indirect, at points (N, 3) with normals, and the seconds of the process.
 
-        quality: as in QUALITIES, with the ambient file, which is read and added to; None: without it.
+        quality: an entry of QUALITIES; the ambient file is read and extended. None: no ambient file.
         """
         words: list[str] = []
         if quality is not None:

@@ -1,4 +1,4 @@
-"""A scene in Radiance's own format, for its programs obj2mesh and oconv."""
+"""Scenes in Radiance's format, for its programs obj2mesh and oconv."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.scene.model import Light, Mesh, Scene
 
-LAMP = 0.002  # metres: the radius of the sphere that stands for a point light
-SUN = 0.2  # degrees across: the disc that stands for a directional one
+LAMP = 0.002  # metres: radius of the sphere in place of a point light
+SUN = 0.2  # degrees across: the disc in place of a directional light
 
 
 def text(scene: Scene) -> str:
-    """The scene's description; its meshes lie beside it as mesh0.rtm and so on, with their positions and normals.
+    """Return the scene's description; it refers to mesh0.rtm and so on, with positions and normals.
 
     Raises IrrsplatError for a scene that Radiance cannot express.
     """
@@ -31,7 +31,7 @@ def text(scene: Scene) -> str:
             raise IrrsplatError("colours of vertices have no counterpart here")
         if max(emission) > 0.0 and max(albedo) > 0.0:
             raise IrrsplatError("a surface that both shines and reflects has no counterpart")
-        words = f"glow paint{number} 0 0 4 {_row(*emission, 0)}"  # 0: met by ambient rays, never aimed at
+        words = f"glow paint{number} 0 0 4 {_row(*emission, 0)}"  # 0: hit by ambient rays, never sampled directly
         if not max(emission) > 0.0:
             words = f"plastic paint{number} 0 0 5 {_row(*albedo, 0, 0)}"
         parts.append(f"void {words}\npaint{number} mesh mesh{number} 1 mesh{number}.rtm 0 0\n")
@@ -42,12 +42,12 @@ def text(scene: Scene) -> str:
 
 
 def meshes(scene: Scene) -> Iterator[tuple[int, Mesh]]:
-    """The meshes that have faces, with the numbers that their files have."""
+    """Return the meshes with faces, and their file numbers."""
     return ((number, mesh) for number, mesh in enumerate(scene.meshes) if len(mesh.faces))
 
 
 def _lamp(light: Light, number: int) -> str:
-    """A light: a small invisible sphere of radiance I/(π r²), or a small disc in the sky of radiance E/Ω."""
+    """Return a light: a small invisible sphere of radiance I/(π r²), or a small disc in the sky of radiance E/Ω."""
     colour, place = np.asarray(light.color, float), np.asarray(light.position, float)
     if light.directional:
         radiance = np.pi * colour / (2.0 * math.pi * (1.0 - math.cos(math.radians(SUN / 2.0))))
@@ -64,7 +64,7 @@ def _lamp(light: Light, number: int) -> str:
 
 
 def _factor(light: Light) -> tuple[str, list[float]]:
-    """The factor of a light's strength in direction D at distance T metres, as a formula, and its arguments A1, A2, …."""
+    """Return the formula of a light's factor in direction D at distance T metres, and its arguments A1, A2, …."""
     factors: list[str] = []
     numbers: list[float] = []
 
@@ -92,7 +92,7 @@ def _row(*numbers: float) -> str:
 
 
 def write_obj(path: Path, mesh: Mesh) -> None:
-    """Write a mesh as obj2mesh reads it."""
+    """Write a mesh for obj2mesh."""
     with open(path, "w", encoding="ascii") as file:
         np.savetxt(file, mesh.positions, fmt="v %.9g %.9g %.9g")
         np.savetxt(file, mesh.normals, fmt="vn %.9g %.9g %.9g")

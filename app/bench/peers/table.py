@@ -1,4 +1,4 @@
-"""The renderers that `irrsplat bench --peers` sets beside each other. To add one, write a module for it and add a row here."""
+"""Renderers of `irrsplat bench --peers`. To add one, write a module and add a row here."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
     from irrsplat.settings import All
 
-Tell = Callable[[str], object]  # called with words on what goes on
+Notify = Callable[[str], object]  # called with progress messages
 
 
 @dataclass(frozen=True)
 class Peer:
-    """A renderer that takes part.
+    """Renderer of the comparison.
 
-    name: in tables and messages. function: its measurement, as module:function beside this file; it is called with scene, size,
-    bounces, views and a Tell, and yields a Series for each line of the plot, or raises IrrsplatError where it cannot take part.
-    package: the Python package that it needs ("": none). note: a line below the title of the table ("": none).
+    name: in tables and messages. function: its measurement as module:function in this folder. It takes scene, size, bounces,
+    views and a Notify, and yields a Series per line of the plot, or raises IrrsplatError. package: required Python package, or
+    "". note: a line below the title of the table, or "".
     """
 
     name: str
@@ -32,19 +32,19 @@ class Peer:
 
     @property
     def installed(self) -> bool:
-        """Whether its package is here."""
+        """True if its package is installed."""
         return not self.package or importlib.util.find_spec(self.package) is not None
 
     def measure(
-        self, scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+        self, scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
     ) -> Iterator[Series]:
-        """What its function yields."""
+        """Yield the series of its function."""
         module, function = self.function.split(":")
-        found: Iterator[Series] = getattr(import_module(f"{__package__}.{module}"), function)(scene, size, bounces, views, tell)
+        found: Iterator[Series] = getattr(import_module(f"{__package__}.{module}"), function)(scene, size, bounces, views, notify)
         return found
 
 
-# in the order of the table; times are told as multiples of the first one's
+# In the order of the table; times are multiples of the first row's
 PEERS: tuple[Peer, ...] = (
     Peer("irrsplat", "ours:measure"),
     Peer("Radiance", "radiance:measure", "pyradiance"),
@@ -64,7 +64,7 @@ PEERS: tuple[Peer, ...] = (
 
 
 def others() -> str:
-    """The names of all others than ours, one for each package, for help and messages."""
+    """Return the names of all other renderers, one per package, for help and messages."""
     names: dict[str, str] = {}
     for peer in PEERS:
         if peer.package:

@@ -1,1 +1,1 @@
-"""What several commands share: flags, the values that flags take, and what is done before and after a render."""
+"""Common parts of commands: flags, their values, and the steps before and after a render."""

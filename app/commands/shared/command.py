@@ -1,4 +1,4 @@
-"""What a command is to the grammar and to main."""
+"""Interface of a command to the grammar and to main."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from irrsplat.app.common.parser import Mistakes
 
 
 def _nothing(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Nothing is wrong."""
+    """Accept all arguments."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command: what its file in app/commands/ has to tell.
+    """Functions of a command.
 
-    add: adds its parser, named as in app/grammar.py, to argparse's subparsers. run: does the work, and returns the exit status.
-    check: adds to the mistakes which flags do not go together; check_files: which files cannot be written or read. What was
-    given wrongly is None in their args, and named in `Mistakes.arguments`.
+    add: adds its parser, named as in app/grammar.py, to argparse's subparsers. run: does the work, and returns the exit
+    status. check: reports incompatible flags; check_files: unusable files. An invalid argument is None in their args, and
+    named in `Mistakes.arguments`.
     """
 
     add: Callable[[Any], None]

@@ -1,4 +1,4 @@
-"""The flags that several commands share; those of settings are made from irrsplat.settings."""
+"""Common flags of commands; flags of settings derive from irrsplat.settings."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
 OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
-STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
+STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
-    """SCENE, and how it is read."""
+    """Add SCENE and the options of its loading."""
     words = "a path, or a bundled scene's name (default: cornell)"
     parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
     add_loading(parser)
 
 
 def add_loading(parser: argparse.ArgumentParser) -> None:
-    """How a scene is read, which `grammar.read` makes `args.loading` of."""
+    """Add the options of loading, which `grammar.read` collects in `args.loading`."""
     group = parser.add_argument_group(
         "reading the scene", "of files that say nothing about it; a .scene heeds --sky and --allow alone"
     )
@@ -47,7 +47,10 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
 
 
 def add_camera(parser: argparse.ArgumentParser) -> None:
-    """A camera, which `rendering.camera` makes. Its checks need path, turntable and frames too, from `add_flight` or as None."""
+    """Add the camera flags, for `rendering.camera`.
+
+    The checks need path, turntable and frames too, from `add_flight` or as None.
+    """
     group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
     group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
     for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
@@ -56,7 +59,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (), stages: tuple[str, ...] = STAGES) -> None:
-    """The settings of `stages`, but for those named in `besides`; `grammar.read` makes `args.values` of them."""
+    """Add the settings of `stages` except `besides`; `grammar.read` collects them in `args.values`."""
     for stage in stages:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
@@ -65,7 +68,7 @@ def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (),
 
 
 def add_setting(group: Any, declaration: Declaration) -> None:
-    """One setting, under its former flags too."""
+    """Add one setting, with its former flags."""
     default = declaration.default
     word = default if not isinstance(default, bool) else "on" if default else "off"
     shown = f"{word:g}" if isinstance(word, float) else word
@@ -78,26 +81,26 @@ def add_setting(group: Any, declaration: Declaration) -> None:
 
 
 def add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "", action: str = "store") -> None:
-    """--size, `side` by `side` by default; None: args.size is None. words: its help, where that says more."""
+    """Add --size, by default `side` by `side`; without `side`, args.size is None. words: special help."""
     default = None if side is None else [side, side]
     words = words or f"image size in pixels (default: {side} {side})"
     parser.add_argument("--size", nargs=2, type=values.pixels, default=default, metavar=("W", "H"), help=words, action=action)
 
 
 def add_preset(parser: argparse.ArgumentParser, default: str | None, words: str = "", action: str = "store") -> None:
-    """--preset. words: its help, where that says more."""
+    """Add --preset. words: special help."""
     words = words or f"{', '.join(PRESETS)} (default: {default or 'the last one'})"
     parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), default=default, help=words, action=action)
 
 
 def add_cache(parser: argparse.ArgumentParser, when: str = "") -> None:
-    """--cache. when: at which time that file is written."""
+    """Add --cache. when: time of the write, for the help."""
     words = f"the records are kept in this file: taken from it where it is there, and written to it{when}"
     parser.add_argument("--cache", metavar="FILE", help=words)
 
 
 def add_cache_mode(parser: argparse.ArgumentParser) -> None:
-    """--cache-mode, where the file of --cache is added to in any case."""
+    """Add --cache-mode, for commands that always extend the file of --cache."""
     words = (
         "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
     )
@@ -107,7 +110,7 @@ def add_cache_mode(parser: argparse.ArgumentParser) -> None:
 
 
 def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
-    """A flight, and who does it; the group of flags, for further ones. words: what is said of the group."""
+    """Add the flags of a flight and its workers; return their group. words: the group's description."""
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
     words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
@@ -121,7 +124,7 @@ def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
 
 
 def wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
-    """What a camera needs and has not, as far as that can be said before the scene is there."""
+    """Yield camera errors that show before the scene is loaded."""
     if (args.eye is None) != (args.target is None):
         yield "--eye and --target go together; give both or neither"
     if args.up is not None and args.eye is None:

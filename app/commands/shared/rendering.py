@@ -1,4 +1,4 @@
-"""What the commands that render do alike: the camera, the cache file, progress and statistics."""
+"""Common steps of rendering commands: camera, cache file, progress and statistics."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def camera(args: argparse.Namespace, scene: Scene) -> Camera:
-    """The scene's camera that `args` names, with the values that flags give in place of its own."""
+    """Return the scene's camera named by `args`, with the values of flags."""
     camera = scene.camera(args.camera)
     given: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
@@ -34,8 +34,9 @@ def camera(args: argparse.Namespace, scene: Scene) -> Camera:
 
 
 def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequence[str] = ()) -> None:
-    """Add to `mistakes` which files of --stats and --cache cannot be written, or read where the cache is frozen, and which are
-    one with each other or with one of the outputs `names`."""
+    """Add errors to `mistakes` for unusable files of --stats and --cache, and for duplicates among them and the outputs
+    `names`.
+    """
     from irrsplat.core import files, paths
 
     frozen = args.cache_mode == "frozen"
@@ -51,7 +52,7 @@ def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequen
 
 
 def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:
-    """Take the records of --cache where the file is there, as --cache-mode says; what that renews is told."""
+    """Load the records of --cache, if the file exists, by --cache-mode; print the number of renewed records."""
     from irrsplat.records import cache_file
 
     kept = KeptCache(args.cache)
@@ -64,7 +65,7 @@ def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:
 
 @contextmanager
 def round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
-    """A function to be called after each round, which shows it in a line; None where stderr is no terminal."""
+    """Provide a callback for a progress line after each round; None if stderr is no terminal."""
     with progress("round 1: what is seen, and the light of further bounces") as line:
 
         def show(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
@@ -76,18 +77,18 @@ def round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
 
 
 def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
-    """What a render does, in a word and in a line, and the share of it that is done, 0..1. quality: as the setting, %."""
+    """Return a render's stage, its progress line, and the completed share 0..1. quality: the setting, in %."""
     line = f"round {state.round}: {state.records} records" if state.round else f"{state.records} records"
     if state.sampled:
         return "samples", f"{line}, samples", state.sampled
     if state.error is not None and quality:
-        percent = 100.0 * state.error  # which falls as the square root of the work
+        percent = 100.0 * state.error  # falls with the square root of the work
         return "quality", f"{line}, error {percent:.2g} % to {quality:g} %", min(1.0, (quality / max(percent, 1e-6)) ** 2)
     return "rounds", f"{line}, coverage", state.coverage
 
 
 def write_stats(args: argparse.Namespace, stats: Mapping[str, object], outputs: Outputs) -> None:
-    """Write `stats` to the file of --stats, where that is given; what goes wrong is kept in `outputs`."""
+    """Write `stats` to the file of --stats, if given; failures go to `outputs`."""
     if args.stats is not None:
         from irrsplat.core import files
 

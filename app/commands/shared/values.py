@@ -1,4 +1,4 @@
-"""The values that flags take, for argparse: each reads the text of one, or says what it expected."""
+"""Value parsers of flags, for argparse; each returns a value or raises an error with the expected form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 
 
 def number(text: str) -> float:
-    """A finite number, for argparse."""
+    """Parse a finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -24,34 +24,34 @@ def number(text: str) -> float:
 
 
 def pixels(text: str) -> int:
-    """A side of an image, for argparse."""
+    """Parse an image side in pixels."""
     return _whole(text, 1, 999_999_999, "a whole number of pixels, at least 1")
 
 
 def tile(text: str) -> int:
-    """A side of a tile, for argparse; 0: no tiles."""
+    """Parse a tile side in pixels; 0: no tiles."""
     if text == "0":
         return 0
     return _whole(text, LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
 
 
 def samples(text: str) -> int:
-    """A number of samples, for argparse."""
+    """Parse a number of samples."""
     return _whole(text, 2, 999_999_999, "a whole number of samples, at least 2")
 
 
 def count(text: str) -> int:
-    """A number of things, for argparse."""
+    """Parse a positive whole number."""
     return _whole(text, 1, 999_999_999, "a whole number, at least 1")
 
 
 def decades(text: str) -> int:
-    """A number of powers of ten, for argparse."""
+    """Parse a number of powers of ten."""
     return _whole(text, 1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
 
 
 def rate(text: str) -> float:
-    """Frames per second, for argparse."""
+    """Parse frames per second."""
     value = number(text)
     if not 0.1 <= value <= 240.0:
         raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
@@ -59,12 +59,12 @@ def rate(text: str) -> float:
 
 
 def turns(text: str) -> int:
-    """A number of frames of a full circle, for argparse."""
+    """Parse a number of frames of a full circle."""
     return _whole(text, 2, 999_999, "a whole number of frames, 2 to 999999")
 
 
 def frames(text: str) -> tuple[int, int | None]:
-    """Frames A:B of a path as (A, B), for argparse; half open as a Python slice, A: 0 and B: None where left out."""
+    """Parse frames A:B of a path as (A, B), half open as a Python slice; omitted: A = 0, B = None."""
     match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
     if match is None:
         raise argparse.ArgumentTypeError(f"expected A:B, the frames from A to before B, either may be left out, not '{text}'")
@@ -75,14 +75,14 @@ def frames(text: str) -> tuple[int, int | None]:
 
 
 def address(text: str) -> str:
-    """The address of a scheduler, for argparse."""
+    """Parse the address of a scheduler."""
     if not re.fullmatch(r"(tcp|tls|ws|wss|ucx|inproc)://\S+", text):
         raise argparse.ArgumentTypeError(f"expected a scheduler's address such as tcp://farm:8786, not '{text}'")
     return text
 
 
 def most(text: str) -> tuple[int, bool]:
-    """A bound of records, (N, False), or of a file's size in bytes, (N, True), for argparse."""
+    """Parse a limit of records as (N, False), or of a file's bytes as (N, True)."""
     match = re.fullmatch(r"(\d{1,9}|\d{1,6}\.\d{1,3}(?=[kMG]))(kB|MB|GB|)", text, re.ASCII)
     if match is None or float(match[1]) <= 0.0:
         raise argparse.ArgumentTypeError(f"expected a number of records, or a size such as 20MB, not '{text}'")

@@ -1,1 +1,1 @@
-"""The work of those commands that have no room of their own; imported when it is called for."""
+"""Work of commands without a folder of their own; imported on demand."""

@@ -1,4 +1,4 @@
-"""The work of `irrsplat cache`: what is in files of records, several of them as one, and one with fewer records."""
+"""Work of `irrsplat cache`: describe, merge and prune files of records."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from irrsplat.settings import SETTINGS
 
 
 def run(args: argparse.Namespace) -> int:
-    """One of the tools; the exit status."""
+    """Run one of the tools; return the exit status."""
     return _TOOLS[args.tool](args)
 
 
@@ -34,7 +34,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _described(path: str, content: Content) -> dict[str, Any]:
-    """What there is to say of a cache file, by name."""
+    """Return the description of a cache file, by name."""
     records, scene = content.state.records, content.scene
     settings = content.settings()
     return {
@@ -54,7 +54,7 @@ def _described(path: str, content: Content) -> dict[str, Any]:
 
 
 def _lines(one: dict[str, Any]) -> list[str]:
-    """The same in lines to read."""
+    """Return the description as lines of text."""
     count, ended = one["bounces"], one["bounces_converged"]
     bounces = f"{count}" + ("" if ended is None else ", more would add hardly anything" if ended else ", more would add light")
     special = {name: value for name, value in one["settings"].items() if value != SETTINGS[name].default}
@@ -80,7 +80,7 @@ def _merge(args: argparse.Namespace) -> int:
 
 
 def read_alike(paths: Sequence[str]) -> list[Content]:
-    """What these files hold; raises InputError where one cannot be read, or was made for other things than the first."""
+    """Return the contents of these files; raise InputError for unreadable files and for different scenes or settings."""
     contents = [cache_file.read_any(path) for path in paths]
     for path, content in zip(paths, contents, strict=True):
         if reason := cache_file.difference(content.key, contents[0].key):
@@ -98,7 +98,7 @@ def _prune(args: argparse.Namespace) -> int:
 
 
 def _fitting(content: Content, path: str, size: int) -> int:
-    """How many of the records of a file fit into one of `size` bytes; raises InputError where none does."""
+    """Return the number of a file's records that fit into `size` bytes; raise InputError for none."""
     count = len(content.state.records["name"])
     each = sum(rows.nbytes for rows in content.state.records.values() if len(rows.shape) and len(rows) == count) // max(count, 1)
     rest = os.path.getsize(path) - count * each

@@ -1,4 +1,4 @@
-"""What `irrsplat info` and `irrsplat doctor` print: the contents of a scene, and the state of this machine."""
+"""Output of `irrsplat info` and `irrsplat doctor`: contents of a scene, and state of this machine."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from irrsplat.sky.environment import Environment
 
 LIBRARIES = ("moderngl", "glcontext", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
-_MOST_MATERIALS = 12  # that are listed
-_ORTHOGRAPHIC = 500.0  # scene diagonals: a camera that is farther away from its target stands for an orthographic one
+_MOST_MATERIALS = 12  # in the list
+_ORTHOGRAPHIC = 500.0  # scene diagonals: a more distant camera represents an orthographic one
 
 
 def scene(source: str, options: LoadOptions) -> None:
-    """Print what the scene at a path, or the bundled one of that name, consists of; raises InputError as `irrsplat.load`."""
+    """Print the contents of the scene at a path, or of a bundled one; raise InputError as `irrsplat.load`."""
     from irrsplat.scene import load
     from irrsplat.scene.stand_ins.light import SKY
 
@@ -36,7 +36,7 @@ def scene(source: str, options: LoadOptions) -> None:
     out(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m, up {_point(it.up)}")
     _materials(it)
     stand_in = not it.own_sky and any(it.sky)
-    key = stand_in and it.sky == SKY  # beside a lone sun there is none
+    key = stand_in and it.sky == SKY  # a lone sun has none
     emissive = [mesh for mesh in it.meshes if any(mesh.material.emission)]
     out(
         f"  lights     {len(it.lights)}"
@@ -61,7 +61,7 @@ def _environment(sky: Environment) -> str:
 
 
 def _materials(scene: Scene) -> None:
-    """Print how many materials there are and what is special about them, the first of them, and the textures."""
+    """Print the number of materials and their special kinds, the first of them, and the textures."""
     materials = list(scene.materials)
     kinds = (
         ("emits", sum(any(m.emission) for m in materials)),
@@ -101,7 +101,7 @@ def _texture(texture: Texture | None) -> str:
 
 
 def _lens(camera: Camera, diagonal: float) -> str:
-    """Its field of view, or that it stands for an orthographic one, which is told by how far away it is."""
+    """Return a camera's field of view, or "orthographic" for a very distant camera."""
     distance = math.dist(camera.eye, camera.target)
     if distance > _ORTHOGRAPHIC * diagonal:
         return f"orthographic, {distance * camera.screen:.4g} m high (a pinhole far away)"
@@ -127,7 +127,7 @@ def bundled() -> None:
 
 
 def doctor() -> int:
-    """Print the versions and the OpenGL here; 0 where that is enough. Raises the IrrsplatError that says what mends it else."""
+    """Print versions and OpenGL; return 0 if it suffices, else raise IrrsplatError with the remedy."""
     out(f"irrsplat    {version()}")
     out(f"python      {platform.python_version()} on {platform.platform()}")
     missing = []
@@ -172,7 +172,7 @@ def _light(light: Light) -> str:
 
 
 def _luminaire(light: Light) -> str:
-    """Where it is aimed, and what it sends out in all and at most, its colour counted by luminance."""
+    """Return a luminaire's direction, total and peak output; its colour is weighted by luminance."""
     assert light.photometry is not None
     lumens, candela = light.output
     power = f"{lumens:.4g} lm, at most {candela:.4g} cd"

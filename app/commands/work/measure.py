@@ -1,4 +1,4 @@
-"""The work of `irrsplat measure`: the light on a plane, along a line or at points, as a table, in files, and summed up."""
+"""Work of `irrsplat measure`: light on a plane, along a line or at points, as a table, files and a summary."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ENDINGS = (".csv", ".npz")
 
 
 def check(args: argparse.Namespace) -> None:
-    """Raises InputError for what is wrong with the command line, as far as that can be said before the scene is there."""
+    """Raise InputError for errors on the command line that show before the scene is loaded."""
     settings.preset(args.preset, **args.values)
     given = [flag for flag in ("plane", "height", "line", "point") if getattr(args, flag) is not None]
     if not given:
@@ -57,7 +57,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def run(scene: Scene, args: argparse.Namespace) -> int:
-    """Measure, and write what is asked for; the exit status. Raises InputError where the scene has no extent for a plane."""
+    """Measure and write the results; return the exit status. Raise InputError for a scene without extent for a plane."""
     unit: Unit = args.unit
     grid = along = None
     if args.point is not None:
@@ -88,37 +88,37 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         outputs.write(args.output, write)
     if args.stats is not None:
         outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
-    for told in _told(summary, grid, along):
-        (say if args.output == _STDOUT else out)(told)
-    outputs.tell()
+    for text in _summary_lines(summary, grid, along):
+        (say if args.output == _STDOUT else out)(text)
+    outputs.raise_failures()
     return 0
 
 
 def _plane(values: list[float]) -> Plane:
-    """The plane of --plane's nine numbers."""
+    """Return the plane of --plane's nine numbers."""
     corner, u, v = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
     return Plane(corner, u, v)
 
 
 def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
-    """The points on the plane, as the flags have them."""
+    """Return the points on the plane for the flags."""
     margin = args.margin or 0.0
     return plane.grid(plane.usual_spacing(margin) if args.grid is None else args.grid, margin)
 
 
 def _along(args: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
-    """The points of --line, and their metres along it."""
+    """Return the points of --line, and their distances along it in metres."""
     x, y, z, *end = args.line
     line = Line((x, y, z), (end[0], end[1], end[2]))
     return line.points(line.usual_spacing() if args.grid is None else args.grid)
 
 
-# ---- what is written ---------------------------------------------------------------------------------------------------
+# ---- output ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Readings, the unit that they are written in, the grid that they are of, and (N,) their metres along a line."""
+    """Readings, their unit, their grid or None, and distances (N,) in metres along a line or None."""
 
     readings: Readings
     unit: Unit
@@ -156,8 +156,10 @@ def _write(output: str | None, table: _Table, stats: str) -> None:
 
 
 def _rows(table: _Table, form: str) -> Iterator[list[str]]:
-    """The rows of the table, its head first: metres along a line, place, direct, indirect and total light, none where it does not
-    count, status."""
+    """Yield the rows of the table with a header: distance along a line, place, direct, indirect and total light, status.
+
+    The light of invalid points is empty.
+    """
     readings, along = table.readings, table.along
     parts = readings.values(table.unit)
     colours = ("",) if table.unit == "lux" else ("_r", "_g", "_b")
@@ -172,15 +174,15 @@ def _rows(table: _Table, form: str) -> Iterator[list[str]]:
         *(name + colour for name in parts for colour in colours),
         "status",
     ]
-    exact = form if readings.position.dtype == np.float32 else "{:.12g}"  # far from 0 0 0
+    exact = form if readings.position.dtype == np.float32 else "{:.12g}"  # far from the origin
     light = np.concatenate([values.reshape(len(values), -1) for values in parts.values()], axis=1)
     for place, values, status in zip(places, light.tolist(), readings.status.tolist(), strict=True):
         shown = [form.format(v) if status == Status.OK else "" for v in values]
         yield [*(exact.format(v) for v in place), *shown, Status(status).word]
 
 
-def _told(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
-    """The lines that sum it up."""
+def _summary_lines(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
+    """Yield the lines of the summary."""
     unit = "lux" if summary["unit"] == "lux" else "W/m²"
     if grid is not None:
         yield f"points      {grid.columns} x {grid.rows}, {summary['points']} of them count"

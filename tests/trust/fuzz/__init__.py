@@ -1,1 +1,1 @@
-"""Damaged and hostile input for every reader: whatever it is, there is a result or one line of an error."""
+"""Damaged and hostile input for every reader: each input gives a result or a one-line error."""

@@ -1,4 +1,4 @@
-"""Every reader as a function of bytes. What it may raise is IrrsplatError, in one line; anything else is a fault."""
+"""Readers as functions of bytes; only IrrsplatError with a one-line message is allowed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from irrsplat.sky.cie import CieSky
 from irrsplat.sky.map_file import read_map
 
 LONGEST = 4000  # characters of a message
-WHOLE = 64  # one of so many scenes has a sky of full size, and is finished as `load` does, which take most of its time
+WHOLE = 64  # one scene in WHOLE has a sky of full size and is finished as by `load`, the slowest steps
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 LIGHT = "position 0 1 1 1\ndiffuse 1 1 1 1\n"
@@ -51,8 +51,10 @@ Read = Callable[[Path], object]
 
 
 def judge(name: str, data: bytes) -> str:
-    """Feed a reader; "read" where there is a result, else "refused". Raises what the reader raises that it may not, and
-    AssertionError for a result that is wrong or a message that is no line."""
+    """Feed a reader; return "read" for a result, "refused" for an allowed error.
+
+    Raises the reader's other errors, and AssertionError for an invalid result or message.
+    """
     with _folder() as folder:
         try:
             READERS[name](folder, data)
@@ -75,14 +77,14 @@ def _place() -> Path:
 
 @contextmanager
 def _folder() -> Iterator[Path]:
-    """A folder with files that inputs name; the same each time, so that a case takes no longer than it must."""
+    """Provide the folder of files referenced by inputs; one folder for all cases saves time."""
     with np.errstate(all="ignore"), contextlib.redirect_stderr(io.StringIO()):
         yield _place()
 
 
 @cache
 def png() -> bytes:
-    """A picture of four pixels."""
+    """Return a picture of four pixels."""
     from PIL import Image
 
     out = io.BytesIO()
@@ -106,12 +108,12 @@ def _file(ending: str, read: Read) -> Callable[[Path, bytes], None]:
 
 
 def _plain(path: Path, meshes: Any, lights: Any, cameras: Any, *_: object) -> Scene:
-    """In place of `finish`: the scene without what stands in."""
+    """Build the scene without stand-ins, in place of `finish`."""
     return Scene(tuple(meshes), tuple(lights), tuple(cameras), name=path.stem)
 
 
 def _check(result: object) -> None:
-    """Whether what was read is sound."""
+    """Assert that a result is valid."""
     if isinstance(result, Scene):
         for mesh in result.meshes:
             _check(mesh)
@@ -134,12 +136,12 @@ def _asset(path: Path) -> object:
 
 @cache
 def cache_key() -> cache_file.CacheKey:
-    """What the caches of cases are for."""
+    """Return the key of the cases' caches."""
     return cache_file.key(irrsplat.load("cornell-paper"), irrsplat.preset(**QUICK))
 
 
 def cache_bytes(payload: bytes) -> bytes:
-    """A record cache with a right name and a right checksum around any payload."""
+    """Return a record cache with a valid name and checksum around any payload."""
     return cache_file._NAME + b"%d\n" % cache_file.FORMAT + hashlib.sha256(payload).digest() + payload
 
 
@@ -179,7 +181,7 @@ def _grammar() -> Parser:
 
 
 def _built(mistakes: Mistakes) -> Parser:
-    """In place of `grammar.build`, which takes most of a case: one grammar for all cases."""
+    """Return one grammar for all cases, in place of the slow `grammar.build`."""
     grammar._share(mistakes, _grammar())
     return _grammar()
 
@@ -215,13 +217,13 @@ READERS: dict[str, Callable[[Path, bytes], None]] = {
 
 @cache
 def seeds(name: str) -> list[bytes]:
-    """Whole inputs of a reader, from which others are bred."""
+    """Return valid inputs of a reader, the seeds of mutations."""
     return [one if isinstance(one, bytes) else one.encode() for one in _SEEDS[name]()]
 
 
 @cache
 def gltf_tree() -> dict[str, Any]:
-    """A glTF with a little of everything."""
+    """Return a glTF with all supported features."""
     import base64
 
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "f4").tobytes()
@@ -262,7 +264,7 @@ def gltf_tree() -> dict[str, Any]:
 
 
 def glb_bytes(text: bytes, chunk: bytes = b"") -> bytes:
-    """A GLB with this JSON, and a binary chunk."""
+    """Return a GLB with this JSON, and a binary chunk."""
     import struct
 
     parts = struct.pack("<II", len(text), 0x4E4F534A) + text
@@ -273,7 +275,7 @@ def glb_bytes(text: bytes, chunk: bytes = b"") -> bytes:
 
 @cache
 def cache_arrays() -> dict[str, np.ndarray]:
-    """The arrays of a real renderer's cache."""
+    """Return the arrays of a real renderer's cache."""
     path = _place() / "seed.cache"
     with irrsplat.Renderer(irrsplat.load("cornell-paper"), (8, 8), **QUICK) as renderer:
         renderer.render()
@@ -283,7 +285,7 @@ def cache_arrays() -> dict[str, np.ndarray]:
 
 
 def npz(arrays: dict[str, np.ndarray]) -> bytes:
-    """Arrays as `cache_file.write` packs them."""
+    """Return arrays as packed by `cache_file.write`."""
     out = io.BytesIO()
     np.savez(out, **arrays)  # type: ignore[arg-type]
     return out.getvalue()

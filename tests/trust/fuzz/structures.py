@@ -1,4 +1,4 @@
-"""Inputs with the form of each format and odd content, by hypothesis: what blind changes of bytes seldom reach."""
+"""Structured inputs of each format with odd content, by hypothesis: cases that random byte changes rarely reach."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ NAMES = st.one_of(st.sampled_from(_ODD_NAMES.split(" ")), st.text(max_size=8))
 WORDS = st.one_of(NUMBERS, NAMES)
 ENDS = st.sampled_from(["\n", "\n", "\n", "\r\n", "\r", "\n\n", " # note\n", "\v", "\f", "\x1c", ""])
 _FLAGS = "-o --size --eye --fov --frames --path --cache --buffers --stats --sky --allow --time --up-axis --help --quick"
-_GLTF = ("byteOffset", "byteStride", "sparse", "normalized", "extensions", "targets", "weights")  # keys of a few objects
+_GLTF = ("byteOffset", "byteStride", "sparse", "normalized", "extensions", "targets", "weights")  # keys of few objects
 _OBJ = "v X Y Z;vn X Y Z;vt U V;f A B C;f A;o NAME;usemtl NAME;s N;mtllib FILE;g NAME"
-_USAGES = {  # by reader: its lines, with `;` between them
+_USAGES = {  # by reader: its lines, separated by `;`
     "scene": ";".join(
         (*scene_text.USAGE.values(), "brdf diffuse R G B A", "sky R G B", "sky cie clear sun A B", "sky FILE gain G")
     ),
@@ -46,7 +46,7 @@ _USAGES = {  # by reader: its lines, with `;` between them
     "hdr": "EXPOSURE=N;VIEW=N;FORMAT=NAME",
     "command-line": ";".join((_FLAGS.replace(" ", "\nN;"), *(setting.flag + "\nN" for setting in SETTINGS.values()))),
 }
-_PLACE = re.compile(r"\b(?:FILE(?:\.\w+)?|NAME|[A-Z]|[ETU][XYZ]|DEG)\b")  # for a name or a number, in a line
+_PLACE = re.compile(r"\b(?:FILE(?:\.\w+)?|NAME|[A-Z]|[ETU][XYZ]|DEG)\b")  # placeholders for a name or a number in a line
 _ODD: st.SearchStrategy[Any] = st.one_of(
     st.sampled_from(
         [None, True, -1, 0, 1, 2, 3, 5126, 5123, 2**31, 2**63, 10**400, 1e308, 1e15, 1e16, 0.5, [], {}, [[]], [0] * 16]
@@ -68,7 +68,7 @@ _PREFERENCES = {
 
 @st.composite
 def _lines(draw: st.DrawFn, name: str) -> bytes:
-    """A seed of a reader with lines lost, added and spoiled."""
+    """Draw a seed of a reader with removed, added and damaged lines."""
     usages = _USAGES[name].split(";")
     lines = [line + b"\n" for line in draw(st.sampled_from(readers.seeds(name))).split(b"\n") if line]
 
@@ -90,7 +90,7 @@ def _lines(draw: st.DrawFn, name: str) -> bytes:
 
 
 def _changed(draw: st.DrawFn, tree: Any, times: int) -> Any:
-    """A tree of JSON with other values, lost ones, and ones too many, at so many places."""
+    """Draw a JSON tree with `times` changed, removed or added values."""
     tree = copy.deepcopy(tree)
     for _ in range(times):
         at: Any = tree
@@ -123,7 +123,7 @@ def _json(draw: st.DrawFn, tree: Any, glb: bool = False) -> bytes:
 
 @st.composite
 def _bytes_changed(draw: st.DrawFn, name: str) -> bytes:
-    """A seed with some bytes changed, lost or doubled."""
+    """Draw a seed with changed, removed or repeated bytes."""
     data = bytearray(draw(st.sampled_from(readers.seeds(name))))
     for _ in range(draw(st.integers(1, 6))):
         place, what, count = draw(st.integers(0, max(len(data) - 1, 0))), draw(st.integers(0, 3)), draw(st.integers(1, 40))
@@ -156,12 +156,12 @@ def _cache(draw: st.DrawFn) -> bytes:
             arrays[name] = np.array(draw(st.sampled_from([odd, changed, changed])))
         elif old.dtype.kind in "fi":
             value = draw(st.sampled_from([0, -1, 2**30, 7])) if old.dtype.kind == "i" else draw(st.floats(width=32))
-            arrays[name] = np.full(old.shape, value).astype(old.dtype)  # wraps where it is too much
+            arrays[name] = np.full(old.shape, value).astype(old.dtype)  # wraps on overflow
     return readers.npz(arrays)
 
 
 def inputs(name: str) -> st.SearchStrategy[bytes]:
-    """Inputs for a reader: of the format's structure, and seeds with changed bytes."""
+    """Return the inputs of a reader: structured ones, and seeds with changed bytes."""
     changed = _bytes_changed(name)
     if name in _USAGES:
         made = _lines(name)

@@ -1,6 +1,6 @@
-"""Short and long runs of the fuzzing, and the inputs that once broke a reader, as small as they were found.
+"""Short and long fuzzing runs, and minimal inputs that once broke a reader.
 
-IRRSPLAT_CASES: of each reader in the long form (2000). IRRSPLAT_SEED: which (1). With -s, what was read and refused is told.
+IRRSPLAT_CASES: cases per reader in the long form (2000). IRRSPLAT_SEED: their seed (1). With -s, counts are printed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FOUND = [
     ("scene", b"sky 1 1 " + b"9" * 400 + b"\nobj t.obj\n"),
     ("scene", "obj a\ud800.obj\n".encode("utf-8", "surrogatepass")),
     ("gltf", b'{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": [0]}]}]}'),
-    ("ies", b"IESNA91\nTILT=" + b"x" * 300 + b"\n"),  # a name that no file system takes
+    ("ies", b"IESNA91\nTILT=" + b"x" * 300 + b"\n"),  # a name too long for any file system
     ("settings", b"placement=\x85"),
     ("command-line", b"render\n\x85\x1c\n\n"),
     ("cache", {"about": np.array("[" * 9999)}),
@@ -53,7 +53,7 @@ def test_much_odd_input_is_read_or_refused(name: str) -> None:
 
 
 def fuzz(name: str, cases: int) -> None:
-    """Feed a reader with hypothesis' inputs. The test fails with one input for each place where the reader broke."""
+    """Feed a reader with hypothesis' inputs; fail with one input for each place of an unexpected error."""
     hypothesis = pytest.importorskip("hypothesis", reason="pip install '.[dev]'")
     from tests.trust.fuzz.structures import inputs
 
@@ -67,7 +67,7 @@ def fuzz(name: str, cases: int) -> None:
             ours = [frame for frame in frames if "/irrsplat/" in frame.filename or "/app/" in frame.filename] or list(frames)
             broken.setdefault(f"{ours[-1].filename}:{ours[-1].lineno}", (repr(error)[:120], data))
 
-    for first in range(0, cases, 2000):  # hypothesis keeps what it has tried: so many at a time
+    for first in range(0, cases, 2000):  # hypothesis keeps its history: a limited number at a time
         settings = hypothesis.settings(
             max_examples=min(2000, cases - first), database=None, deadline=None, phases=[hypothesis.Phase.generate],
             suppress_health_check=list(hypothesis.HealthCheck),

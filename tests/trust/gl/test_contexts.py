@@ -1,4 +1,4 @@
-"""Contexts that are lost, shared and taken turns with."""
+"""Lost, shared and alternating OpenGL contexts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_lost_context_is_one_line_and_can_be_left(given: bool) -> None:
 
 
 def test_two_renderers_by_turns_one_in_a_host_s_context() -> None:
-    """Round by round, with the host drawing in between by a state of its own: each has the records and pictures of one alone."""
+    """The host draws with its own state between rounds: each renderer has the records and pictures of a separate one."""
     scenes = room(), room(sky=0.7)
     alone = [irrsplat.render(scene, SIZE, **FAST) for scene in scenes]
     host = context.create()

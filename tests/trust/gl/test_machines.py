@@ -1,7 +1,7 @@
-"""Pictures do not depend on which OpenGL draws them: versions, vector widths, threads and other drivers of Mesa.
+"""Independence of pictures from the OpenGL implementation: versions, vector widths, threads and other Mesa drivers.
 
-Each case renders scenes in a process of its own, and its pictures must be those of the plain machine: byte for byte, or within a
-share where another driver rounds otherwise. IRRSPLAT_RUNS=full: six scenes, else one.
+Each case renders scenes in a separate process. Its pictures must equal the plain machine's byte for byte, or within a share
+for drivers with other rounding. IRRSPLAT_RUNS=full: six scenes, else one.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ LAVAPIPE = sorted(Path("/usr/share/vulkan/icd.d").glob("lvp_icd*.json"))
 FULL = os.environ.get("IRRSPLAT_RUNS") == "full"
 SCENES = ("cornell", "cornell-paper", "curved", "door", "furnace", "atrium") if FULL else ("cornell",)
 LINKING = ("tests/gpu/test_programs.py", "tests/gpu/test_self_test.py", "tests/app/viewer/test_buffer_view.py")
-OTHER_DRIVER = 0.01  # share of the mean that the mean may differ by; a driver that rounds otherwise places records otherwise
-PIXEL = 0.09  # the same for the RMS over the pixels that see the same surface; records of such few rays are noisy
-EDGES = 0.02  # share of the pixels that may see another surface: at edges, whose pixels a driver may round to either side
+OTHER_DRIVER = 0.01  # allowed difference of the mean, relative; other rounding places records differently
+PIXEL = 0.09  # allowed RMS over pixels of equal surfaces, relative to the mean; records of so few rays are noisy
+EDGES = 0.02  # share of the pixels that may show another surface: edge pixels depend on rounding
 
 pytestmark = [
     pytest.mark.long,
@@ -36,8 +36,11 @@ pytestmark = [
 
 @dataclass(frozen=True)
 class Case:
-    """A machine to try. env: what makes Mesa that machine. same: pictures must be the plain machine's byte for byte. driver: a
-    part of the renderer's name by which the machine is known; where it is missing, the case cannot be tried here."""
+    """Tested machine.
+
+    env: Mesa's environment for it. same: True if pictures must equal the plain machine's byte for byte. driver: part of the
+    renderer's name that identifies the machine; without it, the case is skipped.
+    """
 
     name: str
     env: dict[str, str] = field(default_factory=dict)
@@ -54,7 +57,7 @@ def _width(bits: str, again: str = "") -> Case:
     return Case(f"{bits}-bit vectors{again}", {"LP_NATIVE_VECTOR_WIDTH": bits}, same=False, driver=f"{bits} bits")
 
 
-# Those of vector widths share a folder of kept shaders with all cases before them, which Mesa mixes up (see gpu.context.prepare).
+# Vector widths share the shader cache with all cases before them, which Mesa confuses (see gpu.context.prepare).
 CASES = (
     Case("plain again"),
     *map(_version, ("3.3", "4.1", "4.5")),
@@ -83,7 +86,7 @@ numpy.savez(sys.argv[1], **found)
 
 
 def run(code: str, arguments: list[str], env: dict[str, str]) -> str:
-    """What a process prints; its environment has nothing of Mesa but `env`."""
+    """Return a process's output; `env` has its only Mesa variables."""
     inherited = {name: value for name, value in os.environ.items() if not name.startswith(("LP_", "MESA_", "GALLIUM_"))}
     command = [sys.executable, "-c", code, *arguments]
     done = subprocess.run(command, cwd=ROOT, env=inherited | env, capture_output=True, text=True, check=False)
@@ -92,7 +95,7 @@ def run(code: str, arguments: list[str], env: dict[str, str]) -> str:
 
 
 def drawn(folder: Path, case: Case) -> dict[str, Any]:
-    """The pictures of a machine, which keeps its shaders in `folder`."""
+    """Return the pictures of a machine with its shader cache in `folder`."""
     out = folder / f"{case.name}.npz"
     if not out.exists():
         env = {"MESA_SHADER_CACHE_DIR": str(folder / "shaders"), "XDG_RUNTIME_DIR": str(folder), **case.env}
@@ -103,12 +106,12 @@ def drawn(folder: Path, case: Case) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where pictures are, and the shaders that Mesa keeps."""
+    """Folder of the pictures and of Mesa's shader cache."""
     return tmp_path_factory.mktemp("machines")
 
 
 def wrong(case: Case, one: dict[str, Any], two: dict[str, Any]) -> list[str]:
-    """Where the pictures of a case are not those of the plain machine."""
+    """Return the names of pictures that differ from the plain machine's."""
     pictures = [name for name in one if name != "driver"]
     if case.same:
         return [name for name in pictures if one[name].tobytes() != two[name].tobytes()]
@@ -192,7 +195,7 @@ sys.exit(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *sys.argv[2:]]))
 
 @pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="glslangValidator is not here (glslang-tools)")
 def test_glslang_takes_all_programs(tmp_path: Path) -> None:
-    """All that some tests link."""
+    """All programs that some tests link compile with glslang."""
     run(LINK, [str(tmp_path), *LINKING], {})
     numbers = sorted({path.stem for path in tmp_path.iterdir()})
     for number in numbers:

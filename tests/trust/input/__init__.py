@@ -1,1 +1,1 @@
-"""Input that cannot be: what files may be and where they lie, what the library is given, and who may use a renderer."""
+"""Invalid input: kinds and places of files, arguments of the library, and the owner of a renderer."""

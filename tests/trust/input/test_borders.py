@@ -1,4 +1,4 @@
-"""What a program gives to the library is checked as it is made, in the words of who gave it."""
+"""Validation of the library's arguments at construction, with messages in the caller's terms."""
 
 from __future__ import annotations
 

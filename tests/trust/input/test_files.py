@@ -1,4 +1,4 @@
-"""A scene reads regular files of bounded size from its own folder, whatever it names."""
+"""A scene reads only regular files of bounded size from its own folder."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_scene_reads_nothing_outside_its_folder(tmp_path, text):
             with pytest.raises(InputError, match="outside the scene's folder") as caught:
                 irrsplat.load(inside / "a.scene")
             assert not [word for word in SECRET.split() if word in str(caught.value)]
-    (inside / "a.scene").write_text(text.format("../there-is-none") + "\n")  # nor does it tell what is there
+    (inside / "a.scene").write_text(text.format("../there-is-none") + "\n")  # the message does not reveal its existence
     with pytest.raises(InputError, match="outside the scene's folder"):
         irrsplat.load(inside / "a.scene")
 
@@ -117,13 +117,13 @@ def test_materials_and_images_outside_are_left_out_and_told(tmp_path):
 def test_files_beyond_their_size_are_refused_before_they_are_read(tmp_path):
     for name, most in (("a.scene", paths.MOST_TEXT), ("a.stl", paths.MOST_GEOMETRY), ("a.glb", paths.MOST_GEOMETRY)):
         with open(tmp_path / name, "wb") as file:
-            file.truncate(most + 1)  # sparse: it takes no room on the disk
+            file.truncate(most + 1)  # sparse: no disk space
         with pytest.raises(InputError, match=f"larger than {most >> 20} MiB"):
             irrsplat.load(tmp_path / name)
 
 
 def test_a_small_file_takes_little_memory(tmp_path):
-    """Whatever the most is that files of its kind may have."""
+    """Memory depends on the file's size, not on the limit for its kind."""
     (tmp_path / "a").write_bytes(b"x" * 1000)
     tracemalloc.start()
     assert len(paths.read_bytes(tmp_path / "a", paths.MOST_GEOMETRY)) == 1000
@@ -209,7 +209,7 @@ def test_an_array_that_says_it_is_larger_than_its_bytes_is_refused(tmp_path):
 
 
 def calls(path):
-    """Return how many functions are called while a file is loaded."""
+    """Return the number of function calls while a file is loaded."""
     profile = cProfile.Profile()
     profile.runcall(irrsplat.load, path)
     return sum(entry.callcount for entry in profile.getstats())

@@ -1,4 +1,4 @@
-"""A renderer works in the thread and the process that made it; elsewhere it says so. What fails to be made leaves nothing."""
+"""A renderer works in its own thread and process and raises an error elsewhere; a failed construction frees all resources."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EMPTY = Scene((), (LIGHT,), (Camera((0, 0, 3), (0, 0, 0)),), sky=(1, 1, 1))
 
 
 def in_thread(act):
-    """What `act` returns or raises in a thread of its own."""
+    """Return the result of `act` in a new thread, or its error."""
     found = []
 
     def run():
@@ -46,7 +46,7 @@ def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
 
 
 def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
-    """At once where its context is current; else, as in another thread, when its thread uses OpenGL next. A view of it ends."""
+    """It is freed at once if its context is current; otherwise at its thread's next use of OpenGL. Its views end."""
     one, two = irrsplat.Renderer(EMPTY, (8, 8), bounces=1), irrsplat.LightMeter(EMPTY)
     first, second = one.ctx, two.ctx
     view, _ = one.frame()
@@ -64,7 +64,7 @@ def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
 
 def test_a_renderer_in_a_context_of_a_host_is_freed_by_the_next_call_there():
     host = context.create()
-    host.extra = None  # what `create` notes of its own contexts
+    host.extra = None  # `create` stores data of its own contexts here
     with host:
         one, two = (irrsplat.Renderer(EMPTY, (8, 8), bounces=1, ctx=host) for _ in range(2))
         textures = [thing for thing in one.resources() if isinstance(thing, moderngl.Texture)]

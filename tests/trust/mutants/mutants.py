@@ -1,6 +1,6 @@
-"""Faults in GLSL formulas, each with a test that finds it; run.py proves it.
+"""Faults in GLSL formulas, each with a test that detects it; run.py verifies this.
 
-They are slips that are easily made: a sign, a cosine, a missing π, a swapped axis, an off-by-one.
+The faults are typical slips: a sign, a cosine, a missing π, a swapped axis, an off-by-one.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-# A test or a module of tests, and the faults that it finds: `name: place`. The place is GLSL that occurs once under shaders/,
-# with the fault as «right → wrong». Its white space matches any white space or none, and … any part of a statement.
+# A test or a module of tests, and its detected faults: `name: place`. The place is GLSL that occurs once under shaders/, with the
+# fault as «right → wrong». White space matches any white space or none, and … any part of a statement.
 TABLE = """
 tests/gather/test_textures.py::test_a_fence_below_the_sky_holds_back_its_share
     light passes where it is held back: return opacity «< → >» cutoff;
@@ -81,7 +81,7 @@ EDIT = re.compile("«(.*?) ?→ ?(.*?)»")
 
 @dataclass(frozen=True)
 class Mutant:
-    """A fault, as TABLE has it."""
+    """One fault of TABLE."""
 
     test: str
     name: str

@@ -1,8 +1,9 @@
-"""Proves that the tests find faults: puts each fault of mutants.py into a copy of the shaders, and runs the test that must fail.
+"""Mutation test: put each fault of mutants.py into a copy of the shaders, and run the test that must fail.
 
     python tests/trust/mutants/run.py [NAME …] [--list]
 
-NAME: a part of a mutant's name; default: all. The tests run once without a fault, and must pass. Exit status: 0 if each fault is
+NAME: a part of a mutant's name; default: all. The tests run once without a fault, and must pass. Exit status: 0 if each
+fault is
 found, 1 if one is not, 2 for a wrong command line.
 """
 
@@ -21,13 +22,13 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(REPOSITORY))
 from tests.trust.mutants.mutants import MUTANTS, Mutant  # noqa: E402
 
-INSIDE = ("app", "shaders", "scenes")  # folders beside irrsplat/ that install inside it
+INSIDE = ("app", "shaders", "scenes")  # folders next to irrsplat/ that install inside it
 LIMIT = 600.0  # seconds of one test: a fault may make a loop endless
 PASSED, FAILED = 0, 1  # pytest's exit statuses
 
 
 def copy_source(folder: Path) -> None:
-    """Lay the source out in `folder` as it is installed, with the tests beside it."""
+    """Copy the source to `folder` in the installed layout, with the tests next to it."""
     skip = shutil.ignore_patterns("__pycache__", ".*")
     for name in ("irrsplat", "tests", "docs"):
         shutil.copytree(REPOSITORY / name, folder / name, ignore=skip)
@@ -48,7 +49,7 @@ def run_tests(folder: Path, tests: Sequence[str], limit: float | None = None) ->
 
 
 def found(mutant: Mutant, folder: Path) -> bool:
-    """Whether the mutant's test fails, and no more than that, with its fault in the copy; prints the verdict."""
+    """True if the mutant's test fails, as its only effect, with its fault in the copy; prints the verdict."""
     ((file, text),) = mutant.made(folder / "irrsplat/shaders")
     whole = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
@@ -62,7 +63,7 @@ def found(mutant: Mutant, folder: Path) -> bool:
 
 
 def missed(mutants: Sequence[Mutant]) -> list[str]:
-    """Return the names of the faults that no test finds. Raise RuntimeError if a test fails without a fault."""
+    """Return the names of undetected faults; raise RuntimeError if a test fails without a fault."""
     with tempfile.TemporaryDirectory(prefix="mutants-") as root:
         folder = Path(root).resolve()
         copy_source(folder)
@@ -73,7 +74,7 @@ def missed(mutants: Sequence[Mutant]) -> list[str]:
 
 
 def main() -> int:
-    """Run the command line. Return the exit status."""
+    """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help="a part of a mutant's name (default: all)")
     parser.add_argument("--list", action="store_true", help="print the table; run nothing")

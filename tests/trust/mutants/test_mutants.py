@@ -1,4 +1,4 @@
-"""Each fault has one place in the shaders and a test; in the long form, the test finds it."""
+"""Each fault has one place in the shaders and a test; the long form runs these tests."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Does irrsplat install: wheel and sdist, pipx and uvx, every extra alone, wheels for other systems, and what would hinder those.
+"""Installation of irrsplat: wheel and sdist, pipx and uvx, every extra alone, and wheels for other systems.
 
-IRRSPLAT_NET=1: with the long tests that need the net and the packages build, twine, pipx and uv.
+IRRSPLAT_NET=1: also run the long tests, which need the net and the packages build, twine, pipx and uv.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ NEEDS = {  # extra: Python that fails without it
     "reference": "import mitsuba, irrsplat.reference.path_tracer",
     "video": "import av",
 }
-WINDOWS = ("win32", "AMD64", ("win_amd64",))  # as markers of requirements have it, and the tags of its wheels
+WINDOWS = ("win32", "AMD64", ("win_amd64",))  # requirement markers, and the tags of its wheels
 MAC = ("darwin", "arm64", tuple(f"macosx_{version}_0_arm64" for version in (11, 12, 13, 14)))
-GUARDED = ("irrsplat/core/files.py", "irrsplat/lighting/memory.py", "app/bench/machine.py")  # they do without
-# What would not work elsewhere, in code that is installed: a pattern, what it is, and the files in which it is meant.
+GUARDED = ("irrsplat/core/files.py", "irrsplat/lighting/memory.py", "app/bench/machine.py")  # they have fallbacks
+# Assumptions that fail on other systems, in installed code: a pattern, a description, and the files with a fallback.
 ASSUMPTIONS = (
     (r"[\"'](?:/tmp|/usr|/home|/var|/proc|/etc)\b", "a path of Unix", GUARDED),
     (r"\bos\.(?:fork|getuid|setuid|mkfifo|sysconf)\b", "a call that Windows lacks", ()),
@@ -45,7 +45,7 @@ ASSUMPTIONS = (
     (r"\bsignal\.(?:SIGHUP|SIGKILL|SIGUSR\d)\b", "a signal that Windows lacks", ()),
     (r"\b(?:Xlib|xcb|glfw\.get_x11|DISPLAY)\b", "X11", ()),
 )
-BEYOND = re.compile(  # of GLSL and OpenGL 4.1 core: compute, images, storage buffers, textures by layout
+BEYOND = re.compile(  # beyond GLSL and OpenGL 4.1 core: compute, images, storage buffers, textures by layout
     r"#version (?!330\b)\d+|\blayout\s*\(\s*(?:binding|local_size|std430)|\b(?:imageLoad|imageStore|atomicAdd)\b"
 )
 
@@ -56,7 +56,7 @@ def net(test: object) -> object:
 
 
 def run(*words: str | Path, cwd: Path = ROOT, **environment: str) -> str:
-    """What a command prints; with all of it the test fails where the command does."""
+    """Return a command's output; fail with all of it if the command fails."""
     clean = {key: value for key, value in os.environ.items() if not key.startswith(("PIP_CONSTRAINT", "PYTHONPATH"))}
     command = [str(word) for word in words]
     done = subprocess.run(command, cwd=cwd, env=clean | environment, capture_output=True, text=True, check=False)
@@ -66,7 +66,7 @@ def run(*words: str | Path, cwd: Path = ROOT, **environment: str) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, made from the sdist of a clone, as package indices do."""
+    """The wheel, made from the sdist of a clone, as for package indices."""
     pytest.importorskip("build.__main__", reason="needs: pip install build twine pipx uv")
     folder = tmp_path_factory.mktemp("dist")
     run("git", "clone", "--quiet", ROOT, folder / "source")
@@ -86,7 +86,7 @@ def test_an_index_would_take_wheel_and_sdist(wheel: Path) -> None:
 @net
 @pytest.mark.parametrize("tool", ["pipx run --spec", "uv tool run --from"])
 def test_it_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None:
-    """With caches and environments of their own, from another folder."""
+    """The tools use new caches and environments in another folder."""
     words = (sys.executable, "-m", *tool.split(), str(wheel), "irrsplat")
     home = {name: str(tmp_path) for name in ("HOME", "PIPX_HOME", "UV_CACHE_DIR", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
     assert run(*words, "--version", cwd=tmp_path, **home).strip() == f"irrsplat {PROJECT['version']}"
@@ -98,7 +98,7 @@ def test_it_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None
 @net
 @pytest.mark.parametrize("extra", sorted(OFFERED))
 def test_each_extra_installs_alone(extra: str, wheel: Path, tmp_path: Path) -> None:
-    """In an environment of its own; `all` has what the others of users have."""
+    """Each extra is installed in a new environment; `all` has the users' extras."""
     run(sys.executable, "-m", "venv", tmp_path)
     run(tmp_path / "bin/pip", "install", "--quiet", "--no-compile", f"{wheel}[{extra}]")
     for one in IN_ALL if extra == "all" else [extra]:
@@ -110,7 +110,7 @@ def test_each_extra_installs_alone(extra: str, wheel: Path, tmp_path: Path) -> N
 @net
 @pytest.mark.parametrize(("system", "python"), [*((WINDOWS, f"3.{i}") for i in (11, 12, 13)), (MAC, "3.11"), (MAC, "3.12")])
 def test_there_are_wheels_for_other_systems(system: tuple[str, str, tuple[str, ...]], python: str, tmp_path: Path) -> None:
-    """Of all that irrsplat and its extra gltf need, and of all that that needs in turn."""
+    """All direct and indirect requirements of irrsplat and its extra gltf have wheels."""
     from packaging.requirements import Requirement
 
     platform, machine, tags = system
@@ -123,7 +123,7 @@ def test_there_are_wheels_for_other_systems(system: tuple[str, str, tuple[str, .
 
 
 def test_nothing_of_one_system_is_taken_for_granted() -> None:
-    """By patterns in the code that is installed; each is met where it is meant alone."""
+    """Patterns of system-specific code occur only in files with a fallback."""
     found = []
     for path in (*(ROOT / "irrsplat").rglob("*.py"), *(ROOT / "app").rglob("*.py")):
         name, text = path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
@@ -152,6 +152,6 @@ def test_the_version_is_one_and_the_changelog_has_it() -> None:
     numbers = [tuple(map(int, one.split("."))) for one, _ in released]
     days = [day for _, day in released]
     assert numbers == sorted(numbers, reverse=True) and days == sorted(days, reverse=True)
-    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}  # of Keep a Changelog
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}  # from Keep a Changelog
     assert set(re.findall(r"^### (.*)$", log, re.M)) <= kinds
     assert set(re.findall(r"^## (.*)$", log, re.M)) <= {"Unreleased", *(f"{one} - {day}" for one, day in released)}
