@@ -1,9 +1,9 @@
 """Merging of caches of one scene, and pruning of a cache: drop records whose places other records cover well enough.
 
 A pixel of some view requested each record: the weight of the records there was too small, or their variance too great. The same
-criterion (Σw and inter-record variance, as in shaders/indirect/effective_weight.glsl) is applied to the records of the other
-caches, at the record's place and with the radii of a view at the distance of the request. A record goes if a single renderer
-that had seen all views would not have requested it.
+criterion (Σw and inter-record variance, as in shaders/indirect/effective_weight.glsl) is applied to the records of other caches.
+It is evaluated at the record's place, with the radii of a view at the distance of the request. A record goes if a single
+renderer that had seen all views would not have requested it.
 """
 
 from __future__ import annotations
