@@ -64,8 +64,8 @@ struct Receiver
     vec3 p;  // world position
     vec3 n;  // unit shading normal, turned to the viewer
     vec3 g;  // unit geometric normal, turned to the viewer
-    float rise;  // FLAT, or CURVED where neighbouring facets may stand before its plane without a shadow; records take FLAT, since
-                 // they add up what leaks by it
+    float rise;  // FLAT, or CURVED where neighbouring facets may stand before its plane without a shadow; records take FLAT,
+                 // since they add up what leaks by it
 };
 
 // A receiver in the coordinates of the tile that sees it. Depths are those of a parallel tile, 0..1, or -1/z of a perspective one:
@@ -222,7 +222,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 #endif
 }
 
-// Unshadowed irradiance of light i at the receiver, and cosθ/d² there, m⁻²: the solid angle from the light of a square metre there.
+// Unshadowed irradiance of light i at the receiver, and cosθ/d², m⁻²: the solid angle from the light of a square metre there.
 vec3 light_irradiance(int i, Receiver r, out float spread)
 {
     int row = i * LIGHT_ROWS;

@@ -1,7 +1,7 @@
 // Limit of a record's reach by inter-record variance, as a share of its radii; a fragment is a record.
-// The record's extrapolation to another's place is compared with the irradiance gathered there. The relative difference is assumed
-// to grow with the square of the distance; the limit is the distance at which it reaches `adapt` (after Křivánek et al. 2006,
-// "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+// The record's extrapolation to another's place is compared with the irradiance gathered there. The relative difference is
+// assumed to grow with the square of the distance. The limit is the distance at which it reaches `adapt` (after Křivánek et al.
+// 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
 #include "records/point_grid.glsl"
@@ -13,8 +13,8 @@ uniform bool by_all;        // each is compared with those of higher numbers too
 
 layout(location = 0) out float out_limit;
 
-// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in radii
-// a·R: more than 1, since a place between two records may be covered by only one of them.
+// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in
+// radii a·R: more than 1, since a place between two records may be covered by only one of them.
 // Records whose normals differ by more than the angle of this cosine are not compared.
 const float COMPARABLE_COSINE = 0.7;
 

@@ -10,8 +10,8 @@ uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² 
 #include "lighting/emitter_sample.glsl"
 #endif
 
-uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and the
-                           // distance of the additional eyes, metres
+uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and
+                           // the distance of the additional eyes, metres
 
 // A record as the receiver of next-event estimation.
 struct Viewpoint
