@@ -26,7 +26,7 @@ def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
     """Return how rays are traced, "embree" or "trace".
 
     If the setting `gather` names neither, Embree traces the rays of `auto` and of the surface cache where OpenGL is software
-    and embreex is installed: a GPU needs no help. Raises InputError where Embree is requested and missing.
+    and embreex is installed; a GPU is faster than Embree. Raises InputError where Embree is requested and missing.
     """
     if settings.gather == "embree" and not ray_caster.available():
         raise InputError(f"--gather embree needs the package embreex ({ray_caster.INSTALL}); without it: --gather auto")
@@ -36,17 +36,17 @@ def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
 
 
 def shadow_caster(world: World, settings: Settings, seconds: float | None = None) -> World | None:
-    """Return the world of shadow rays; None for the paper's plane, which uses shadow maps alone, and where no GPU can hold it.
+    """Return the world of shadow rays; None for the paper's plane, which uses shadow maps alone, and beyond a GPU's limits.
 
-    seconds: time in which the tree of the rays has to be built; else None. Without it the tree is waited for.
+    seconds: time left for building the tree of the rays, else the result is None. None: wait for the tree.
     """
     return world if settings.gather != "plane" and world.casts_rays(seconds) else None
 
 
 def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:
-    """Return the pass that gathers in `world` by `settings`, at most `capacity` records at once (None: as many as are worth it).
+    """Return the gather pass for `world` and `settings`, for batches of at most `capacity` records (None: the default batch).
 
-    Raises InputError where rays are to go through more triangles than the GPU can hold.
+    Raises InputError for rays through more triangles than the GPU can hold.
     """
     how, surface = kind(world.ctx, settings), settings.most_bounces > 1
     if how in ("trace", "embree"):

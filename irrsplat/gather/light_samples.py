@@ -1,4 +1,4 @@
-"""Light samples: shadow rays from records to points that send out light, which is added to what the reduction sums."""
+"""Next-event estimation of records: shadow rays to points on emitters, added to the sums of the reduction."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 from irrsplat.lighting.virtual_lights import VirtualLights, virtual_lights
 
-_RAYS = 64  # of a fragment in one draw: llvmpipe ends a shader's loops, without a word, after 65 536 rounds of them in all
-_VIRTUAL_SHARE = 0.25  # of a record's rays, as many virtual lights at most
+_RAYS = 64  # of a fragment in one draw: llvmpipe silently ends a shader's loops after 65 536 iterations in all
+_VIRTUAL_SHARE = 0.25  # of a record's rays: greatest number of virtual point lights
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
@@ -35,24 +35,24 @@ class LightSearch:
         self.world, self.rays = world, rays
         self.embree = embree and not world.material_defines["CUT_OUTS"]
         self._emitter_samples = samples if samples > 0 and emitter_table(world) is not None else 0
-        # rays bring noise of their own, which more of these do not mend
+        # more virtual point lights do not reduce the noise of the rays
         self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))
-        # whether there may be virtual lights, wherever the world's lamps are; shaders are compiled for it
+        # True if virtual point lights are possible at any place of the world's lights: a shader define
         self._may_be_virtual = samples > 0 and bool(world.scene.lights)
 
     @property
     def _emitters(self) -> EmitterTable | None:
-        """The emitters of the world as it is now; None where no ray has to know of them."""
+        """The present emitters of the world; None where rays need no weights for them."""
         return emitter_table(self.world) if self._emitter_samples else None
 
     @property
     def _virtual(self) -> VirtualLights | None:
-        """The virtual lights of the world as it is now; None where there are none."""
+        """The present virtual point lights of the world; None for none."""
         return virtual_lights(self.world, self._virtual_samples, self.rays) if self._may_be_virtual else None
 
     @property
     def defines(self) -> dict[str, int]:
-        """What the gather's shaders are compiled for; nothing is compiled where there are neither emitters nor lamps."""
+        """Defines of the gather's shaders; both 0 for a scene without emitters and lights."""
         return {"EMITTERS": int(self._emitter_samples > 0), "VIRTUAL_LIGHTS": int(self._may_be_virtual)}
 
     @property
@@ -69,7 +69,7 @@ class LightSearch:
         return {**found, "rays": self.rays} if found else found
 
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
-        """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them, lit by this."""
+        """Return the shadow-ray samples for an Atlas of records with these `rows` (5, N, 4) of its frames, lit by `light`."""
         emitters, virtual = self._emitters, self._virtual
         sources: list[tuple[Literal["emitters", "virtual lights"], int, Uniforms]] = []
         if emitters is not None:
@@ -85,8 +85,10 @@ class LightSearch:
 
 
 class LightSamplePass(Owner):
-    """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too. places:
-    from how many places records look."""
+    """Pass that adds next-event estimation to the sums of an atlas's blocks.
+
+    gradients: also to the sums of M, ∇E and the Hessian. places: number of eye positions of a record.
+    """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx, self.gradients, self.places = ctx, gradients, places
@@ -99,11 +101,11 @@ class LightSamplePass(Owner):
             self._program({"VIRTUAL": virtual, "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self._programs.values(), *self._ends, self._targets)
 
     def _program(self, defines: Mapping[str, int]) -> Program:
-        """The program for rays of this kind and these materials."""
+        """Return the program for this kind of samples and these materials."""
         defines = {"GRADIENTS": int(self.gradients), "PLACES": self.places, **defines}
         key = (*defines.items(),)
         if key not in self._programs:
@@ -111,14 +113,14 @@ class LightSamplePass(Owner):
         return self._programs[key]
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
-        """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
+        """Add the samples to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
         for samples in atlas.light_samples:
             self._add(target, atlas, samples, blocks, used)
 
     def _add(
         self, target: Target, atlas: Atlas, samples: LightSamples, blocks: tuple[int, int], used: tuple[int, int, int, int]
     ) -> None:
-        """Add those of one kind."""
+        """Add the samples of one kind."""
         materials = {name: on for name, on in samples.materials.items() if on}
         known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
         kind = {"VIRTUAL": _virtual(samples), "SEEN": int(bool(known))}
@@ -140,13 +142,13 @@ class LightSamplePass(Owner):
 
     @property
     def _eyes(self) -> int:
-        """From how many places each sample is looked at."""
+        """Number of eyes that test the visibility of each sample."""
         return 1 + EYES_BESIDE if self.gradients else 1
 
     def _seen(self, atlas: Atlas, samples: LightSamples, free: Free) -> moderngl.Texture:
-        """The texture `seen` of shaders/gather/light_samples/sum.frag."""
+        """Return the texture `seen` of shaders/gather/light_samples/sum.frag."""
         across, rows = samples.count, atlas.count
-        # gathers of several sizes take turns, and each keeps its own; how many virtual lights there are changes as lamps move
+        # one texture for each gather size and power of two of samples: the number of virtual point lights changes often
         size = 1 << across.bit_length(), atlas.frames.width
         ends = self._targets.get(f"ends of {size}", (), lambda: Target(self.ctx, size, (4,)))
         program = self._ends[_virtual(samples)]
@@ -158,8 +160,11 @@ class LightSamplePass(Owner):
         return seen
 
     def _bits(self, rows: np.ndarray, away: np.ndarray, possible: np.ndarray, free: Free) -> np.ndarray:
-        """(N, S + 1) int, as the texture `seen` has it: of records with these `rows` (5, N·places, 4), which of their eyes see
-        each of S samples, `away` (N, S, 3) from the first, metres. No light comes where it is not `possible` (N, S)."""
+        """Return (N, S + 1) int, the content of the texture `seen`: a bit for each eye of a record that sees each of S samples.
+
+        rows: (5, N·places, 4) of the records. away: (N, S, 3) samples relative to the first eye, metres. possible: (N, S) False
+        for samples without light.
+        """
         (count, across), eye = possible.shape, rows[4, :, :3]
         bits = np.zeros((count, across + 1), np.int32)
         record, sample = np.nonzero(possible)
@@ -167,7 +172,7 @@ class LightSamplePass(Owner):
         ends = start + away[record, sample] * np.float32(1.0 - SHORT)
         angle = np.arange(self._eyes - 1)[:, None, None] * (2.0 * np.pi / EYES_BESIDE)
         beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
-        # all lines at once: few of them are traced in hardly less time
+        # all lines in one call: the cost of a call exceeds that of few lines
         starts = np.concatenate([start, beside[:, record].reshape(-1, 3), np.tile(eye, (len(beside), 1))])
         found = free(starts, np.concatenate([np.tile(ends, (self._eyes, 1)), beside.reshape(-1, 3)]))
         lines = self._eyes * len(record)
@@ -178,5 +183,5 @@ class LightSamplePass(Owner):
 
 
 def _virtual(samples: LightSamples) -> int:
-    """VIRTUAL of shaders/gather/light_samples/sample.glsl."""
+    """Return VIRTUAL of shaders/gather/light_samples/sample.glsl."""
     return int(samples.of == "virtual lights")

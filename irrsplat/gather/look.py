@@ -1,6 +1,6 @@
-"""The gather as everybody else sees it: from places in a world to what they see, and on to values of records.
+"""Interface of the gathers: radiance over the hemispheres of records, and the values of records from it.
 
-The paper's plane (plane.py) and rays (trace.py) are its kinds; `gather_records` is the one loop that makes records by either.
+The paper's plane (plane.py) and rays (trace.py) implement it; `gather_records` is the one loop that computes records by either.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.record_cache import RecordCache
 
-_BESIDE = 0.014  # of the height of the image: how far beside a record others look at its light samples
-_SCREEN = 0.25  # of the scene's diagonal: the image's height where it is not known
+_BESIDE = 0.014  # of the image height: distance of a record's additional eyes for next-event estimation
+_SCREEN = 0.25  # of the scene's diagonal: default of the image height
 
 
 class Gather(Owner):
-    """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
+    """A gather bound to its `world`, whose changes it follows, and to the world's kinds of lights (see light_defines).
 
-    kind: "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
-    of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, in turn
-    (shaders/gather/places.glsl); an atlas's `frames` then has so many columns for each record.
+    kind: "plane", "trace" or "embree". capacity: greatest number of records in one call. cell: texels, width and height, of a
+    record's hemisphere. share: (height, width) cosθ·dω of each texel. places: number of eye positions of a record, used in turn
+    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record.
     """
 
     kind: str
@@ -42,25 +42,29 @@ class Gather(Owner):
 
     @property
     def offset(self) -> float:
-        """How far above its surface a record looks from, metres."""
+        """Height of a record's eye above its surface, metres."""
         return offset_of(self.world.scene)
 
     def steps(self, sites: Sites) -> np.ndarray:
-        """(N,) metres: how far beside each site other eyes look at its light samples: about as far as a record serves pixels, so
-        that they tell how light changes over that."""
+        """Return (N,) metres: distance of each site's additional eyes for next-event estimation.
+
+        It is about the radius that a record covers on screen, so that the eyes sample the change of light within it.
+        """
         screen = np.zeros(len(sites)) if sites.screen is None else sites.screen
         known = np.where(screen > 0.0, screen, _SCREEN * self.world.scene.diagonal)
         return np.maximum(_BESIDE * known, self.offset)
 
     @property
     def radii(self) -> tuple[float, float]:
-        """The least and the greatest R_k, metres: nothing counts as nearer than the offset, a miss as a scene's diagonal away."""
+        """The least and the greatest R_k, metres: the offset bounds distances below, and a miss counts as a scene's diagonal."""
         return self.offset, self.world.scene.diagonal
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """What records at `sites`, at most `capacity`, see by this light; `numbers` (N,) are theirs in the cache. The atlas
-        holds until the next call."""
+        """Return the radiance at `sites`, at most `capacity`, under this light; valid until the next call.
+
+        numbers: (N,) the numbers of the records in the cache.
+        """
 
 
 def gather_records(
@@ -73,11 +77,11 @@ def gather_records(
     timers: Timers | None = None,
     where: Callable[[np.ndarray], Sites] | None = None,
 ) -> Atlas | None:
-    """Gather the records of these `numbers` (N,) where the cache has them, and write what they hold into it.
+    """Gather the records of these `numbers` (N,) at their sites in the cache, and write the results into it.
 
-    As many at once as the gather takes. timers: count the stages "gather" and "reduce". where: from where those of these numbers
-    look, one record's after the other's; None: from where the cache has them. Returns what the last batch saw, None for no
-    records.
+    Batches are as large as the gather's capacity. timers: count the stages "gather" and "reduce". where: returns the eye sites of
+    records of these numbers, one record's after another's; None: the cache's sites. Return the atlas of the last batch, None for
+    no records.
     """
     atlas, sky = None, sky_uniforms(gather.world.scene, sky_maps(gather.world))
     where = where or cache.sites

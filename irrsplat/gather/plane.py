@@ -48,7 +48,7 @@ class PlaneGather(Gather):
 
     @property
     def offset(self) -> float:
-        """Metres by which a record's eye lies above its surface: a nearer near plane leaves too little depth for the rest."""
+        """Metres by which a record's eye lies above its surface; a nearer near plane would cost depth precision."""
         return _ABOVE * self.world.scene.diagonal
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -56,7 +56,7 @@ class PlaneGather(Gather):
         return (self.table, self.edges, self.program, self.target, self.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """Return what records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
+        """Return the radiance at `sites`, at most `capacity`; numbers: (N,) of the records in the cache."""
         geometry, count = self.world.geometry, len(sites)
         rows = np.zeros((5, count, 4), "f4")
         rows[:4] = frame_rows(tangent_frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)

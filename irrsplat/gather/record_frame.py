@@ -1,4 +1,4 @@
-"""What all gathers share: where a record looks from, its tangent frame, and how the cells of many records fill an atlas."""
+"""Shared parts of all gathers: eye position of a record, its tangent frame, and the layout of cells in an atlas."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import GOLDEN, PLASTIC
 from irrsplat.scene.model import Scene
 
-_OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: of a record's eye above its surface, at most
-_LEAST = 1e-5  # of the diagonal: at least so far, a hundred times what float32 may be off
+_OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
+_LEAST = 1e-5  # of the diagonal: least height, a hundred times the rounding of float32
 _TEXELS = 3 << 20  # of an atlas by default: two RGBA32F textures of 48 MiB, and 12 MiB for a depth buffer
 
 
@@ -21,11 +21,10 @@ def offset_of(scene: Scene) -> float:
 
 
 def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
-    """(N, 3): where records look from: `offset` metres above the surface, and at least as far within the triangle, so that
-    a site on the very edge of a wall sees the wall.
+    """Return (N, 3), the eye positions: `offset` metres above the surface, and at least as far within the triangle.
 
-    corners: (F, 3, 3) of the scene's triangles. A site that is far enough from the edges is not moved towards the middle: on a
-    large triangle it might pass through a sheet that stands there.
+    A site on the very edge of a wall therefore sees the wall. corners: (F, 3, 3) of the scene's triangles. A site far enough from
+    the edges stays in place: on a large triangle, a move towards the middle might cross a sheet that stands there.
     """
     above: np.ndarray = sites.position + offset * sites.geometric.astype(float)
     if sites.triangle is None:
@@ -42,7 +41,7 @@ def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarra
 
 
 def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
-    """(N, 3, 3) rows tangent, bitangent, normal for unit normals (N, 3), rotated by an angle that `number` (N,) and seed decide.
+    """Return (N, 3, 3) rows tangent, bitangent, normal for unit normals (N, 3), rotated by an angle from `number` (N,) and seed.
 
     The rotation trades aliasing that all records share for noise between them. The base frame is that of Duff et al. 2017,
     "Building an Orthonormal Basis, Revisited".
@@ -65,7 +64,7 @@ def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndar
 
 
 def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
-    """(N, 2) in 0..1: by how much the pattern of light samples is shifted, which `number` (N,) and seed decide.
+    """Return (N, 2) in 0..1: shifts of the next-event sample pattern, from `number` (N,) and seed.
 
     Numbers that follow each other share the unit square evenly (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
     Sequences").
@@ -76,8 +75,11 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
 
 
 def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-    """(4, N, 4) float32, the rows of Atlas.frames: tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal
-    in that frame, with the records' numbers (N,) in the cache as its w."""
+    """Return (4, N, 4) float32, the rows of Atlas.frames.
+
+    Tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal in that frame, with the records' numbers (N,)
+    in the cache as its w.
+    """
     rows = np.zeros((4, len(sites), 4), "f4")
     rows[:3, :, :3] = frame.swapaxes(0, 1)
     rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
@@ -86,15 +88,15 @@ def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarr
 
 
 def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
-    """(R,) from which of a record's `places` places each texel of its cell (width, height) looks, row by row, as
-    shaders/gather/places.glsl has it."""
+    """Return (R,), the index of the eye position of each texel of a cell (width, height), row by row, as in
+    shaders/gather/places.glsl."""
     x, y = np.meshgrid(np.arange(cell[0]), np.arange(cell[1]))
     numbers: np.ndarray = ((x + 2 * y) % places).ravel()
     return numbers
 
 
 def atlas_grid(cell: tuple[int, int], wanted: int | None, limit: int) -> tuple[int, int]:
-    """Cells per row of an atlas, and how many it holds in all: about as many as are `wanted`, or by default what fits 96 MiB.
+    """Return the cells per row of an atlas and its number of cells: about as many as requested, or by default 96 MiB of them.
 
     cell: width and height in texels. limit: greatest side of a texture, in texels.
     """

@@ -1,4 +1,4 @@
-"""The reduction: from what a batch of records sees to their irradiance and harmonic mean distance, on the GPU.
+"""The reduction: irradiance and harmonic mean distance of a batch of records from their atlas, on the GPU.
 
 E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cosθ·dω / r).
 """
@@ -29,13 +29,15 @@ _SUMS = (
     "sums_g_r",
     "sums_g_g",
     "sums_g_b",
-)  # as reduce_blocks.frag has them
-_STEPS = 2.2  # times more than E is off is what its steps from ray to ray add up to, as measured
+)  # in the order of reduce_blocks.frag
+_STEPS = 2.2  # measured ratio of the summed differences between neighbouring rays to the error of E
 
 
 class ReducePass(Owner):
-    """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too, which records have that
-    look from one place. places: from how many they do."""
+    """Pass that sums the cells of an atlas, block by block and then record by record.
+
+    gradients: M and ∇E as well, which need a single eye position. places: number of eye positions of a record.
+    """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx = ctx
@@ -49,12 +51,12 @@ class ReducePass(Owner):
         }
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.light_samples = LightSamplePass(ctx, gradients, places)
-        self.targets: dict[tuple[int, int], Target] = {}  # by their size, which an atlas decides
-        self.target: Target | None = None  # the last call's
+        self.targets: dict[tuple[int, int], Target] = {}  # by size of the atlas in blocks
+        self.target: Target | None = None  # of the last call
         self.out: Target | None = None  # the cache's own textures
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self.blocks.values(), self.total, self.light_samples, *self.targets.values(), self.out)
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
@@ -107,9 +109,9 @@ class ReducePass(Owner):
         )
 
     def noise(self, atlas: Atlas) -> np.ndarray:
-        """(N,) how far off the luminance of E is by its few rays, relative: of the last call's `atlas`, which saw by rays.
+        """Return (N,), the estimated relative error of the luminance of E for the last call's `atlas`, which must be of rays.
 
-        Told by how much radiance steps from ray to ray; light samples do not count. It needs gradients.
+        Based on differences of radiance between neighbouring rays, without next-event estimation. Requires gradients.
         """
         assert self.target is not None
         down, across = atlas.cell[1] // atlas.block[1], atlas.cell[0] // atlas.block[0]

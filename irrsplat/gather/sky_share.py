@@ -1,7 +1,7 @@
-"""The share of each stratum that sees the sky: further rays count it where the strata around see different things.
+"""Visible share of the sky in each stratum: additional rays refine it where neighbouring strata differ.
 
-A ray sees the sky or not, for all of its stratum. Few rays of a record go through a window, and their number is noise. The sky's
-radiance follows from the direction alone, so that the further rays need no light where they hit.
+A ray decides for all of its stratum whether the sky is visible. Few rays of a record go through a window, and their number is
+noise. The sky's radiance follows from the direction alone, so that the additional rays need no light at their hits.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.world import World
 
 _RAYS = 8  # of a stratum
-_NEAR = 2  # elevations and azimuths to either side, at least, that count as around a stratum
-_ACROSS = 8  # rows and columns of strata, spread over a record's cell, that tell how open the place is
-_OPEN = 0.125  # of these: where more see the sky, a record's own rays tell its share well enough
+_NEAR = 2  # elevations and azimuths to either side, at least, that count as neighbours of a stratum
+_ACROSS = 8  # rows and columns of strata, spread over a record's cell, that measure the openness of the place
+_OPEN = 0.125  # share of these: above it, a record's own rays estimate the sky well enough
 _FAR = 1e4  # diagonals of the scene
 
 Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first texel, width and height
 
 
 class SkyShares(Owner):
-    """The search for these shares, by a gather of this `side` whose atlas has `columns` cells a row and `lines` rows of cells.
+    """Computation of sky shares for a gather of this `side` with an atlas of `columns` cells a row and `lines` rows of cells.
 
-    embree: True if Embree traces the rays; where something is cut out, shaders do in any case.
+    embree: True if Embree traces the rays; shaders trace them in scenes with cut-outs in any case.
     """
 
     def __init__(self, world: World, side: int, columns: int, lines: int, embree: bool) -> None:
@@ -53,9 +53,9 @@ class SkyShares(Owner):
     def __call__(
         self, rows: np.ndarray, hits: np.ndarray | None, radiance: moderngl.Texture, frames: moderngl.Texture, areas: Areas
     ) -> moderngl.Texture | None:
-        """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None where the sky is black.
+        """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None for a black sky.
 
-        rows: (5, N, 4) those of `frames`. hits: (N, R) the triangles that Embree has rays hit, -1: none; None without it.
+        rows: (5, N, 4) of `frames`. hits: (N, R) the triangles hit by Embree's rays, -1: none; None without Embree.
         """
         scene = self.world.scene
         if not (any(scene.sky) or any(scene.sky_gradient) or scene.environment):
@@ -87,7 +87,7 @@ class SkyShares(Owner):
         texture.write(picture.tobytes(), viewport=(0, 0, self.columns * n, lines * m))
 
     def _counted(self, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """(N, M, A) the shares by Embree, for records whose own rays see the sky where they are `free` (N, M, A)."""
+        """Return (N, M, A) the shares by Embree, for records whose own rays see the sky where they are `free` (N, M, A)."""
         shares, (across, up) = free.astype(np.float32), self._step
         few = np.flatnonzero(free.any((1, 2)) & (free[:, ::up, ::across].mean((1, 2)) <= _OPEN))
         some, y, x = np.nonzero(self._mixed(free[few]))
@@ -99,8 +99,7 @@ class SkyShares(Owner):
         return shares
 
     def _mixed(self, free: np.ndarray) -> np.ndarray:
-        """(N, M, A) whether some of the strata around each see the sky, and some do not. Its own ray has no say, so that the
-        choice leaves no bias."""
+        """Return (N, M, A) True where some but not all neighbouring strata see the sky; excluding the own ray avoids bias."""
         widest, n = int(self._reach.max()), free.shape[2]
         ring = np.concatenate([free[..., n - widest :], free, free[..., :widest]], axis=-1)
         before = np.pad(np.cumsum(ring, axis=-1, dtype=np.int16), ((0, 0), (0, 0), (1, 0)))

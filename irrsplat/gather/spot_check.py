@@ -1,8 +1,8 @@
-"""The spot check: a rough look from places all over a view, each held against what the records say there.
+"""The spot check: hemisphere samples at places all over a view, compared with the cached irradiance there.
 
-Records tell by their own disagreement where more are wanted. They agree with each other, and are wrong, in the dark between and
-under small things that none of them lies at. A look along few rays tells that from each place itself; where it is far off,
-others along more and more rays decide whether a record is wanted, since few rays err by much.
+Variance between records triggers refinement. Records agree, and are wrong, in the dark between them and under small objects where
+no record lies. A probe of few rays measures irradiance at each place itself. At large differences, probes of more and more rays
+decide whether a record is requested, since few rays have a large error.
 """
 
 from __future__ import annotations
@@ -21,21 +21,23 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
-_APART = 0.018  # of the image height: at most about as far do records lie apart that one check brings
-LOOKS = (4, 16, 32)  # sides of the gathers of the first looks, and of those from where the ones before contradict the records
-_DOUBT = (0.55, 0.25, 0.25)  # of the greater of both luminances: what is off by more contradicts them
-_ROWS = 125  # of squares, of which one pixel each is looked from; of fewer than 1.5 times as many all are
-_FLOOR = 0.1  # of the mean of what records say: what is darker counts as if it were that
-_CELLS = 4.0  # of how far pixels lie apart: at most as wide are the cells of places looked at
-_COARSER = 3  # doublings of a place's width within which it counts as looked at from further away, too
-_MOST = 2_000_000  # places that are remembered
+_APART = 0.018  # of the image height: greatest density of the new records of one check
+LOOKS = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
+_DOUBT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
+_ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
+_FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
+_CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
+_COARSER = 3  # doublings of a cell's width within which a place counts as probed from a greater distance
+_MOST = 2_000_000  # greatest number of stored places
 
 
 @dataclass(frozen=True, eq=False)
 class Spots:
-    """Places of a view. sites: (N,), with rotations of their frames of their own. said: (N,) W/m² the luminance of E there, as
-    records have it. distance: (N,) metres that pixels looked at lie apart there, on screen. rows: of the picture's height in
-    these. floor: W/m², below which `said` counts as if it were that."""
+    """Places of a view.
+
+    sites: (N,), each with a frame rotation. said: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
+    on screen. rows: height of the picture in these distances. floor: W/m², lower bound of `said` in relative differences.
+    """
 
     sites: Sites
     said: np.ndarray
@@ -45,7 +47,7 @@ class Spots:
 
     @staticmethod
     def joined(parts: Sequence[Spots]) -> Spots:
-        """The places of all parts of a view, in an order that does not depend on how it is cut."""
+        """Return the places of all parts of a view, in an order independent of the division into parts."""
         joined = Sites.joined([part.sites for part in parts])
         said, distance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("said", "distance"))
         assert joined.frame_rotation is not None
@@ -60,13 +62,15 @@ class Spots:
         return Spots(self.sites[rows], self.said[rows], self.distance[rows], self.rows, self.floor)
 
     def off(self, found: np.ndarray) -> np.ndarray:
-        """(N,) how far looks that `found` (N,) W/m² contradict the records, of the greater of both. Where records say that it is
-        dark, brighter looks count for nothing: less than a gather's offset from a sheet, they may be of its other side."""
+        """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater of both.
+
+        A brighter probe at a dark place counts as 0: closer to a sheet than a gather's offset, it may be on the other side.
+        """
         share = np.abs(found - self.said) / np.maximum(np.maximum(found, self.said), max(self.floor, 1e-30))
         return np.where((found > self.said) & (self.said < self.floor), 0.0, share)
 
     def worst(self, off: np.ndarray) -> np.ndarray:
-        """The numbers of those places that are most `off` (N,) among the ones close to them."""
+        """Return the numbers of the places with the greatest difference `off` (N,) among close ones."""
         order = np.argsort(-off, kind="stable")
         cells = _cells(self.sites[order], _APART * self.rows * self.distance[order])
         found: np.ndarray = order[np.sort(np.unique(cells, return_index=True)[1])]
@@ -74,7 +78,7 @@ class Spots:
 
 
 class SpotPass(Owner):
-    """Finds the places of views of `size` (width, height) that are checked: one pixel of each small square."""
+    """Pass that selects the places to check in views of `size` (width, height): one pixel of each small square."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
@@ -82,12 +86,14 @@ class SpotPass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
-        """Those of a view, or of the part of it that `camera` draws, every pixel of which is splatted, where records say
-        something and the surface reflects more than it emits."""
+        """Return the places of a view, or of the part that `camera` draws.
+
+        Every pixel is splatted. A place has cached irradiance, and its surface reflects more than it emits.
+        """
         squares = Squares.of(part_drawn(camera, self.size), _ROWS)
         (width, height), size = squares.size, squares.most(self.size)
         target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4, 4, 4)))
@@ -113,10 +119,10 @@ class SpotPass(Owner):
 
 @dataclass(frozen=True, eq=False)
 class SpotCheck:
-    """The progress of the check of a view: one value, replaced whole.
+    """Progress of the check of a view: an immutable value.
 
-    whole: the places at its begin. spots: the places of the present looks. found: (K,) W/m² luminances at the first K of `spots`.
-    stage: the number of the present looks in LOOKS.
+    whole: the places at the start. spots: the places of the present probes. found: (K,) W/m² luminances at the first K of
+    `spots`. stage: index of the present probes in LOOKS.
     """
 
     whole: Spots
@@ -126,7 +132,7 @@ class SpotCheck:
 
     @property
     def contradicting(self) -> Spots:
-        """The places where these looks disagree with the records; before the last looks, only the worst of close ones."""
+        """The places where the present probes differ from the cache; before the last probes, only the worst of close ones."""
         off = self.spots.off(self.found)
         there = off > _DOUBT[self.stage]
         left = self.spots[there]
@@ -135,10 +141,10 @@ class SpotCheck:
 
 @dataclass(eq=False)
 class PlacesChecked:
-    """The places of earlier looks, so that no check repeats a look: cells of space, two to four times as wide as the distance of
-    pixels, since another view's pixels lie between these. A loss of records makes them void.
+    """Places of earlier probes, so that no check repeats a probe; a loss of records makes them void.
 
-    cells: (K,) ascending. records: the number of records when the places were noted, with the records that they brought.
+    Cells of space store them, two to four times as wide as the distance of pixels: another view's pixels lie between these.
+    cells: (K,) ascending. records: the number of records when the places were noted, including their new records.
     """
 
     cells: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -154,12 +160,11 @@ class PlacesChecked:
             self.forget()
 
     def left(self, spots: Spots) -> Spots:
-        """Those that no check has looked from, as closely or more so."""
+        """Return the places that no check has probed at this or a closer distance."""
         return spots[~np.isin(_cells(spots.sites, _CELLS * spots.distance), self.cells)]
 
     def note(self, spots: Spots, records: int) -> None:
-        """These are looked from now; records: how many there are once those are gathered that this brings. Of more than can be
-        remembered, the others are forgotten."""
+        """Mark places as probed; records: number of records once the new ones are gathered. Beyond _MOST, earlier places go."""
         self.records = records
         wide = [_cells(spots.sites, _CELLS * spots.distance * 2.0**doublings) for doublings in range(_COARSER + 1)]
         cells = np.unique(np.concatenate([self.cells, *wide]))
@@ -167,8 +172,10 @@ class PlacesChecked:
 
 
 def _cells(sites: Sites, width: np.ndarray) -> np.ndarray:
-    """(N,) int64: a number for the cell that each site lies in, as wide in metres as the next power of 2 below `width` (N,), and
-    for the one of six sides that its surface faces."""
+    """Return (N,) int64, a hash of the cell of each site and of the one of six sides that its surface faces.
+
+    Cells are as wide in metres as the next power of 2 below `width` (N,).
+    """
     level = np.floor(np.log2(np.maximum(width, 1e-30))).astype(np.int64)
     at = np.floor(sites.position.astype(float) / np.exp2(level.astype(float))[:, None]).astype(np.int64).astype(np.uint64)
     axis = np.abs(sites.geometric).argmax(1)

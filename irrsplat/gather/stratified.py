@@ -1,7 +1,7 @@
-"""The hemisphere that a record's rays sample, cut into strata of equal cosθ·dω: M elevations by N azimuths, E = π/(MN)·ΣL.
+"""Stratified hemisphere sampling with equal cosθ·dω: M elevations by N azimuths, E = π/(MN)·ΣL.
 
-A cell has a row for each elevation, from the zenith down, and a column for each azimuth. The tables have the form of those in
-plane.py, so that one reduction serves both gathers.
+A cell has a row for each elevation, from the zenith down, and a column for each azimuth. The tables have the layout of those in
+plane.py, so that one reduction sums both gathers.
 """
 
 from __future__ import annotations
@@ -12,29 +12,30 @@ from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, PLASTIC
 
 
 def shape(side: int) -> tuple[int, int]:
-    """The elevations M and azimuths N of side² rays: N = 4·M, near π·M, for which strata are about as wide as they are high (Ward
-    and Heckbert 1992)."""
+    """Return the elevations M and azimuths N of side² rays: N = 4·M, near π·M, for strata about as wide as high (Ward and
+    Heckbert 1992)."""
     return side // 2, 2 * side
 
 
 def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
-    """θ (M + 1,) and φ (N + 1,) in radians where one stratum ends and the next begins: equal steps in sin²θ and in φ."""
+    """Return θ (M + 1,) and φ (N + 1,) in radians at the borders of strata: equal steps in sin²θ and in φ."""
     m, n = shape(side)
     return np.arcsin(np.sqrt(np.arange(m + 1) / m)), 2.0 * np.pi * np.arange(n + 1) / n
 
 
 def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-    """(..., 3) unit directions at these sin²θ and φ in radians."""
+    """Return (..., 3) unit directions at these sin²θ and φ in radians."""
     sine = np.sqrt(square)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)], axis=-1)
 
 
 def ray_directions(side: int, spread: bool = False) -> np.ndarray:
-    """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
+    """Return (M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
 
-    The strata around the normal meet there, and are 6° long with 64² rays. Their heights in sin²θ go in steps of the golden
-    ratio, so that rays lie evenly around the normal. spread: the heights of all elevations do. Rays of few elevations that all go
-    through the middle miss what is near the horizon."""
+    The strata around the normal meet there, and are 6° long with 64² rays. Their heights in sin²θ advance by the golden ratio, so
+    that rays lie evenly around the normal. spread: the heights of all elevations do. Without it, few elevations would leave the
+    horizon unsampled.
+    """
     m, n = shape(side)
     row, column = np.indices((m, n))
     height = np.where(spread | (row == 0), np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
@@ -42,8 +43,10 @@ def ray_directions(side: int, spread: bool = False) -> np.ndarray:
 
 
 def closer_rays(side: int, count: int) -> np.ndarray:
-    """(M, N, count, 3) float64: further directions into each stratum. Their heights in sin²θ share it evenly. Their azimuths,
-    and the shifts of both from stratum to stratum, are low-discrepancy sequences (Roberts 2018)."""
+    """Return (M, N, count, 3) float64: further directions into each stratum, with heights spread evenly in sin²θ.
+
+    Their azimuths, and the shifts of both from stratum to stratum, are low-discrepancy sequences (Roberts 2018).
+    """
     m, n = shape(side)
     row, column, ray = np.indices((m, n, count))
     number = row * n + column
@@ -53,17 +56,17 @@ def closer_rays(side: int, count: int) -> np.ndarray:
 
 
 def reach(side: int, least: int) -> np.ndarray:
-    """(M,) how many strata along each elevation are as wide as it is high, and at least so many; less than half of them."""
+    """Return (M,) the number of strata along each elevation that are as wide as it is high, from `least` to less than half."""
     m, n = shape(side)
     wide: np.ndarray = np.clip((m / (np.pi * (np.arange(m) + 0.5)) + 0.5).astype(int), least, n // 2 - 1)
     return wide
 
 
 def stratum_table(side: int) -> np.ndarray:
-    """(M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and the cosθ·dω that it stands for, π/(MN).
+    """Return (M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and its cosθ·dω, π/(MN).
 
-    The direction is that of ∫ω·dω over the stratum, as in hemisphere_table: ∫sin²θ dθ = (θ - sinθ·cosθ)/2 along the surface,
-    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, which differs from it by second order.
+    The direction is that of ∫ω·dω over the stratum, as in plane_table: ∫sin²θ dθ = (θ - sinθ·cosθ)/2 along the surface,
+    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, a second-order difference.
     """
     theta, phi = _edges(side)
     table = np.empty((len(theta) - 1, len(phi) - 1, 4))
@@ -76,7 +79,7 @@ def stratum_table(side: int) -> np.ndarray:
 
 
 def stratum_edges(side: int) -> np.ndarray:
-    """(M, 2N, 4) float64: at (y, 2x + j) stratum (x, y)'s edge to the next azimuth (j = 0) or elevation (j = 1).
+    """Return (M, 2N, 4) float64: at (y, 2x + j) stratum (x, y)'s edge to the next azimuth (j = 0) or elevation (j = 1).
 
     In the form of plane.plane_edges, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
     and Heckbert (1992), equation 3: along û_k, the azimuth's middle, cos²θ·sinθ·2π/N for an edge between elevations, and along
@@ -93,5 +96,5 @@ def stratum_edges(side: int) -> np.ndarray:
     s, c = np.sin(theta[1:-1])[:, None], np.cos(theta[1:-1])[:, None]
     ring = np.stack(np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c), axis=-1)
     out[:-1, :, 1, :3] = 2.0 * np.pi / n * ring
-    out[:, :, 1, 3] = NEIGHBOUR_STRIDE * np.minimum(y + 1, m - 1) + x  # the last elevation ends at the horizon: no neighbour
+    out[:, :, 1, 3] = NEIGHBOUR_STRIDE * np.minimum(y + 1, m - 1) + x  # none beyond the last elevation, at the horizon
     return out.reshape(m, 2 * n, 4)

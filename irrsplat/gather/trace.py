@@ -1,6 +1,6 @@
-"""The gather by rays: what many records see along cosine-stratified directions.
+"""The gather by rays: radiance of many records along cosine-stratified directions.
 
-A fragment is a ray. It goes through a tree of the scene's triangles, or Embree has found what it hits (scene/ray_caster.py). Its
+A fragment is a ray. It traverses a tree of the scene's triangles, or uses the hit that Embree found (scene/ray_caster.py). Its
 radiance and distance go into an atlas like that of the plane gather, which the same reduction sums.
 """
 
@@ -22,17 +22,17 @@ from irrsplat.gpu.target import Target, float_texture, integer_texture, table_te
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
-_MIDDLES = 16  # a gather of this side, 8 elevations, and more from many places goes through the middles of its strata
+_MIDDLES = 16  # from this side on (8 elevations), gathers from several eye positions sample the middles of strata
 
 
 class TraceGather(Gather):
-    """Traces side² rays a record, in the shader through the world's tree, or with `embree` by that.
+    """Tracer of side² rays a record, in the shader through the world's tree, or with `embree` by Embree.
 
-    capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
-    with has a surface cache, too. hits: the pass only notes which values of that cache light what the rays hit, for the
-    method `hits`; met: and where that is, for the method `met`. places: from how many each record looks, see
-    Gather.places. light_samples: a record's shadow rays to emitters.
-    Raises InputError for more triangles than the GPU's textures hold, and where embreex is required and missing.
+    capacity: greatest number of records in one call (default: a 96 MiB atlas). surface: the light of a call includes a surface
+    cache. hits: the pass only notes the surface cache's values at the hits, for the method `hits`; met: also the hit points, for
+    the method `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to
+    emitters.
+    Raises InputError for more triangles than the GPU's textures hold, and if embreex is required and missing.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class TraceGather(Gather):
         self.ctx = ctx = world.ctx
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
         self.kind = "embree" if embree else "trace"
-        world.seen_uniforms(embree)  # where there are too many triangles, it fails here
+        world.seen_uniforms(embree)  # raises InputError here for too many triangles
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -86,18 +86,18 @@ class TraceGather(Gather):
         if embree:
             self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
             self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * count // TABLE_COLUMNS)))
-        # there are so many sites of a surface cache that the noise of each averages out
+        # a surface cache has so many sites that the noise of each averages out
         lines = self.capacity // self.columns
         self.sky = None if hits or places > 1 else SkyShares(world, self.side, self.columns, lines, embree)
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity * places, 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits, self.sky)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """What records at `sites` (at most `capacity`, or so many times `places`) see; `numbers` (N,) are theirs in the cache."""
+        """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
         if self.target is None:
             down = self.capacity // self.columns
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
@@ -105,7 +105,7 @@ class TraceGather(Gather):
         rows = np.zeros((5, looks, 4), "f4")
         rotations = sites.frame_rotations(numbers)
         rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
-        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # the samples of all places are one pattern
+        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
         rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
@@ -161,10 +161,10 @@ class TraceGather(Gather):
         return hits
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the rays of the last call's first `count` records hit, R rays each in the order of the cell's texels.
+        """Return the surface cache's values at the hits of the last call's first `count` records, R rays each.
 
-        Of each hit the numbers of three values of the surface cache, their weights (all 0 where nothing was hit or no value is
-        known), and the reflectance there, each (N, R, 3).
+        Rays are in the order of the cell's texels. Numbers of three values of the surface cache, their weights (all 0 for a
+        miss or an unknown value), and the reflectance, each (N, R, 3).
         """
         first, second = self._read((2, 3), count)
         weights = np.stack([first[..., 3], second[..., 3], 1.0 - first[..., 3] - second[..., 3]], axis=-1)
@@ -172,13 +172,13 @@ class TraceGather(Gather):
         return np.maximum(first[..., :3], 0.0).astype(np.intp), weights, second[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where these rays hit: position and shading normal on the side that they hit, (N, R, 3) each, and the triangle's number
-        in the scene, (N, R). Where nothing was hit it means nothing."""
+        """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
+        (N, R), for the rays of `hits`; undefined for a miss."""
         place, normal = self._read((4, 5), count)
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
-        """(N, R, 4) each, these outputs of the last call's first `count` records."""
+        """Return (N, R, 4) each, these outputs of the last call's first `count` records."""
         assert self.target is not None
         lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
         return [

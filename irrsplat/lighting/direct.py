@@ -1,4 +1,4 @@
-"""Direct light at every pixel of a view, with shadow maps that are antialiased by dithered samples (Jones 2010, section 2.4)."""
+"""Direct light at every pixel of a view, with shadow maps antialiased by dithered samples (Jones 2010, section 2.4)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from irrsplat.gpu.world import World
 
 @dataclass(frozen=True)
 class Headlamp:
-    """A point light at the eye: direct light alone, without shadows, which nobody there would see. position: (3,) world space;
-    intensity: W/sr."""
+    """A point light at the eye, for direct light alone; its shadows are invisible from there and left out.
+
+    position: (3,) world space. intensity: W/sr.
+    """
 
     position: tuple[float, float, float]
     intensity: float
 
 
 class DirectPass(Owner):
-    """Draws the direct outgoing radiance of a view of `size` (width, height).
+    """Pass that draws the direct outgoing radiance of a view of `size` (width, height).
 
-    kinds: of the lights, as light_defines has them, and with rays also World.material_defines. irradiance: draws E_direct in its
-    place, W/m², whatever the surfaces reflect.
+    kinds: light_defines, and with rays also World.material_defines. irradiance: draw E_direct instead, W/m², independent of
+    reflectance.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], kinds: Mapping[str, int], irradiance: bool = False) -> None:
@@ -40,7 +42,7 @@ class DirectPass(Owner):
         self.target = Target(ctx, size, (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self._programs.values(), self.target)
 
     def __call__(
@@ -53,11 +55,11 @@ class DirectPass(Owner):
         world: World | None = None,
         band: Region | None = None,
     ) -> moderngl.Texture:
-        """ρ/π·E_direct, and 1 where a surface is seen, as an RGBA32F texture, the target's (default: this pass's own).
+        """Return ρ/π·E_direct, and 1 on surfaces, as an RGBA32F texture, the target's (default: this pass's own).
 
-        rotation: of the pattern of shadow samples, radians. world: rays through it decide where the samples of a pixel differ,
-        and the shadows of facets do not show on curved surfaces; None: the mean of the samples counts. band: the part
-        (x, y, width, height) that is drawn; None: all of it.
+        rotation: of the pattern of shadow samples, radians. world: its rays decide pixels whose shadow samples differ, and keep
+        facet shadows off curved surfaces; None: use the mean of the samples. band: the part (x, y, width, height) to draw; None:
+        all of it.
         """
         target = target or self.target
         lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)

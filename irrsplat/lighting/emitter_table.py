@@ -1,4 +1,4 @@
-"""The area lights of a scene as shaders sample them: tables of its emissive triangles and of their clusters."""
+"""Area lights for sampling in shaders: tables of emissive triangles and of their clusters."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from irrsplat.scene.emitters import emitters
 
 
 class EmitterTable(Owner):
-    """The tables that shaders/lighting/emitters.glsl reads, of the world's scene as it is now. count: its area lights, triangles.
+    """Tables for shaders/lighting/emitters.glsl, of the world's present scene. count: number of emissive triangles.
 
-    Raises InputError for more triangles than rays can go through on this GPU.
+    Raises InputError for more triangles than rays can traverse on this GPU.
     """
 
     def __init__(self, world: World) -> None:
-        world.triangles  # noqa: B018  # samples find emitters there, and of too many triangles it fails here
+        world.triangles  # noqa: B018  # used by the samples; raises InputError here for too many triangles
         found, corners = emitters(world.scene), world.geometry.corners
-        # cluster by cluster, and in each from close to close: neighbours in the list are neighbours in space
+        # cluster by cluster, each along a space-filling curve: neighbours in the list are neighbours in space
         order = np.lexsort((along_a_way(corners[found.triangle].mean(axis=1, dtype=np.float64)), found.cluster))
         triangle, cluster, power = (x[order] for x in (found.triangle, found.cluster, found.luminance * found.area))
         self.count, clusters = len(found), len(found.radius)
@@ -48,22 +48,23 @@ class EmitterTable(Owner):
         self.numbers = _pairs(world.ctx, numbers)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.triangles, self.numbers)
 
     def ray_uniforms(self, samples: int) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters.glsl for what rays hit, where so many `samples` look for emitters beside
-        them."""
+        """Return the uniforms of shaders/lighting/emitters.glsl for ray hits; samples: number of next-event samples."""
         return {**self._common, "emitter_numbers": self.numbers, "emitter_samples": float(samples)}
 
     def sample_uniforms(self, samples: int) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters.glsl where so many `samples` are taken."""
+        """Return the uniforms of shaders/lighting/emitters.glsl for so many next-event `samples`."""
         return {**self._common, "emitter_triangles": self.triangles, "emitter_samples": float(samples)}
 
 
 def emitter_table(world: World) -> EmitterTable | None:
-    """The table of the world's area lights, which the world owns; None where there are none, or more triangles than rays can go
-    through. It holds until something moves."""
+    """Return the table of the world's area lights, cached by the world until something moves.
+
+    None for no area lights, or for more triangles than rays can traverse.
+    """
     if not world.scene.emissive:
         return None
     try:
@@ -74,7 +75,7 @@ def emitter_table(world: World) -> EmitterTable | None:
 
 
 def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:
-    """A table of texels with two numbers each, by number; values: (N, 2)."""
+    """Return a table of texels with two numbers each, by number; values: (N, 2)."""
     rows = row_count(len(values))
     texels = np.zeros((rows * TABLE_COLUMNS, 2), "f4")
     texels[: len(values)] = values

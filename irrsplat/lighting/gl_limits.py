@@ -1,5 +1,4 @@
-"""What can be drawn here: the size of the picture, the memory that it takes and the number of lights, checked before anything is
-made."""
+"""Limits of OpenGL and memory: size of the picture and number of lights, checked before anything is allocated."""
 
 from __future__ import annotations
 
@@ -17,16 +16,16 @@ from irrsplat.lighting.luminaire_table import photometries, photometry_size
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
-LARGE = 1 << 22  # pixels, from which on a picture is worth saving memory for
+LARGE = 1 << 22  # pixels, size from which a picture's memory is checked and saved
 PICTURE = frozenset(("image", "alpha"))
-_BESIDE = 450_000_000  # bytes that gathers, the surface cache, shadow maps and records take whatever the size
+_BESIDE = 450_000_000  # bytes for gathers, surface cache, shadow maps and records, independent of the size
 _READING = 28  # bytes a pixel, while one more buffer is read
 _WRITING = 6  # bytes a pixel, while a .png is written
-_AROUND = 1.25  # sides of a tile that are drawn for one
+_AROUND = 1.25  # drawn side of a tile, in tile sides
 
 
 def checked(size: tuple[int, int]) -> tuple[int, int]:
-    """`size` as width and height in pixels; raises InputError where it is not two whole numbers of at least 1."""
+    """Return `size` as width and height in pixels; raises InputError unless both are whole numbers of at least 1."""
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
@@ -37,14 +36,16 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
-    """Bytes a pixel that a view by these settings takes while it is rendered: g-buffer, splat buffer, picture, samples.
-    picture_alone: nothing but image and alpha is read of it."""
-    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 24  # summed: by the filter in time, or with holes filled
+    """Return the bytes a pixel of a view during rendering: g-buffer, splat buffer, picture, samples.
+
+    picture_alone: only image and alpha are read.
+    """
+    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 24  # summed: temporally filtered, or with holes filled
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     if settings.samples > 1:
         return 2 * (gbuffer + splats + direct) + summed + image + 68
-    refined = 64 if settings.quality else 0  # two more splat buffers, and what they are compared by
+    refined = 64 if settings.quality else 0  # two more splat buffers and their comparison
     if picture_alone and not refined:
         return max(gbuffer + splats + summed, gbuffer + summed + direct + image)
     return gbuffer + splats + refined + summed + direct + image
@@ -52,7 +53,7 @@ def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
 
 @dataclass(frozen=True)
 class Shortage:
-    """What a picture of `size` needs of memory, and what is free, in bytes. alone: nothing but image and alpha is read of it."""
+    """Needed and free memory for a picture of `size`, in bytes. alone: only image and alpha are read."""
 
     size: tuple[int, int]
     need: int
@@ -60,7 +61,7 @@ class Shortage:
     alone: bool
 
     def __str__(self) -> str:
-        """The same in words."""
+        """Return the message."""
         (width, height), need, free = self.size, self.need / 1e9, self.free / 1e9
         return f"size {width}x{height} needs {need:.1f} GB of memory, and {free:.1f} GB are free here"
 
@@ -73,17 +74,19 @@ def shortage(
     buffers: Collection[str] | None = PICTURE,
     tile: int = 0,
 ) -> Shortage | None:
-    """Where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than there is: how
-    much; else None. Of a GPU's own memory nothing is known: there, only the arrays count. tile: pixels along a side of the tiles
-    that it is drawn in; 0: it is drawn whole."""
+    """Return the shortage if a picture of `size`, with `buffers` as arrays (None: all), certainly exceeds free memory; else None.
+
+    GPU memory is not known: on a GPU only the arrays count. tile: pixels, side of the tiles that are drawn one by one; 0: draw
+    the picture whole.
+    """
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
     alone = PICTURE.issuperset(names)
     arrays = 4 * sum(CHANNELS[name].components for name in names)
     pixel = view_bytes(scene, settings, alone) if software else 0
     if tile:
-        drawn = min(_AROUND * tile, max(size)) ** 2  # with what is about a tile
+        drawn = min(_AROUND * tile, max(size)) ** 2  # with the margin of a tile
         need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
-    else:  # a picture alone is read when most of the view is freed
+    else:  # a picture alone is read after most of the view is freed
         need = size[0] * size[1] * (max(pixel, arrays) if alone else pixel + arrays + _READING)
     need += _BESIDE if software else 0
     free = memory.available()
@@ -91,24 +94,24 @@ def shortage(
 
 
 def check_memory(found: Shortage | None) -> None:
-    """Raises InputError where there is a shortage."""
+    """Raise InputError for a shortage."""
     if found is not None:
         raise InputError(f"{found}: take a smaller size" + ("" if found.alone else ", or fewer buffers: a .png needs least"))
 
 
 def largest(ctx: moderngl.Context) -> int:
-    """How many pixels a side what is drawn at once may have."""
+    """Return the greatest side of a drawing, pixels."""
     return int(ctx.info["GL_MAX_TEXTURE_SIZE"])
 
 
 def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_size: int) -> None:
-    """Raises InputError for a picture too large for `ctx`, too many lights, or more shadow tiles of `shadow_size` than fit."""
+    """Raise InputError for a picture too large for `ctx`, too many lights, or more shadow tiles of `shadow_size` than fit."""
     limit = largest(ctx)
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
     different = photometries(scene.lights)
     rows = LIGHT_ROWS + 2 + (LUMINAIRE_ROWS if different else 0)  # 2: of shaders/lighting/virtual_lights/hit.glsl
-    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // rows - 8  # the tables are uniforms; there are others
+    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // rows - 8  # light tables are uniforms; 8 rows for other uniforms
     if len(scene.lights) > most:
         raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
     sheet(len(light_table(scene, shadow_size).tiles), shadow_size, limit)

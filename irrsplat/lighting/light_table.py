@@ -1,4 +1,4 @@
-"""The lights of a scene as shaders take them: a table of numbers, the tiles of their shadow maps, and which kinds there are.
+"""Lights of a scene for shaders: a table of numbers, the tiles of their shadow maps, and defines for the kinds present.
 
 A point light or luminaire inside the scene's bounding box, or a spot with a cone wider than 160°, has six tiles, a cube's faces.
 A narrower cone, a light outside the box and a directional light have one.
@@ -21,12 +21,12 @@ from irrsplat.scene.model import Light, Scene
 _X, _Y, _Z = np.eye(3)
 _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
-_NARROWEST = 1e-6  # tangent of the least: of a scene that is a point, as one is whose meshes are all hidden
+_NARROWEST = 1e-6  # least tangent, for a scene of a single point, as with all meshes hidden
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
 
 
 def _axes(forward: np.ndarray) -> np.ndarray:
-    """(3, 3) rows right, up, forward: an orthonormal frame about the unit vector `forward`."""
+    """Return (3, 3) rows right, up, forward: an orthonormal frame about the unit vector `forward`."""
     helper = np.eye(3)[np.argmin(np.abs(forward))]
     right = np.cross(helper, forward)
     right /= np.linalg.norm(right)
@@ -39,7 +39,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 
 
 def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
-    """Axis and tangent of half the angle of one perspective tile that covers all that the light reaches; None: it takes six."""
+    """Return axis and tangent of half the angle of one perspective tile that covers the light's reach; None: it takes six."""
     position = np.asarray(light.position, float)
     if light.spot_target is not None and light.has_cone and light.spot_cutoff <= _WIDEST_CONE:
         return _unit(np.subtract(light.spot_target, position)), float(np.tan(np.radians(light.spot_cutoff)))
@@ -64,7 +64,7 @@ def parallel_frame(light: Light, scene: Scene) -> tuple[np.ndarray, float, np.nd
 
 
 def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
-    """The light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
+    """Return the light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
     position = np.asarray(light.position, float)
     grow = side / (side - 2 * _GUARD)
     if light.directional:
@@ -108,7 +108,7 @@ class LightTable:
 
 
 def light_table(scene: Scene, side: int) -> LightTable:
-    """The table of the scene's lights for shadow tiles of `side` texels."""
+    """Return the table of the scene's lights for shadow tiles of `side` texels."""
     table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
     parallel: list[bool] = []
@@ -116,8 +116,8 @@ def light_table(scene: Scene, side: int) -> LightTable:
         matrices, scale, depth = _tiles(light, scene, side)
         direction = np.asarray(light.position, float)
         row[LightRow.POSITION] = [*(_unit(direction) if light.directional else direction), light.directional]
-        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a light with an intensity I: E = I·cosθ·spot/d², where
-        # that of a luminaire is its colour times what its photometry says
+        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); with an intensity I: E = I·cosθ·spot/d²;
+        # I of a luminaire is its colour times its photometry
         row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
         row[LightRow.FALLOFF] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
         if light.spot_target is not None and light.has_cone:
@@ -133,7 +133,7 @@ def light_table(scene: Scene, side: int) -> LightTable:
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
-    """Columns and rows of `count` tiles of `side` texels in one texture; InputError if it would be larger than `limit`."""
+    """Return columns and rows of `count` tiles of `side` texels in one texture; InputError beyond `limit`, texels a side."""
     columns = min(max(count, 1), 8, max(limit // side, 1))
     rows = -(-max(count, 1) // columns)
     if side * max(columns, rows) > limit:
@@ -142,7 +142,7 @@ def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
 
 
 def light_defines(scene: Scene) -> dict[str, int]:
-    """What shaders/lighting/lights.glsl is compiled for: how many lights there are, and of which kinds."""
+    """Return the defines of shaders/lighting/lights.glsl: number and kinds of the lights."""
     different = photometries(scene.lights)
     cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
     return {

@@ -1,4 +1,4 @@
-"""The luminaires of a scene as shaders take them: how each is turned, and the candela of their photometries in one texture."""
+"""Luminaires of a scene for shaders: their orientations, and the candela of their photometries in one texture."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from irrsplat.scene.model import Light, Photometry
 
 
 def photometries(lights: Sequence[Light]) -> tuple[Photometry, ...]:
-    """The different photometries of the lights, in their order."""
+    """Return the distinct photometries of the lights, in their order."""
     return tuple(dict.fromkeys(light.photometry for light in lights if light.photometry is not None))
 
 
 def luminaire_rows(lights: Sequence[Light]) -> np.ndarray:
-    """(LUMINAIRE_ROWS·lights, 4): xyz the directions of azimuth 0, of azimuth 90° and of the pole, unit, world space; w the first
-    row of its photometry in the texture, -1 for a light that is no luminaire, and the numbers of polar angles and of azimuths."""
+    """Return (LUMINAIRE_ROWS·lights, 4), three rows a light.
+
+    xyz: directions of azimuth 0, of azimuth 90° and of the pole, unit, world space. w: first row of its photometry in the
+    texture (-1 for other lights), number of polar angles, number of azimuths.
+    """
     different = photometries(lights)
     firsts = np.cumsum([0, *(len(one.azimuth) + 1 for one in different)]).tolist()
     first = dict(zip(different, firsts, strict=False))
@@ -32,10 +35,10 @@ def luminaire_rows(lights: Sequence[Light]) -> np.ndarray:
 
 
 def photometry_texels(different: Sequence[Photometry]) -> np.ndarray:
-    """(R, C) float32, the photometries one above the other.
+    """Return (R, C) float32, the photometries one above the other.
 
-    In the first row of each are its polar angles in degrees from column 1 on; in those that follow, an azimuth in degrees in
-    column 0, and behind it the radiant intensities there, W/sr.
+    First row of each: polar angles in degrees from column 1 on. Further rows: an azimuth in degrees in column 0, then the
+    radiant intensities there, W/sr.
     """
     texels = np.zeros(photometry_size(different)[::-1], np.float32)
     row = 0
@@ -49,11 +52,11 @@ def photometry_texels(different: Sequence[Photometry]) -> np.ndarray:
 
 
 def photometry_size(different: Sequence[Photometry]) -> tuple[int, int]:
-    """Columns and rows of the texture."""
+    """Return columns and rows of the texture."""
     columns = max((len(one.polar) + 1 for one in different), default=1)
     return columns, max(sum(len(one.azimuth) + 1 for one in different), 1)
 
 
 def halvings(different: Sequence[Photometry]) -> int:
-    """How often the intervals between the angles of any of them can be halved until one is left."""
+    """Return the number of bisection steps that a search among the angles of any photometry needs."""
     return max((max(len(one.polar), len(one.azimuth)) - 2).bit_length() for one in different)

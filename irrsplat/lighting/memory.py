@@ -1,19 +1,21 @@
-"""How much memory this process may still take."""
+"""Free memory of this process."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
 
-_GROUPS = (  # of a container: the limit, and what is taken of it
+_GROUPS = (  # files of a container: limit and usage
     ("memory.max", "memory.current"),
     ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
 )
 
 
 def available() -> int | None:
-    """Bytes that this process may still take without swapping, by the machine, its container and its own limits; None where that
-    is not known: elsewhere than on Linux."""
+    """Return the bytes that this process may still allocate without swapping, or None if unknown, as on systems other than Linux.
+
+    The least of the machine's, the container's and the process's own limit.
+    """
     found = [*_machine(), *_container(), *_process()]
     return max(0, min(found)) if found else None
 
@@ -36,7 +38,7 @@ def _container() -> list[int]:
 
 
 def _process() -> list[int]:
-    """What ulimit -v leaves."""
+    """Return the rest of the limit of ulimit -v."""
     with suppress(ImportError, OSError, ValueError, IndexError):
         import resource
 

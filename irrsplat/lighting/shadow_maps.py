@@ -1,4 +1,4 @@
-"""Shadow maps: every light's view of the scene as tiles of one depth texture (Jones 2010, section 3.3)."""
+"""Shadow maps: depth of the scene from every light, as tiles of one depth texture (Jones 2010, section 3.3)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PARTS = "closed", "open", "cut_out"
 
 
 class ShadowPass(Owner):
-    """Draws the shadow maps of a scene's lights. What light passes casts no shadow; what is cut out has holes in it."""
+    """Pass that draws the shadow maps of a scene's lights. Transmitting surfaces cast no shadow; cut-outs leave holes in it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -25,16 +25,16 @@ class ShadowPass(Owner):
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self._cut_outs, self._tables, self.target)
 
     def _cutting(self, world: World) -> Program:
-        """The program that leaves out what is cut out."""
+        """Return the program that discards cut-out texels."""
         defines = world.material_defines
         return self._cut_outs.get("program", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
 
     def _photometry(self, world: World) -> moderngl.Texture | None:
-        """The candela of the scene's luminaires; None where it has none."""
+        """Return the candela of the scene's luminaires; None for none."""
         different = photometries(world.scene.lights)
         if not different:
             self._tables.clear()
@@ -49,7 +49,10 @@ class ShadowPass(Owner):
         return self._tables.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
-        """The shadow maps of all lights in tiles of `side` texels square, and the light table; InputError for too many lights."""
+        """Return the shadow maps of all lights in tiles of `side` texels square, and the light table.
+
+        Raises InputError for too many lights.
+        """
         lights = light_table(world.scene, side)
         columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:
@@ -68,7 +71,7 @@ class ShadowPass(Owner):
                     self.target,
                     geometry=world.geometry,
                     part=part,
-                    # in a lamp's own tile what is before the near plane casts no shadow, with parallel light it does
+                    # geometry before the near plane casts a shadow in parallel light only
                     state=DrawState(depth="<", depth_clamp=bool(parallel)),
                     viewport=cell,
                     scissor=cell,

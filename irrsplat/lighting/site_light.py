@@ -1,4 +1,4 @@
-"""Direct light at points that no camera sees: the irradiance of lamps, with their shadow maps."""
+"""Direct irradiance at arbitrary points, with shadow maps."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from irrsplat.gpu.world import World
 
 
 class SiteLightPass(Owner):
-    """Direct irradiance of up to `most` points at once. lights: their kinds, as light_defines has them.
+    """Direct irradiance of up to `most` points at once. lights: light_defines.
 
-    world: rays through it decide where shadow maps cannot; None: the mean of their samples counts.
+    world: its rays decide where shadow samples differ; None: use the mean of the samples.
     """
 
     def __init__(self, ctx: moderngl.Context, lights: Mapping[str, int], most: int, world: World | None = None) -> None:
@@ -30,7 +30,7 @@ class SiteLightPass(Owner):
         self.target = Target(ctx, (TABLE_COLUMNS, rows), (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.sites, self.target)
 
     def __call__(
@@ -38,8 +38,8 @@ class SiteLightPass(Owner):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return (N, 3) W/m² at `sites`, and (N,) metres from each to the first surface along its geometric normal.
 
-        area: (N,) m² for which each site stands: its light is the mean over that area. reach: metres. A surface nearer than the
-        first is the site's own; none farther than the second is looked for. Without a world all ways are 0.
+        area: (N,) m² that each site represents: its irradiance is the mean over that area. reach: metres, least and greatest
+        length of the rays along the normal; a nearer surface is the site's own. Without a world all distances are 0.
         """
         columns = np.stack([sites.position, sites.normal, sites.geometric], axis=1)
         rows = table_rows(np.concatenate([columns, np.repeat(area[:, None, None], 3, axis=1)], axis=-1, dtype="f4"))

@@ -1,4 +1,4 @@
-"""The sky as shaders have it."""
+"""Textures and uniforms of the sky."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from irrsplat.sky.environment import Environment
 
 
 class SkyMaps(Owner):
-    """The maps of an environment as textures: `light`, which rays look up, and `seen`, which a camera sees."""
+    """Maps of an environment as textures: `light` for rays, `seen` for the camera."""
 
     def __init__(self, ctx: moderngl.Context, environment: Environment) -> None:
         self.light = _texture(ctx, environment.light_levels)
@@ -22,12 +22,12 @@ class SkyMaps(Owner):
         self.uniforms: Uniforms = {"sky_light": self.light, "sky_from_world": environment.frame}
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.light, self.seen)
 
 
 def sky_maps(world: World) -> SkyMaps | None:
-    """The maps of the world's sky, which the world owns; None where it has none."""
+    """Return the maps of the world's sky, cached by the world; None for a sky without environment."""
     environment = world.scene.environment
     if environment is None:
         return None
@@ -35,24 +35,26 @@ def sky_maps(world: World) -> SkyMaps | None:
 
 
 def sky_uniforms(scene: Scene, maps: SkyMaps | None = None) -> Uniforms:
-    """The uniforms of shaders/lighting/sky.glsl: what comes from the unit direction d is sky + sky_gradient·dot(d, sky_up); those
-    for SKY_MAP where there are `maps` of the scene's sky."""
+    """Return the uniforms of shaders/lighting/sky.glsl: radiance from the unit direction d is sky + sky_gradient·dot(d, sky_up).
+
+    maps: of the scene's sky; then the uniforms for SKY_MAP.
+    """
     if maps is not None:
         return maps.uniforms
     return {"sky": scene.sky, "sky_gradient": scene.sky_gradient, "sky_up": scene.up}
 
 
 def sky_defines(uniforms: Uniforms) -> dict[str, int]:
-    """What shaders with these uniforms of shaders/lighting/sky.glsl are compiled for."""
+    """Return the defines of shaders that use these uniforms of shaders/lighting/sky.glsl."""
     return {"SKY_MAP": int("sky_light" in uniforms)}
 
 
 def _texture(ctx: moderngl.Context, levels: list[np.ndarray]) -> moderngl.Texture:
-    """A float texture of a pyramid's levels, (H, W, 3) each, bottom row first; its edges do not repeat."""
+    """Return a float texture of a pyramid's levels, (H, W, 3) each, bottom row first, clamped to its edges."""
     height, width = levels[0].shape[:2]
     texture = ctx.texture((width, height), 3, dtype="f4")
     if len(levels) > 1:
-        texture.build_mipmaps(max_level=len(levels) - 1)  # makes room for them
+        texture.build_mipmaps(max_level=len(levels) - 1)  # allocates the levels
     for number, level in enumerate(levels):
         texture.write(np.ascontiguousarray(level, "f4").tobytes(), level=number)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR if len(levels) > 1 else moderngl.LINEAR), moderngl.LINEAR

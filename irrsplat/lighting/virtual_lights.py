@@ -1,8 +1,8 @@
-"""Virtual lights: points on lit surfaces, from which records take what is reflected there (Keller 1997, "Instant radiosity").
+"""Virtual point lights: points on lit surfaces that emit the light reflected there (Keller 1997, "Instant radiosity").
 
-A light close to a wall makes a spot that few of a record's rays hit, and the sun through an opening a patch. Rays from the light
-find that spot for certain, densest where it is brightest. A record takes what comes from there along shadow rays, and what its
-own rays find of it counts the less, by the balance heuristic: together they are all of the light.
+A light close to a wall makes a bright spot that few of a record's rays hit; the sun through an opening makes a patch. Rays from
+the light find the spot for certain, densest where it is brightest. Records sample it by shadow rays (next-event estimation); the
+balance heuristic (Veach and Guibas 1995) weights these against their own rays.
 """
 
 from __future__ import annotations
@@ -22,48 +22,48 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines, near_plane, parallel_frame
 from irrsplat.scene.model import Light, Scene
 
-_LIT = 1e29  # metres: what is farther is nothing that a ray has hit
-_ENDS = 4096  # virtual lights in all sets, about: with one set for all records its error would be theirs
-_SETS = 8, 64  # the least and the most sets
-_FIRST = 64  # sets of as many rays: by these the window of a directional light is found
-_FURTHER = 8  # rays from where each ends: a place from which all of them meet something is inside
-_SEARCHES = 3  # each in the window that the one before has found
-_APART = 4.0  # times as far as these rays lie apart: further rays find a part of what is inside
-_EDGE = 2e-3  # of the scene's width: as much is added to a window, where shadow maps may be off
-_WORTHWHILE = 0.05  # of a lamp's rays: so many have to end at virtual lights
+_LIT = 1e29  # metres: greater distances stand for a miss
+_ENDS = 4096  # virtual point lights in all sets, about: a single set would give all records the same error
+_SETS = 8, 64  # the least and the greatest number of sets
+_FIRST = 64  # sets of as many rays for the search of a directional light's window
+_FURTHER = 8  # rays from the end of each: a place is inside if all of them hit something
+_SEARCHES = 3  # each in the window of the previous one
+_APART = 4.0  # margin of a window in distances of these rays: further rays find only a part of the inside
+_EDGE = 2e-3  # of the scene's width: additional margin of a window, for the error of shadow maps
+_WORTHWHILE = 0.05  # least share of a light's rays that end at virtual point lights
 
 
 class VirtualLights(Owner):
-    """Virtual lights of the world as it is now, in sets of at most `samples`, for records with so many `rays` a steradian.
+    """Virtual point lights of the present world, in sets of at most `samples`, for records with `rays` a steradian.
 
     count: of a set. reach, windows: (LIGHTS, 4), the uniforms `virtual_lights` and `virtual_windows` of
-    shaders/lighting/virtual_lights/hit.glsl. They depend on where lights and meshes are, not on brightness.
+    shaders/lighting/virtual_lights/hit.glsl. They depend on the places of lights and meshes, not on brightness.
     """
 
     def __init__(self, world: World, samples: int, rays: float) -> None:
         self.world = world
         self._passes = _passes(world)
-        # they hold for all numbers of samples
+        # independent of the number of samples
         self._windows = world.derived.get("light windows", _inputs(world), lambda: LightWindows(world))
         spots = self._spots(np.flatnonzero(self._windows.rooms), samples, rays)
-        while not spots.worthwhile.all():  # the others share what there is
+        while not spots.worthwhile.all():  # the remaining lights share the samples
             spots = self._spots(spots.lamps[spots.worthwhile], samples, rays)
         columns = spots.columns
         self.count, sets = columns.shape[:2]
         self._places = table_texture(world.ctx, columns.reshape(self.count, -1, 4).swapaxes(0, 1)) if self.count else None
         self._radiance = Target(world.ctx, (max(self.count, 1), sets), (4,))
-        self._lit: ShadowMaps | None = None  # the lamps by which they shine
+        self._lit: ShadowMaps | None = None  # lights that `_radiance` was computed for
         self.reach = np.zeros((max(len(world.scene.lights), 1), 4))
         self.reach[spots.lamps, 0], self.reach[spots.lamps, 1] = spots.density, spots.reach**2
         self.windows = np.zeros_like(self.reach)
         self.windows[spots.lamps] = self._windows.rectangles[spots.lamps]
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._places, self._radiance)
 
     def sample_uniforms(self, shadows: ShadowMaps) -> Uniforms:
-        """The uniforms of shaders/gather/light_samples/sample.glsl, by these lamps."""
+        """Return the uniforms of shaders/gather/light_samples/sample.glsl for these lights."""
         assert self._places is not None
         if self._lit is not shadows:
             self._passes.shine(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
@@ -71,7 +71,7 @@ class VirtualLights(Owner):
         return {"virtual_places": self._places, "virtual_radiance": self._radiance.textures[0]}
 
     def _spots(self, lamps: np.ndarray, samples: int, rays: float) -> _Spots:
-        """Where rays of the `lamps` of these numbers end, of whose virtual lights there are to be so many `samples`."""
+        """Return the ends of rays from the lights of these numbers, which share `samples` virtual point lights."""
         scene, each = self.world.scene, max(samples // max(len(lamps), 1), 1)
         if not len(lamps):
             none = np.zeros(0)
@@ -83,20 +83,22 @@ class VirtualLights(Owner):
         place, normal, share = self._passes.find(rows, each, sets, _find_uniforms(self.world, each))
         far, triangle, spread = place[..., 3].copy(), normal[..., 3].copy(), share[..., 3].copy()
         lit = spread > 0.0
-        # a room is about as wide as a lamp's rays are long: within reach they lie as densely as those of records across it
+        # a room is about as wide as a light's rays are long: within reach they are as dense as the rays of records across it
         room = np.sqrt((np.where(lit, far, 0.0) ** 2).sum((1, 2)) / np.maximum(lit.sum((1, 2)), 1))
         room = np.where(parallel, self._windows.rooms[lamps], room)
         reach = 2.0 * room * np.sqrt(WORTH * density / rays)
         place[..., 3] = density[:, None, None] * spread
         normal[..., 3], share[..., 3] = lamps[:, None, None], triangle
-        # metres of a point light; of a directional light's window, whether all of it is within reach
+        # metres for a point light; a directional light's window is within reach as a whole or not at all
         near = lit & (np.where(parallel[:, None, None], 1.0, far) < reach[:, None, None])
         return _Spots(lamps, density, reach, np.stack([place, normal, share], axis=3), near)
 
 
 def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | None:
-    """Those of the world's lamps, which the world owns; None where they have none, and for more triangles than rays can go
-    through. They hold until lamps or meshes move."""
+    """Return the virtual point lights of the world, cached by the world until lights or meshes move.
+
+    None if there are none, or for more triangles than rays can traverse.
+    """
     try:
         found = world.derived.get(f"virtual lights {samples} {rays}", _inputs(world), lambda: VirtualLights(world, samples, rays))
     except InputError:
@@ -151,12 +153,11 @@ def _rectangle(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Spots:
-    """The ends of rays from K point lights, in sets of R a light.
+    """The ends of rays from K lights, in sets of R a light.
 
     lamps: (K,) indices of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
-    which the end of a ray is a virtual light. near: (K, SETS, R) whether it is. texels: (K, SETS, R, 3, 4), of each the two that
-    `virtual_places` in shaders/gather/light_samples/sample.glsl has, and the shares of its triangle's corners, with the
-    triangle's number.
+    which the end of a ray is a virtual point light. near: (K, SETS, R) True for these ends. texels: (K, SETS, R, 3, 4), the two
+    of `virtual_places` in shaders/gather/light_samples/sample.glsl, then the barycentric coordinates and the triangle's number.
     """
 
     lamps: np.ndarray
@@ -167,14 +168,13 @@ class _Spots:
 
     @property
     def worthwhile(self) -> np.ndarray:
-        """(K,) whether enough of a lamp's rays end at virtual lights."""
+        """(K,) True if enough of a light's rays end at virtual point lights."""
         some: np.ndarray = self.near.mean((1, 2)) > _WORTHWHILE
         return some
 
     @property
     def columns(self) -> np.ndarray:
-        """(M, SETS, 3, 4) the texels of virtual lights alone, those of a set one after another, and then such as nobody sees,
-        since they have no normal."""
+        """(M, SETS, 3, 4) the texels of virtual point lights, set by set; entries without a normal fill short sets."""
         sets, most = self.near.shape[1], int(self.near.sum((0, 2)).max(initial=0))
         found = np.zeros((most, sets, 3, 4))
         found[:, :, 0, 3] = 1.0
@@ -185,7 +185,7 @@ class _Spots:
 
 
 class VirtualLightPasses(Owner):
-    """What finds virtual lights, and makes them shine; for the kinds of lamps and materials that the world has now."""
+    """Passes that find virtual point lights and compute their radiance, for the world's present kinds of lights and materials."""
 
     def __init__(self, world: World) -> None:
         self.ctx, materials = world.ctx, world.material_defines
@@ -194,7 +194,7 @@ class VirtualLightPasses(Owner):
         self._shine = Program(world.ctx, "lighting/virtual_lights/shine", "lib/fullscreen", kinds)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._find, self._shine)
 
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
@@ -207,7 +207,7 @@ class VirtualLightPasses(Owner):
             return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), sets, rays, 4) for i in range(3))
 
     def shine(self, target: Target, uniforms: Uniforms) -> None:
-        """Let them send out what the lamps bring to them."""
+        """Write the radiance that the virtual point lights reflect."""
         self._shine(target, **self._shine.declared(uniforms))
 
 
@@ -218,7 +218,7 @@ def _passes(world: World) -> VirtualLightPasses:
 
 
 def _inputs(world: World) -> object:
-    """Return what virtual lights depend on: meshes, and lights but for their colours."""
+    """Return the inputs of virtual point lights: meshes, and lights except their colours."""
     return world.scene.meshes, [replace(light, color=(1.0, 1.0, 1.0)) for light in world.scene.lights]
 
 

@@ -1,6 +1,6 @@
-"""Adaptive radii: a record reaches less far where it contradicts another (after Křivánek et al. 2006, "adaptive caching").
+"""Adaptive radii: inter-record variance limits the reach of records (after Křivánek et al. 2006, "adaptive caching").
 
-radius_limit_pass.py finds how far each record may reach; here it is decided when, and for which records.
+radius_limit_pass.py computes the limits; this module decides when, and for which records.
 """
 
 from __future__ import annotations
@@ -19,33 +19,38 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
-_SETTINGS = ("a", "adapt", "gradients", "second_order", "radius")  # those that limits depend on
+_SETTINGS = ("a", "adapt", "gradients", "second_order", "radius")  # settings that limits depend on
 
 
 @dataclass(frozen=True)
 class AdaptiveRadiusState:
-    """How far the adaptation has come: how many records have limits, how many of those are compared with all the others too, and
-    the values of the settings that both were done with (none: nothing is done yet)."""
+    """Progress of the adaptation, as cache files hold it.
+
+    limited: records with limits. compared: records that are compared with all others as well. settings: values of the settings
+    that both numbers belong to; empty before the first adaptation.
+    """
 
     limited: int = 0
     compared: int = 0
     settings: tuple[object, ...] = ()
 
     def as_json(self) -> list[object]:
-        """For a file: one flat list."""
+        """Return one flat list for a file."""
         return [self.limited, self.compared, *self.settings]
 
     @classmethod
     def from_json(cls, values: Sequence[Any]) -> AdaptiveRadiusState:
-        """Raises TypeError or ValueError where `values` is no such list."""
+        """Build the state from `as_json`; raises TypeError or ValueError for any other list."""
         limited, compared, *settings = values
         return cls(int(limited), int(compared), tuple(settings))
 
 
 @dataclass(frozen=True)
 class _Progress:
-    """As AdaptiveRadiusState, but `inputs` is all that limits depend on: settings, how often records were gathered again, and the
-    luminance floor (None: nothing is done yet)."""
+    """Progress of the adaptation in this process.
+
+    inputs: all that limits depend on: settings, number of refreshes, luminance floor; None before the first adaptation.
+    """
 
     limited: int = 0
     compared: int = 0
@@ -54,8 +59,11 @@ class _Progress:
 
 @dataclass(frozen=True)
 class _Partly:
-    """What ticks have done of a comparison of all records: `done` of them by `inputs`, of `count` in the cache, all before number
-    `first` compared already. before: (N,) the limits that there were at its beginning."""
+    """Comparison of all records, spread over several frames.
+
+    inputs: as in _Progress. first: records before this number are compared already. count: records in the cache. done: compared
+    so far. before: (N,) limits when the comparison began.
+    """
 
     inputs: tuple[object, ...]
     first: int
@@ -65,7 +73,7 @@ class _Partly:
     complete: bool = False
 
     def begun_by(self, inputs: tuple[object, ...], first: int, count: int) -> bool:
-        """Whether it is the comparison of these."""
+        """True if the comparison was begun with these arguments."""
         return (self.inputs, self.first, self.count) == (inputs, first, count)
 
 
@@ -78,35 +86,35 @@ class AdaptiveRadius(Owner):
         self.limit_pass = RadiusLimitPass(ctx, self._gradients)
         self._progress = _Progress()
         self._partly: _Partly | None = None
-        self._floor_of = 0, 0  # how many records, and how many refreshes, the cache's luminance floor is of
+        self._floor_of = 0, 0  # record count and refresh count at the last update of the luminance floor
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.limit_pass,)
 
     def change(self, settings: Settings) -> None:
-        """Go on with other settings."""
+        """Apply new settings."""
         if self._gradients != settings.gradients:
             made = RadiusLimitPass(self.ctx, settings.gradients)
             old, self.limit_pass, self._gradients = self.limit_pass, made, settings.gradients
             old.release()
 
     def keep(self, numbers: np.ndarray) -> None:
-        """Only the records of these numbers, ascending, are still there."""
+        """Drop all records except these numbers, ascending."""
         done = self._progress
         limited, compared = (int(np.searchsorted(numbers, count)) for count in (done.limited, done.compared))
         self._progress = _Progress(limited, compared, done.inputs)
         if self._partly is not None:
             before = self._partly.before
-            self._partly = replace(self._partly, before=before[numbers[numbers < len(before)]], count=-1)  # it begins anew
+            self._partly = replace(self._partly, before=before[numbers[numbers < len(before)]], count=-1)  # restarts
 
     def __call__(self, settings: Settings, old_too: bool, same_floor: bool = False) -> bool:
-        """Compare each new record with those before it; old ones as well, if their light or the settings have changed.
+        """Compare each new record with the records before it; return True if the limit of an old record changed.
 
-        old_too: let the limits of old records change as well. That costs new splats of them, and so it waits for the start of a
-        view, when all splats are made anyway, or for its end, when it needs no more records. Returns whether the limit of an old
-        record has changed. same_floor: keep the luminance floor, amid a round, so that it doesn't depend on how many ticks that
-        takes. Does nothing while records are stale: that they contradict refreshed ones would mean nothing.
+        old_too: update the limits of old records as well. A changed limit costs a new splat of its record. Callers therefore set
+        it at the start of a view, when all splats are made anyway, or at its end, when the view needs no more records.
+        same_floor: keep the luminance floor during a round, so that the result does not depend on the number of frames.
+        Does nothing while records are stale: their variance against refreshed records has no meaning.
         """
         cache = self.cache
         if len(cache.stale):
@@ -125,21 +133,23 @@ class AdaptiveRadius(Owner):
         return changed
 
     def compare(self, settings: Settings, budget: Budget) -> bool:
-        """Go on with what a call with `old_too` will do, as far as the budget goes; whether all of it is done, so that the call
-        has no more to do than to say what has changed. Splats of old records hold until then."""
+        """Do the work of a call with `old_too` in advance, within the budget; return True if all of it is done.
+
+        Splats of old records stay valid until that call.
+        """
         cache, inputs, done = self.cache, self._inputs(_values(settings)), self._progress
         waits = len(cache.stale) or inputs != done.inputs or done.limited != cache.count or done.compared == cache.count
         if waits or settings.adapt == 0.0:
             return True
         partly = self._partly
         if partly is None or not partly.begun_by(inputs, done.compared, cache.count):
-            # of one that was left before its end, what it found the limits to be holds: no splats have been made since
+            # the earlier `before` of an interrupted comparison holds: no splats have been made since
             before = cache.limits(cache.count).copy()
             if partly is not None:
-                before[: len(partly.before)] = partly.before[: len(before)]  # records may have gone
+                before[: len(partly.before)] = partly.before[: len(before)]  # records may have been dropped
             partly = _Partly(inputs, done.compared, cache.count, before)
         if not partly.complete:
-            self._partly = partly  # also where the pass is interrupted, which has changed limits by then
+            self._partly = partly  # an interrupted pass has changed limits as well
             with self.timers("adapt"):
                 found, complete = self.limit_pass(cache, partly.first, settings, True, partly.done, budget)
             partly = replace(partly, done=found, complete=complete)
@@ -147,7 +157,7 @@ class AdaptiveRadius(Owner):
         return partly.complete
 
     def _limit(self, settings: Settings, first: int, limited: int, old: bool, same: bool) -> bool:
-        """Write the limits of the records from `first` on; whether the inputs, or the first `limited` of the limits, changed."""
+        """Write the limits of the records from `first` on; return True if the inputs or the first `limited` limits changed."""
         cache = self.cache
         with self.timers("adapt"):
             before, partly = cache.limits(limited), self._partly
@@ -162,21 +172,21 @@ class AdaptiveRadius(Owner):
             changed = not same or not np.array_equal(before, cache.limits(limited))
             if changed or old:
                 self._partly = None
-        cache.revision += changed  # where nothing has changed, the splats of old records still hold
+        cache.revision += changed  # unchanged limits keep the splats of old records valid
         return changed
 
     def _inputs(self, settings: tuple[object, ...]) -> tuple[object, ...]:
         return (*settings, self.cache.refresh_count, self.cache.luminance_floor)
 
     def state(self) -> AdaptiveRadiusState:
-        """What `restore` goes on from."""
+        """Return the progress for `restore`."""
         done = self._progress
         if done.inputs is None:
             return AdaptiveRadiusState()
         return AdaptiveRadiusState(done.limited, done.compared, done.inputs[: len(_SETTINGS)])
 
     def restore(self, state: AdaptiveRadiusState, settings: Settings) -> None:
-        """Go on from there, with the cache that belongs to it; from nothing where the settings are others."""
+        """Resume from a saved state, with the cache it belongs to; start anew if the settings differ."""
         if state.settings == _values(settings):
             self._progress = _Progress(state.limited, state.compared, self._inputs(state.settings))
         else:

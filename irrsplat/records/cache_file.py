@@ -1,7 +1,7 @@
-"""Record caches in files: written whole or not at all, refused where they do not belong to the scene, its lights or the settings.
+"""Record caches in files, written atomically; a file for another scene, other lights or other settings is refused.
 
-A file is one line that names the format, a SHA-256 checksum, and arrays (NPZ without pickles, so nothing in it can run). With the
-records it holds hashes of what they depend on: geometry with materials and sky, lights, and the settings they were gathered with.
+A file is one line that names the format, a SHA-256 checksum, and arrays (NPZ without pickles: no code can run). Next to the
+records it holds hashes of their inputs: geometry with materials and sky, lights, and the gather settings.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Material, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 8  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 8  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
-_CHECKED = "checked"  # the array of where checks have looked from, in files of this version and later ones
+_CHECKED = "checked"  # array of the viewpoints of spot checks, absent in older files
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
 @dataclass(frozen=True)
 class CacheKey:
-    """What records depend on: hashes of the geometry (with materials and sky) and of the lights, and settings by name."""
+    """Inputs of records: hashes of the geometry (with materials and sky) and of the lights, and settings by name."""
 
     geometry: str
     lights: str
@@ -47,11 +47,11 @@ class CacheKey:
 
 @dataclass(frozen=True)
 class CacheState:
-    """All that a renderer needs to go on from saved records as if it had never stopped.
+    """Saved records with all that a renderer needs to resume.
 
-    records: the arrays of RecordCache.state. adapted: how far the records' radii are adapted. bounces: how the records were
-    gathered and with how many bounces, by the names that the statistics have for it. settings: those that
-    they were made by, all of them. checked: (K,) int64, where checks of the records have looked from.
+    records: the arrays of RecordCache.state. adapted: progress of the radius adaptation. bounces: gather method and number of
+    bounces, by their names in the statistics. settings: all settings of the renderer. checked: (K,) int64, viewpoints of
+    spot checks.
     """
 
     records: Mapping[str, np.ndarray]
@@ -63,19 +63,19 @@ class CacheState:
 
 @dataclass(frozen=True)
 class Content:
-    """All that a file holds: for what its records were made, the records, and what is known of their scene."""
+    """Content of a file: the key of its records, the records, and the stamp of their scene."""
 
     key: CacheKey
     state: CacheState
     scene: SceneStamp
 
     def settings(self) -> Settings:
-        """Those that the records were made by; raises InputError where they are none of this version."""
+        """Return the settings of the records; raises InputError if this version does not accept them."""
         return Settings().with_values(self.state.settings)
 
 
 def key(scene: Scene, settings: Settings) -> CacheKey:
-    """What the records of this scene and these settings depend on."""
+    """Return the inputs of the records of this scene and these settings."""
     vertices, faces, closed = flatten(scene)
     lights = [light.key for light in scene.lights]
     names = ["seed", "bounces", "gather", "gather_size", "ray_noise", "light_samples", "shadow_size", "gradients", "placement"]
@@ -88,21 +88,23 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
 
 
 def _sky(scene: Scene) -> tuple[object, ...]:
-    """What it sends out; its up vector counts only where it is not the same all around."""
+    """Return the sky's radiance; the up vector counts only for a sky with a gradient."""
     if scene.environment is not None:
         return (scene.environment.digest.hex(),)
     return (tuple(scene.sky), tuple(scene.sky_gradient), tuple(scene.up)) if any(scene.sky_gradient) else (tuple(scene.sky),)
 
 
 def _materials(scene: Scene) -> Iterator[bytes]:
-    """What records depend on of the scene's materials, apart from the vertices."""
+    """Yield the hash input of the scene's materials."""
     for material in scene.materials:
         yield from _material(material)
 
 
 def _material(material: Material) -> Iterator[bytes]:
-    """What records depend on of a material: all values, and the images as bytes; nothing of normal maps, which only bend what
-    records say."""
+    """Yield the hash input of a material: all values, and images as bytes.
+
+    Normal maps do not count: they change shading normals, not records.
+    """
     values = replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)
     yield repr(values).encode()
     for texture in (material.albedo_texture, material.emission_texture):
@@ -114,7 +116,7 @@ def _material(material: Material) -> Iterator[bytes]:
             yield b""
 
 
-_digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images do not change, and may be large
+_digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images are immutable and may be large
 
 
 def _image_digest(image: Image) -> bytes:
@@ -124,7 +126,7 @@ def _image_digest(image: Image) -> bytes:
 
 
 def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
-    """The records of these numbers alone, ascending, none of them held against the others yet."""
+    """Return the state with only the records of these numbers, ascending, and with radius limits not yet computed."""
     whole = {name: state.records[name] for name in ("clocks", "dark")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
     records["limit"] = np.ones_like(records["limit"])
@@ -134,7 +136,7 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
 
 
 def carried_over(state: CacheState, then: Earlier) -> CacheState:
-    """The records on what is still there of the scene that they were made of, by the numbers that its triangles have now."""
+    """Return the records on triangles that still exist, with the present triangle numbers."""
     triangle = np.asarray(state.records["triangle"], np.intp)
     known = triangle >= 0
     triangle = np.where(known, np.append(then.triangle, -1)[np.minimum(triangle, len(then.triangle))], -1)
@@ -144,14 +146,14 @@ def carried_over(state: CacheState, then: Earlier) -> CacheState:
 
 
 def stamp(scene: Scene) -> SceneStamp:
-    """What a file is to know of the scene of its records, beside its key."""
+    """Return the stamp of a scene for a cache file."""
     hashes = {material: _hash(*_material(material)) for material in scene.materials}
     around = _hash(repr(_sky(scene)).encode())
     return stamp_of(scene, around, [hashes[mesh.material] for mesh in scene.meshes])
 
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
-    """Write the records, whole or not at all; raises IrrsplatError where that fails."""
+    """Write the records atomically; raises IrrsplatError on failure."""
     about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces), "settings": dict(state.settings)}
     text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
     payload = io.BytesIO()
@@ -162,9 +164,9 @@ def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneSt
 
 
 def read(path: files.Pathlike, key: CacheKey) -> CacheState:
-    """The records of a file.
+    """Return the records of a file.
 
-    Raises InputError where it cannot be read, is no record cache, is damaged, or was made for another key.
+    Raises InputError if the file cannot be read, is no record cache, is damaged, or was made for another key.
     """
     content = read_any(path)
     if reason := difference(content.key, key):
@@ -174,9 +176,9 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
 
 
 def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str]:
-    """All that a file holds, whatever scene and lights it was made for, and how these differ from the key's, in words.
+    """Return the content of a file for any scene and lights, and a text of how these differ from the key's.
 
-    Raises InputError as `read`, for scene and lights not.
+    Raises InputError as `read` does, except for another scene or other lights.
     """
     content = read_any(path)
     if reason := difference(content.key, replace(key, geometry=content.key.geometry, lights=content.key.lights)):
@@ -185,12 +187,12 @@ def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str
 
 
 def renewal(path: files.Pathlike, reason: str) -> str:
-    """What is said where a file is taken although its scene differs, which `reason` says as `read_of_any_scene` does."""
+    """Return the message for a file that is used although its scene differs; reason: as `read_of_any_scene` returns it."""
     return f"{path} was made {reason}; what that concerns is gathered again"
 
 
 def read_any(path: files.Pathlike) -> Content:
-    """All that a file holds, whatever it was made for; raises InputError where it is missing, no record cache or damaged."""
+    """Return the content of a file for any key; raises InputError if it is missing, no record cache or damaged."""
     header, arrays = _read(path)
     try:
         made_for, about = CacheKey(**header["key"]), header["about"]
@@ -228,8 +230,10 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:
-    """The arrays in the bytes of an NPZ as `write` makes it, where nothing is packed, so that they are no larger than the file;
-    raises one of files.DAMAGE for any other."""
+    """Return the arrays of an NPZ as `write` makes it: uncompressed, so that the arrays are no larger than the file.
+
+    Raises one of files.DAMAGE for any other content.
+    """
     with zipfile.ZipFile(io.BytesIO(data)) as whole:
         parts = whole.infolist()
         if any(part.compress_type != zipfile.ZIP_STORED for part in parts) or sum(part.file_size for part in parts) > len(data):
@@ -249,7 +253,7 @@ def _array(data: bytes) -> np.ndarray:
 
 
 def difference(made_for: CacheKey, wanted: CacheKey) -> str:
-    """What a file was made for or with, where that is not what is wanted; else the empty text."""
+    """Return the difference of a file's key from the requested one as a text; empty if there is none."""
     if made_for.geometry != wanted.geometry:
         return "for another scene, other materials or another sky"
     if made_for.lights != wanted.lights:
@@ -260,7 +264,7 @@ def difference(made_for: CacheKey, wanted: CacheKey) -> str:
 
 
 def _differing(was: Mapping[str, object], now: Mapping[str, object]) -> str:
-    """The settings that differ, as flags: those of a file, and those that are wanted."""
+    """Return the differing settings as flags: those of the file, then the requested ones."""
 
     names = [name for name in SETTINGS if was.get(name) != now.get(name)]
 

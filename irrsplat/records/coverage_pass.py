@@ -1,4 +1,4 @@
-"""How many pixels of a view each record serves, so that those that the view shows most of are gathered again first."""
+"""Number of pixels that each record covers in a view; refresh_order.py refreshes records by it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from irrsplat.settings import Settings
 
 
 class CoveragePass(Owner):
-    """Estimates the pixels that records serve, from samples of each record's bounding box on screen.
+    """Estimate of covered pixels, from samples of each record's bounding box on screen.
 
     gradients: records have derivatives.
     """
@@ -26,11 +26,11 @@ class CoveragePass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
     def __call__(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N,) float32, about how many pixels each record serves; 0 for records that are hidden or off the screen."""
+        """Return (N,) float32, the estimated number of pixels that each record covers; 0 for hidden or off-screen records."""
         target = self.targets.get("target", records.size, lambda: Target(self.ctx, records.size, (1,)))
         width, height = gbuffer.position.size
         columns = records.size[0]

@@ -1,4 +1,4 @@
-"""Which records a view may need: those whose spheres of influence touch what it sees. The others would add nothing to it."""
+"""Culling of records: a view needs only records whose spheres of influence touch visible surfaces."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-TILE = 16  # pixels along a side of the tiles of which the farthest surface is known
-# of a sphere's radius, and of all distances: far more than rounding, here and on the GPU
+TILE = 16  # pixels, side of the tiles with a farthest visible distance
+# shares of a sphere's radius and of all distances: far more than rounding, here and on the GPU
 _SLACK = 1e-3, 1e-5
-_MARGIN = 1.6  # pixels about the view: more than the samples of antialiasing lie beside the pixels' centres
-_OWN_PIXELS = 1.5  # pixels of the view that a record within a closed mesh reaches at most, as shaders/indirect/splat.vert has it
-_MANY = 1000  # records in the view's pyramid: with fewer it does not pay to look for hidden ones
+_MARGIN = 1.6  # pixels around the view: more than the offset of antialiasing samples from pixel centres
+_OWN_PIXELS = 1.5  # pixels, least reach of a record within a closed mesh, as in shaders/indirect/splat.vert
+_MANY = 1000  # records in the view frustum: with fewer, occlusion culling costs more than it saves
 
 
 def reaching(
@@ -26,10 +26,10 @@ def reaching(
     settings: Settings,
     farthest: Callable[[], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """The numbers, from `first` on and ascending, of records that may reach a pixel of the view of `size` (width, height).
+    """Return the numbers, from `first` on and ascending, of records that may reach a pixel of the view of `size` (width, height).
 
-    Their spheres are bounded by the greatest radius on screen where there is one (`radius_max`), else by R. farthest: gives the
-    distances that SplatPass.farthest returns; called only for many records, to leave out those behind all that the view sees.
+    The greatest radius on screen (`radius_max`) bounds their spheres, or else R. farthest: returns the distances of
+    SplatPass.farthest; called only for many records, for occlusion culling.
     """
     offset = _offset(cache.positions[first:], camera)
     distance = np.sqrt((offset * offset).sum(0))
@@ -49,48 +49,53 @@ def reaching(
 
 
 def within(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(N,) bool: which of the points (N, 3) lie in the pyramid of the view of `size`."""
+    """Return (N,) bool, True for points (N, 3) in the frustum of the view of `size`."""
     inside: np.ndarray = _outside(_offset(points, camera), camera, size) <= 0.0
     return inside
 
 
 def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """(3, N) float32: points (N, 3) relative to the eye, a row for each axis."""
+    """Return (3, N) float32: points (N, 3) relative to the eye, a row for each axis."""
     offset: np.ndarray = np.ascontiguousarray(points.T, "f4") - np.asarray(camera.eye, "f4")[:, None]
     return offset
 
 
 def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int], margin: float = 0.0) -> np.ndarray:
-    """(N,) the greatest distance in metres by which points, at `offset` (3, N) from the eye, lie outside a side of the view's
-    pyramid; below 0 inside. margin: pixels by which the pyramid is wider on each side."""
+    """Return (N,) metres: the greatest distance of points outside a side of the view frustum; below 0 inside.
+
+    offset: (3, N) from the eye. margin: pixels by which the frustum is wider on each side.
+    """
     x, y, z = _in_view(offset, camera)
     pixel = camera.pixel(size)
     outside: np.ndarray = z
     for v, side, centre in zip((x, y), size, _centre(camera, size), strict=True):
-        after, before = ((length + margin) * pixel for length in (side - centre, centre))  # tangents of the angles on both sides
+        after, before = ((length + margin) * pixel for length in (side - centre, centre))  # tangents of the half angles
         for apart, tangent in ((abs(v), after),) if after == before else ((v, after), (-v, before)):
             outside = np.maximum(outside, (apart + tangent * z) * float(1.0 / np.hypot(1.0, tangent)))
     return outside
 
 
 def _centre(camera: Camera, size: tuple[int, int]) -> tuple[float, float]:
-    """Where the view axis meets what is drawn, in pixels from its lower left corner; a part of a picture need not hold it."""
+    """Return the pixel of the view axis, from the lower left corner; in a part of a picture it may lie outside."""
     whole, corner = camera.whole(size), camera.corner()
     return 0.5 * whole[0] - corner[0], 0.5 * whole[1] - corner[1]
 
 
 def _in_view(offset: np.ndarray, camera: Camera) -> tuple[np.ndarray, ...]:
-    """x, y and z (N,) in view space of points at `offset` (3, N) from the eye."""
+    """Return x, y and z (N,) in view space of points at `offset` (3, N) from the eye."""
     return tuple(np.asarray(sum(float(share) * one for share, one in zip(axis, offset, strict=True))) for axis in camera.axes)
 
 
 def _visible_distance(
     offset: np.ndarray, radius: np.ndarray, camera: Camera, size: tuple[int, int], tiles: np.ndarray
 ) -> np.ndarray:
-    """(N,) metres: an upper bound of how far the view sees where spheres lie on screen. tiles: (h, w), how far each tile sees."""
+    """Return (N,) metres: an upper bound of the visible distance within the screen extent of spheres.
+
+    tiles: (h, w) the farthest visible distance of each tile.
+    """
     x, y, z = _in_view(offset, camera)
     near, far = -z - radius, -z + radius
-    around = near <= 1e-3 * far  # the eye is in it, or nearly: such a sphere may lie anywhere on screen
+    around = near <= 1e-3 * far  # the eye is within the sphere, or nearly: its extent is the whole screen
     near = np.where(around, far, near)
     spans = []
     for side, centre, count in zip((x, y), _centre(camera, size), tiles.shape[::-1], strict=True):
@@ -106,18 +111,20 @@ def _visible_distance(
     width = (1 << (len(starts) - 1)) >> level
 
     def at(column: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """The greatest value in the square of that level that holds this tile."""
+        """Return the greatest value in the square of that level that holds this tile."""
         greatest: np.ndarray = levels[starts[level] + (row >> level) * width + (column >> level)]
         return greatest
 
-    # a square of that level is at least as wide as the sphere, so that those at its four corners cover it
+    # a square of that level is at least as wide as the sphere: the squares at its four corners cover it
     visible: np.ndarray = np.maximum(np.maximum(at(left, bottom), at(right, bottom)), np.maximum(at(left, top), at(right, top)))
     return visible
 
 
 def _pyramid(tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A maximum pyramid of (h, w) values: levels of squares 1, 2, 4 … values wide, one after the other, each row by row; and
-    where each level starts."""
+    """Return a maximum pyramid of (h, w) values and the start of each level.
+
+    The levels of squares 1, 2, 4 … values wide follow each other, each row by row.
+    """
     most = int(np.ceil(np.log2(max(*tiles.shape, 2))))
     padded = np.zeros((1 << most, 1 << most), np.float32)
     padded[: tiles.shape[0], : tiles.shape[1]] = tiles

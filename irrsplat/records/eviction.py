@@ -1,4 +1,4 @@
-"""Which records the cache drops when there would be more of them than `max_records`."""
+"""Eviction: records to drop when the cache would exceed `max_records`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-_LEFT = 0.75  # of max_records stay, so that records have to be dropped only seldom
+_LEFT = 0.75  # share of max_records that stays, so that evictions are rare
 
 
 def kept(cache: RecordCache, wanted: int, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray | None:
-    """The numbers of the records that stay so that `wanted` more fit within `max_records`; None: all of them stay.
+    """Return the numbers of the records to keep, so that so many more fit within `max_records`; None: keep all.
 
-    Those that have been out of view for most views go first, and the farthest of them; never one that this view needs, even if
-    too many stay then.
+    Records unseen for the most views go first, the farthest of them foremost. Records that this view needs always stay, even
+    beyond the limit.
     """
     most = settings.max_records
     if cache.count + wanted <= most:

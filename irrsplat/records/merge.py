@@ -1,9 +1,9 @@
-"""Caches of one scene made apart, as one; and a cache with fewer records: which of them others speak for well enough.
+"""Merging of caches of one scene, and pruning of a cache: drop records whose places other records cover well enough.
 
-A record was asked for by a pixel of some view: there the records that there were weighed too little, or contradicted each other.
-The same question (Σw and their spread, as shaders/indirect/effective_weight.glsl counts them) is put to the records of the other
-caches: at the record's place, with the radii that they have in a view as far away as the one that asked for it. Where they would
-have answered, the record would not have been made by one renderer that had seen all of the views, and it goes.
+A pixel of some view requested each record: the weight of the records there was too small, or their variance too great. The same
+criterion (Σw and inter-record variance, as in shaders/indirect/effective_weight.glsl) is applied to the records of other caches.
+It is evaluated at the record's place, with the radii of a view at the distance of the request. A record goes if a single
+renderer that had seen all views would not have requested it.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from irrsplat.records.record_cache import luminance_floor
 from irrsplat.records.weight import LUNES, error_scale, own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
-_AT_ONCE = 4096  # records that are held against the others together
+_AT_ONCE = 4096  # places in one batch
 _FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
 _NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
-# times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served too. At 1, up
-# to 3 % of the pixels of a view ask again; at 2, less than 1 %, for 6 % more records
+# times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. At 1, up to 3 % of
+# the pixels of a view request again; at 2, less than 1 %, for 6 % more records
 _ENOUGH = 2.0
-_PAIRS = 1 << 22  # that are looked at together
+_PAIRS = 1 << 22  # pairs in one batch
 
 
 class Merged(NamedTuple):
-    """A cache, and how many records of those that it is made of are not in it."""
+    """A cache, and the number of records of its sources that it dropped."""
 
     state: CacheState
     dropped: int
 
 
 def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
-    """One cache of the records of several that were made apart, of one scene and by one set of settings.
+    """Merge caches of one scene and one set of settings.
 
-    Those of the first stay. Of each further one a record stays where those that stay before it do not serve its place. Limits of
-    radii are begun anew: whoever draws with the cache holds all records against each other first, as always.
+    All records of the first cache stay. A record of a later cache stays if the records kept before it do not cover its place.
+    Radius limits start anew: the next renderer of the cache computes them.
     """
     whole, source = _joined(states)
     table = _Table.of(whole, settings)
     pairs = _Pairs.among(table, source)
     kept, before = np.ones(len(source), bool), np.zeros(0, bool)
-    while not np.array_equal(kept, before):  # whether a record stays depends on earlier ones alone, so that this ends, and soon
+    while not np.array_equal(kept, before):  # each record depends on earlier ones alone: the iteration ends
         before = kept
         served = table.effective(pairs.sums(kept)) >= _ENOUGH * settings.threshold
         kept = ~served | (pairs.weights(source, kept) == 0.0)
@@ -59,10 +59,10 @@ def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
 
 
 def prune(state: CacheState, settings: Settings, most: int | None = None) -> Merged:
-    """The cache without records whose places the others serve, those first that are served best.
+    """Drop records whose places the others cover, the best covered first.
 
-    most: so many are left at most, and none goes that need not; then some may go that the others do not serve. None: only those
-    go that they do.
+    most: upper limit of the records that stay; then only as many go as necessary, uncovered ones included. None: drop all
+    covered records.
     """
     table = _Table.of(state, settings)
     pairs = _Pairs.among(table)
@@ -73,20 +73,20 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
         if not len(left):
             break
         going = pairs.apart(left[np.argsort(-served[left], kind="stable")])
-        if most is not None:  # a part of them at once, since what is left then serves more than it did
+        if most is not None:  # a quarter at once: the cover of the remaining records falls with each drop
             going = going[: min(int(kept.sum()) - most, -(-len(going) // 4))]
         kept[going] = False
     return Merged(selected(state, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
 
 
-# ---- what records say of each other's places ---------------------------------------------------------------------------
+# ---- contributions of records to each other's places -------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Table:
-    """The records of a cache, with a row for each: the columns of record_layout.COLUMNS that weights depend on, and `screen`.
+    """The records of a cache, a row each: the columns of record_layout.COLUMNS that weights depend on, and `screen`.
 
-    radii: (N, 2) a·R in metres, within the records' limits and before those of a view.
+    radii: (N, 2) a·R in metres, within the records' limits and before the bounds of a view.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -109,7 +109,7 @@ class _Table:
         return len(self.radii)
 
     def bounded(self, radii: np.ndarray, screen: np.ndarray) -> np.ndarray:
-        """Radii a·R in metres within the bounds of views where the image is `screen` metres high; 0: not known, no bounds."""
+        """Return radii a·R in metres, clamped to the bounds of views with an image `screen` metres high; 0: no bounds."""
         least, most = (share / 100.0 * screen for share in (self.settings.radius_min, self.settings.radius_max))
         found: np.ndarray = np.maximum(radii, least)
         found = np.where(most > 0.0, np.minimum(found, most), found)
@@ -117,14 +117,16 @@ class _Table:
 
     @cached_property
     def asked_within(self) -> np.ndarray:
-        """(N,) metres: no record farther away can serve the place of each one."""
+        """(N,) metres, the greatest distance of records that may contribute to each place."""
         widest = float(self.radii.max(initial=0.0))
         found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
         return found
 
     def say(self, asking: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(4, P): w, k, k·Y and k·Y² of the records of the numbers `other` at the places of those `asking` (P,), as
-        shaders/indirect/splat.frag has them; all 0 where one does not count there."""
+        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `asking` (P,).
+
+        The formulas are those of shaders/indirect/splat.frag; all 0 where a record does not contribute.
+        """
         settings, columns = self.settings, self.columns
         apart = columns["position"][asking] - columns["position"][other]
         n, n_k, axis = columns["normal"][asking], columns["normal"][other], columns["axis"][other]
@@ -145,7 +147,7 @@ class _Table:
 
     @staticmethod
     def _turned(vectors: np.ndarray, n: np.ndarray, n_k: np.ndarray) -> np.ndarray:
-        """turned() of shaders/records/weight.glsl, of luminance."""
+        """Return turned() of shaders/records/weight.glsl, for luminance."""
         M = np.einsum("pcx,c->px", vectors, LUMINANCE)
         found: np.ndarray = (M * n).sum(1) + LUNES * (1.0 - (n * n_k).sum(1)) * (M * n_k).sum(1)
         return found
@@ -153,7 +155,7 @@ class _Table:
     def _extrapolated(
         self, Y: np.ndarray, slope: np.ndarray, apart: np.ndarray, n_k: np.ndarray, axis: np.ndarray, curvature: np.ndarray
     ) -> np.ndarray:
-        """extrapolated() of shaders/records/weight.glsl, of luminance."""
+        """Return extrapolated() of shaders/records/weight.glsl, for luminance."""
         up, along = (apart * n_k).sum(1), (apart * axis).sum(1)
         across = np.maximum((apart * apart).sum(1) - up * up - along * along, 0.0)
         more = np.clip(0.5 * (curvature[:, 0] * along * along + curvature[:, 1] * across), -0.5, 0.5)
@@ -163,7 +165,7 @@ class _Table:
         return found
 
     def effective(self, sums: np.ndarray) -> np.ndarray:
-        """(N,) the effective weight of places by the sums (4, N) of what is said of them, as the examination counts it."""
+        """Return (N,) the effective weight of places by their sums (4, N), as effective_weight.glsl computes it."""
         weight, k, kY, kYY = sums
         k = np.maximum(k, 1e-20)
         Y = kY / k
@@ -177,17 +179,20 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """What records say of each other's places: (N, N) sparse, a row for each place; w, k, k·Y and k·Y² in the order of `say`."""
+    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y² in the order of `say`."""
 
     said: tuple[sparse.csr_matrix, ...]
 
     @classmethod
     def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
-        """source: (N,) of which cache each record is; then no place of the first one is asked about, and of the others only what
-        earlier records say. None: all that say anything."""
+        """Compute the contributions.
+
+        source: (N,) the cache of each record; then places of the first cache are left out, and only earlier records contribute
+        to the others. None: all pairs.
+        """
         position, count = table.columns["position"], len(table)
         asking = np.arange(count) if source is None else np.flatnonzero(source > 0)
-        asking = asking[np.argsort(table.asked_within[asking], kind="stable")]  # so that few are looked at in vain
+        asking = asking[np.argsort(table.asked_within[asking], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
         rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros((4, 0))]
         parts = [asking[start : start + _AT_ONCE] for start in range(0, len(asking), _AT_ONCE)][::-1]
@@ -210,17 +215,17 @@ class _Pairs:
         return cls(tuple(sparse.csr_matrix((one, where), (count, count)) for one in np.concatenate(values, axis=1)))
 
     def sums(self, kept: np.ndarray) -> np.ndarray:
-        """(4, N) what the records that are `kept` (N,) say of all places."""
+        """Return (4, N), the summed contributions of the `kept` (N,) records at all places."""
         return np.stack([said @ kept.astype(float) for said in self.said])
 
     def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
-        """(N,) Σw at each place of those that are kept, of another cache than that of the place."""
+        """Return (N,) Σw at each place of the kept records of other caches."""
         pairs = self.said[0].tocoo()
         counts = kept[pairs.col] & (source[pairs.row] != source[pairs.col])
         return np.bincount(pairs.row[counts], pairs.data[counts], len(kept))
 
     def apart(self, numbers: np.ndarray) -> np.ndarray:
-        """Those of the records `numbers`, in their order, that serve no place of one earlier among them, nor are served by it."""
+        """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""
         rank = np.full(self.said[0].shape[0], len(numbers))
         rank[numbers] = np.arange(len(numbers))
         pairs = self.said[0].tocoo()
@@ -231,13 +236,13 @@ class _Pairs:
         return numbers[free]
 
 
-# ---- the arrays of cache files -----------------------------------------------------------------------------------------
+# ---- arrays of cache files ---------------------------------------------------------------------------------------------
 
 
 def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
-    """All records of the caches in one, with ids of their own; and (N,) which cache each is of.
+    """Return all records in one state with new ids, and (N,) the cache of each.
 
-    What is stale stays so, and for as long; what no view has seen for long, too.
+    Ages of stale records and numbers of views unseen stay.
     """
     clocks = np.array([state.records["clocks"] for state in states])
     epoch, view, _ = (int(clock) for clock in clocks.max(0))
@@ -256,7 +261,7 @@ def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
 
 
 def _bounces(states: Sequence[CacheState]) -> dict[str, object]:
-    """How the records of all were gathered: by how many bounces at least."""
+    """Return the bounce statistics of the cache with the fewest bounces."""
     found = [dict(state.bounces) for state in states]
     least = min(found, key=lambda bounces: (bool(bounces.get("bounces_converged")), int(str(bounces.get("bounces", 0)))))
     return least

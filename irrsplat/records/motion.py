@@ -1,4 +1,4 @@
-"""What a moved mesh does to records: those on it are carried along, those near it, or carried through a surface, are dropped."""
+"""Records and moved meshes: records on a mesh move with it; records inside it or carried through a surface are dropped."""
 
 from __future__ import annotations
 
@@ -12,19 +12,18 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh
 
-_INSIDE = 0.3  # a point about which a mesh winds more often than that is taken to be within
-_LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held against the mesh
+_INSIDE = 0.3  # winding number above which a point lies within a mesh
+_LIFT = 1e-3  # of a mesh's diagonal: height above its surface of the tested point
 _AT_ONCE = 1 << 18  # pairs of a point and a triangle
-_ON_IT = 0.3  # for points on what has moved: all around them is elsewhere, though most of it is far away
-_LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perhaps its shadow
-_SHORTEST = 1e-4  # of a way: parts of it are not cut further
-_ROUNDING = 1e-6  # of the coordinates: a point that is nearer to a plane has not passed through it
-_RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
+_ON_IT = 0.3  # for points on a moved mesh: all their surroundings move relative to them, though most are far away
+_LEAST_CONCERN = 0.01  # for points that do not see a moved mesh, but may see its shadow
+_SHORTEST = 1e-4  # of a way: shortest part, not halved further
+_ROUNDING = 1e-6  # of the coordinates: least distance behind a plane that counts as a crossing
+_RIGID = 1e-3  # greatest deviation from a rotation that rounding of triangles gives the map of a rigid motion
 
 
 def _of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
-    """Of each mesh that has moved: the mesh before and after, a mask (N,) of the `triangle` numbers that are its own, and these
-    numbers counted within the mesh."""
+    """Yield each moved mesh before and after, a mask (N,) of the `triangle` numbers on it, and these numbers within the mesh."""
     start, first = 0, {}
     for mesh in in_order(change.old):
         first[id(mesh)] = start
@@ -36,11 +35,10 @@ def _of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh,
 
 
 def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
-    """(N,) True for points, with these normals (N, 3), that lie within a moved mesh where it is now, but not on it, and for those
-    on one that has vanished.
+    """Return (N,) True for points with normals (N, 3) that lie within a moved mesh but not on it, or on a vanished mesh.
 
-    triangle: (N,) numbers of the points' triangles; -1: not known, and then a point counts that lies in the bounding box of where
-    a moved mesh was.
+    triangle: (N,) numbers of the points' triangles; -1: not known. Points without triangle count if they lie in the former
+    bounding box of a moved mesh.
     """
     found = np.zeros(len(position), bool)
     for old, new, own, _ in _of_moved(triangle, change):
@@ -53,14 +51,14 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
 
 
 def _within(position: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
-    """(N,) whether points lie in the bounding box of a mesh, or `margin` metres beside it."""
+    """Return (N,) True for points in the bounding box of a mesh, enlarged by `margin` metres."""
     low, high = mesh.positions.min(0) - margin, mesh.positions.max(0) + margin
     within: np.ndarray = ((position >= low) & (position <= high)).all(1)
     return within
 
 
 def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) how often a mesh winds about points (N, 3): 1 within a closed one, 0 beside it; less where it is open.
+    """Return (N,) the winding number of a mesh around points (N, 3): 1 within a closed mesh, 0 outside; less for an open one.
 
     The sum of its triangles' solid angles (van Oosterom and Strackee 1983) over 4π.
     """
@@ -75,9 +73,9 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 
 def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> np.ndarray:
-    """(N,) whether a triangle that has not moved stands between points (N, 3) and others (N, 3), metres.
+    """Return (N,) True where an unmoved triangle separates points (N, 3) from their new positions (N, 3), metres.
 
-    What a mesh has carried through a floor sees other light than what is above, and may be near enough to speak for it.
+    A record carried through a floor holds the light of the other side, and could contribute to the pixels above.
     """
     found = np.zeros(len(start), bool)
     if not len(start):
@@ -91,8 +89,11 @@ def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> n
 
 
 def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray, part: tuple[float, float] = (0.0, 1.0)) -> np.ndarray:
-    """(N,) the same of triangles (T, 3, 3) in the box about a `part` of the ways. Where these are many, ways that are longer than
-    the points lie apart are cut in halves, and else the points are parted, so that each has its own few."""
+    """Return passed_through for triangles (T, 3, 3) in the box of a `part` of the ways.
+
+    With many triangles, ways longer than the extent of the points are halved; otherwise the points are divided, so that each
+    group tests few triangles.
+    """
     begins, ends = (start + share * (end - start) for share in part)
     low, high = np.minimum(begins, ends).min(0), np.maximum(begins, ends).max(0)
     corners = corners[((corners.min(1) <= high) & (corners.max(1) >= low)).all(1)]
@@ -116,7 +117,7 @@ def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray, part: tupl
 
 
 def _crosses(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(N,) whether the whole ways cross one of the triangles (T, 3, 3)."""
+    """Return (N,) True where the whole way crosses one of the triangles (T, 3, 3)."""
     found = np.zeros(len(start), bool)
     a, b, c = corners.astype(float).swapaxes(0, 1)
     normal = unit(np.cross(b - a, c - a))
@@ -133,8 +134,11 @@ def _crosses(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndar
 
 
 def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
-    """(N,) about how much of what points with these normals (N, 3) see has changed: the shares of their hemispheres, weighted by
-    the cosine, that the bounding spheres of moved meshes covered and cover; on these _ON_IT. _LEAST_CONCERN more everywhere."""
+    """Return (N,) an estimate of the changed share of the view of points with normals (N, 3).
+
+    The cosine-weighted shares of their hemispheres within the bounding spheres of moved meshes, before and after; _ON_IT for
+    points on such a mesh; _LEAST_CONCERN is added everywhere.
+    """
     found = np.full(len(position), _LEAST_CONCERN)
     for old, new, own, _ in _of_moved(triangle, change):
         found += np.where(own, _ON_IT, _covered(position, normal, old) + _covered(position, normal, new))
@@ -142,19 +146,21 @@ def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
 
 
 def _covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) about the share of points' hemispheres that a mesh's bounding sphere covers."""
+    """Return (N,) an estimate of the share of points' hemispheres within a mesh's bounding sphere."""
     low, high = mesh.positions.min(0).astype(float), mesh.positions.max(0).astype(float)
     way, radius = 0.5 * (low + high) - position, 0.5 * float(np.linalg.norm(high - low))
     far = np.maximum(np.linalg.norm(way, axis=1), 1e-30)
-    height = np.clip(((way * normal).sum(1) + radius) / (far + radius), 0.0, 1.0)  # 0 where it is below the horizon
+    height = np.clip(((way * normal).sum(1) + radius) / (far + radius), 0.0, 1.0)  # 0 for a sphere below the horizon
     share: np.ndarray = height * np.minimum(radius / far, 1.0) ** 2
     return share
 
 
 @dataclass(frozen=True)
 class Carried:
-    """Points that a moved mesh carries along: their numbers (K,), new positions (K, 3), the linear maps (K, 3, 3) of vectors at
-    them, and whether (K,) these are rotations, which change nothing but directions."""
+    """Points on moved meshes: numbers (K,), new positions (K, 3), linear maps (K, 3, 3) of vectors at them.
+
+    rigid: (K,) True for rotations, which change directions only.
+    """
 
     numbers: np.ndarray
     position: np.ndarray
@@ -162,22 +168,22 @@ class Carried:
     rigid: np.ndarray
 
     def normals(self, normals: np.ndarray) -> np.ndarray:
-        """Unit normals (K, 3) after the move, of those before: they go by the inverse transpose, which is a rotation itself."""
+        """Return the unit normals (K, 3) after the move: mapped by the inverse transpose, which equals a rotation."""
         inverse = np.swapaxes(self.linear_map, 1, 2).copy()
         inverse[~self.rigid] = np.linalg.pinv(self.linear_map[~self.rigid])
         return unit(np.einsum("nji,nj->ni", inverse, normals))
 
 
 def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> Carried:
-    """Those of the points (N, 3), on triangles of these numbers (N,), that move with a mesh, as their triangles' corners do."""
+    """Return the points (N, 3), on triangles of these numbers (N,), that move with a mesh, mapped by their triangles' corners."""
     parts = [Carried(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, bool))]
     for old, new, own, inside in _of_moved(triangle, change):
         numbers = np.flatnonzero(own)
-        triangles, which = np.unique(inside[numbers], return_inverse=True)  # many points lie on one
+        triangles, which = np.unique(inside[numbers], return_inverse=True)  # many points share a triangle
         faces = old.faces[triangles]
         was, now = (mesh.positions[faces].astype(float) for mesh in (old, new))
         frames = [_frame(was), _frame(now)]
-        if np.array_equal(old.faces, new.faces[:, ::-1]):  # mirrored: its triangles are wound the other way
+        if np.array_equal(old.faces, new.faces[:, ::-1]):  # mirrored: reversed winding of the triangles
             frames[1][:, :, 2] *= -1.0
         linear_map = frames[1] @ np.linalg.pinv(frames[0])  # pinv: rounding may have flattened a triangle
         rigid = np.abs(np.swapaxes(linear_map, 1, 2) @ linear_map - np.eye(3)).max((1, 2)) < _RIGID
@@ -188,6 +194,6 @@ def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> 
 
 
 def _frame(corners: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) with the columns of two edges and the unit normal of triangles (N, 3, 3)."""
+    """Return (N, 3, 3) with the columns of two edges and the unit normal of triangles (N, 3, 3)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return np.stack([first, second, unit(np.cross(first, second))], axis=-1)

@@ -1,4 +1,4 @@
-"""A grid of points: those near a place are found without looking at all of them."""
+"""A grid of points for searches near a place."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 MAX_CELLS = 32  # along an axis
-_SAMPLE = 4096  # points that the planes between cells are chosen by
+_SAMPLE = 4096  # points in the sample that places the planes
 
 
 @dataclass(frozen=True)
 class Grid:
-    """K³ cells between K + 1 planes across each axis, with about as many points between any two neighbouring planes, so that
-    a few points far away do not make the cells of the others coarse.
+    """K³ cells between K + 1 planes across each axis, with about equal numbers of points between neighbouring planes.
+
+    Quantiles keep cells fine despite a few distant points.
 
     edges: (K + 1, 3) float32, the planes' coordinates, ascending. order: (N,) the points' numbers, cell by cell, along x first.
-    starts: (K³ + 1,) where each cell begins in `order`. A point on a plane belongs to the cell above it.
+    starts: (K³ + 1,) the start of each cell in `order`. A point on a plane belongs to the cell above it.
     """
 
     edges: np.ndarray
@@ -29,14 +30,14 @@ class Grid:
         return len(self.edges) - 1
 
     def find(self, points: np.ndarray) -> np.ndarray:
-        """(N,) the numbers of the cells of points (N, 3); beyond the grid these are the outermost ones."""
+        """Return (N,) the numbers of the cells of points (N, 3); the outermost cells extend to infinity."""
         x, y, z = (np.searchsorted(e, p, side="right") for e, p in zip(self.edges[1:-1].T, points.T, strict=True))
         cells: np.ndarray = (z * self.cells + y) * self.cells + x
         return cells
 
 
 def build(points: np.ndarray) -> Grid:
-    """The grid of points (N, 3) float32, N > 0; K is √N/8, within 1 and MAX_CELLS."""
+    """Build the grid of points (N, 3) float32, N > 0; K is √N/8, within 1 and MAX_CELLS."""
     count = len(points)
     cells = int(np.clip(np.sqrt(count) / 8.0, 1, MAX_CELLS))
     sample = np.sort(points[:: -(-count // _SAMPLE)], axis=0)

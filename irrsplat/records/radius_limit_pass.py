@@ -1,6 +1,6 @@
-"""The limits of records' radii: each record is compared with those near it, on the GPU, by the formula of radius_limit.frag.
+"""Limits of radii: compare each record with the records near it, on the GPU, by the formula of radius_limit.frag.
 
-Records farther apart than COMPARED_WITHIN radii a·R are not compared; a grid of the records' places finds those that are.
+A grid of the records' places finds the pairs within COMPARED_WITHIN radii a·R.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
-COMPARED_WITHIN = 2.0  # radii a·R of a record: how far away others are compared with it
+COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
 _TABLE = (
     64,
     1024,
-)  # columns and rows of the records limited by one draw; narrow, so that near ones are drawn together
-_MAX_IN_GRID = 32768  # records: Mesa's software renderer ends a fragment's loops after 65535 rounds, whatever is left
-_RECENT = 2048  # records: the newest have a grid of their own until they are so many, so that the others' need not be made anew
+)  # columns and rows of the records limited by one draw; narrow, so that near records share a draw
+_MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
+_RECENT = 2048  # records: the newest have a grid of their own up to this number, so that the other grids stay valid
 
 
 class RadiusLimitPass(Owner):
-    """The pass that writes the limits of records' radii into the cache; gradients: records have derivatives."""
+    """Pass that writes the limits of records' radii into the cache; gradients: records have derivatives."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
@@ -46,17 +46,17 @@ class RadiusLimitPass(Owner):
         self._pace = Pace(ctx)  # of records
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.write, self.targets, self.found, self.out, *self._grids.values())
 
     def __call__(
         self, cache: RecordCache, first: int, settings: Settings, old: bool = True, start: int = 0, budget: Budget | None = None
     ) -> tuple[int, bool]:
-        """Limit the records from number `first` on, each by those of lower numbers, so that it doesn't matter how many come at
-        a time; old: by all others, and those before `first` by those from there on.
+        """Limit the records from number `first` on, each by records of lower numbers, so that batch sizes do not matter.
 
-        budget: how far this call goes (None: to the end); `start`: how many records earlier ones have limited, with the same
-        records in the cache. Returns how many are limited now, and whether that is all of them.
+        old: limit the new records by all others, and those before `first` by the new ones. budget: extent of this call (None:
+        to the end). start: number of records limited by earlier calls with the same cache content. Return the number of limited
+        records, and True if all are.
         """
         if first == cache.count:
             return 0, True
@@ -85,8 +85,10 @@ class RadiusLimitPass(Owner):
     def _limit(
         self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState, by_all: bool
     ) -> None:
-        """Limit the records of these numbers, those that lie near each other together, by those in the grids; state: how a limit
-        is combined with the one in the cache."""
+        """Limit the records of these numbers, sorted by place, by those in the grids.
+
+        state: combination of a limit with the one in the cache.
+        """
         assert self.out is not None
         records, width = cache.records, _TABLE[0]
         for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
@@ -116,7 +118,7 @@ class RadiusLimitPass(Owner):
             )
 
     def _grids_of(self, positions: np.ndarray, first: int) -> list[_Grid]:
-        """Grids of all records from number `first` on; one that was made before is used again if its records have not moved."""
+        """Return grids of all records from number `first` on; a grid whose records have not moved is used again."""
         count, made = len(positions), {}
         settled = max(count // _RECENT * _RECENT, first)
         cuts = sorted({first, *range(-(-first // _MAX_IN_GRID) * _MAX_IN_GRID, settled, _MAX_IN_GRID), settled, count})
@@ -138,7 +140,7 @@ class RadiusLimitPass(Owner):
 
 
 class _Grid(Owner):
-    """A grid of points (N, 3) on the GPU, as shaders/records/point_grid.glsl reads it; first: the number of the first point."""
+    """A grid of points (N, 3) on the GPU for shaders/records/point_grid.glsl; first: the number of the first point."""
 
     def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
         self.points, self.cells = points, point_grid.build(points)
@@ -150,12 +152,12 @@ class _Grid(Owner):
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.edges, self.starts, self.places)
 
     @property
     def uniforms(self) -> Uniforms:
-        """Those of records/point_grid.glsl."""
+        """Uniforms of records/point_grid.glsl."""
         return {
             "grid_edges": self.edges,
             "grid_starts": self.starts,
@@ -165,8 +167,10 @@ class _Grid(Owner):
 
 
 def _near(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
-    """The numbers of the records before `first` that may be compared with a new one, from there on: those whose spheres of
-    COMPARED_WITHIN radii touch the bounding box of the new ones."""
+    """Return the numbers of records before `first` that a later record may be compared with.
+
+    Their spheres of COMPARED_WITHIN radii touch the bounding box of the later records.
+    """
     old, new = cache.positions[:first], cache.positions[first:]
     apart = np.maximum(np.maximum(new.min(0) - old, old - new.max(0)), 0.0)
     R = cache.values[:first, 3] * np.float32(1.001 * COMPARED_WITHIN * settings.a * settings.widest)

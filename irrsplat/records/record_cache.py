@@ -1,4 +1,4 @@
-"""The record cache: irradiance records in world space, so that they outlive camera moves."""
+"""The record cache: irradiance records in world space, valid for all cameras."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from irrsplat.records.motion import carried, concerned, passed_through, swallowe
 from irrsplat.scene.change import SceneChange
 
 _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
-_STEADY = 1.4  # the luminance floor stays as it is while it is at most so many times what it would be made now, or that less
-_ROWS = 4  # of the textures at first; doubled whenever they are full
+_STEADY = 1.4  # greatest ratio of the luminance floor to its newly computed value, either way, that leaves it unchanged
+_ROWS = 4  # initial rows of the textures, doubled whenever they are full
 PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
 
 @dataclass(frozen=True)
 class _Column:
-    """An array of the CPU's side with a row for each record: shape and type of a row, and its name in files (none: not kept)."""
+    """A CPU array with a row for each record: shape and type of a row, and its name in files (None: not saved)."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -58,36 +58,36 @@ _FILED = {name: column.file_name for name, column in _COLUMNS.items() if column.
 
 
 class RecordCache(Owner):
-    """Records in the order in which they were made: their content is on the GPU, and where they lie is known on the CPU too.
+    """Irradiance records in the order of their creation: content on the GPU, places on the CPU as well.
 
-    A record's number may change when records before it go; its id does not. When light or geometry changes, records become stale:
-    they keep what they hold until they are gathered again.
+    A record's number may change when earlier records are dropped; its id does not. A change of light or geometry makes records
+    stale: they keep their content until they are refreshed.
 
-    Methods prepare a change first and assign it last, so that Ctrl-C leaves the cache either as it was or as it is to be.
+    Methods prepare a change first and assign it last, so that Ctrl-C leaves the cache either unchanged or fully changed.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.count = 0
-        self.invalidation_epoch = 0  # how often records have become stale
-        self.refresh_count = 0  # how often stale records have been gathered again
-        self.revision = 0  # rises when records that were there change or go: what was splatted of them no longer holds
+        self.invalidation_epoch = 0  # number of invalidations
+        self.refresh_count = 0  # number of refreshes
+        self.revision = 0  # rises when existing records change or go: their splats are void
         self.evicted = 0  # records dropped by `keep_only` so far
         self.luminance_floor = 0.0  # W/m², see `update_luminance_floor`
         self._columns = {name: np.zeros((_ROWS * TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
         self._textures = {name: self._texture(name, _ROWS) for name in TEXTURES}
-        self._stale: np.ndarray | None = None  # what `stale` answers, while it holds
+        self._stale: np.ndarray | None = None  # cached result of `stale`
         self._view = 0  # number of the present view
         self._next_id = 0
         self.reset_limits()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return tuple(self._textures.values())
 
     @property
     def records(self) -> Records:
-        """The textures as they stand; valid until records are added or go."""
+        """The present textures; valid until records are added or dropped."""
         return Records(dict(self._textures), self.count, self.luminance_floor)
 
     @property
@@ -99,7 +99,7 @@ class RecordCache(Owner):
         return float_texture(self.ctx, (TABLE_COLUMNS, rows), TEXTURES[name])
 
     def _filled(self, name: str, texels: np.ndarray) -> moderngl.Texture:
-        """A new texture of the present size with `texels` (N, channels) in its first places."""
+        """Return a new texture of the present size with `texels` (N, channels) in its first places."""
         texture = self._texture(name, self._rows)
         texel_table.write(texture, 0, texels)
         return texture
@@ -109,18 +109,18 @@ class RecordCache(Owner):
         return int(self._textures["limit"].height)
 
     def _replace(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        """Use these textures from now on, and free those that they take the place of."""
+        """Use these textures from now on, and free their predecessors."""
         old = [self._textures[name] for name in textures]
         self._textures = {**self._textures, **textures}
         for texture in old:
             texture.release()
 
-    # ---- adding records, and reading what they hold ------------------------------------------------------------------
+    # ---- adding and reading records ----------------------------------------------------------------------------------
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
-        """Add records at `sites`; returns the number of the first.
+        """Add records at `sites`; return the number of the first.
 
-        values: (N, 4) float32 E in W/m² and R_k in metres; without it the reduction has yet to write them on the GPU.
+        values: (N, 4) float32 E in W/m² and R_k in metres; None: the reduction writes them on the GPU later.
         """
         first, count = self.count, self.count + len(sites)
         self._reserve(count)
@@ -141,7 +141,7 @@ class RecordCache(Owner):
             texels = {name: np.zeros((len(sites), 4), "f4") for name in GATHERED}
             record_layout.pack(texels, "irradiance", values[:, :3])
             record_layout.pack(texels, "radius", values[:, 3])
-            # without directions the same irradiance whatever the normal, E = n_k·M, and no derivatives
+            # without directions: E independent of the normal, E = n_k·M, and no derivatives
             record_layout.pack(texels, "vectors", sites.normal[:, None] * values[:, :3, None])
             for name, rows in texels.items():
                 texel_table.write(self._textures[name], first, rows)
@@ -150,7 +150,7 @@ class RecordCache(Owner):
         return first
 
     def _reserve(self, count: int) -> None:
-        """Make room for so many records in all."""
+        """Grow the arrays to hold `count` records."""
         rows = self._rows
         if count <= rows * TABLE_COLUMNS:
             return
@@ -169,7 +169,7 @@ class RecordCache(Owner):
 
     @property
     def values(self) -> np.ndarray:
-        """(N, 4) float32 E in W/m² and R_k in metres, the cache's own array; what only the GPU has yet is read first."""
+        """(N, 4) float32 E in W/m² and R_k in metres, the cache's own array; read back from the GPU where necessary."""
         columns, new = self._columns, np.flatnonzero(~self._columns["values_read"][: self.count])
         if len(new):
             rows = texel_table.read(self.ctx, self._textures["irradiance"], new[0], new[-1] + 1)
@@ -178,7 +178,7 @@ class RecordCache(Owner):
         return columns["values"][: self.count]
 
     def read(self) -> dict[str, np.ndarray]:
-        """The records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
+        """Return the records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
         values = self.values
         return {
             "position": self.positions.copy(),
@@ -188,14 +188,14 @@ class RecordCache(Owner):
         }
 
     def sites(self, numbers: np.ndarray | slice) -> Sites:
-        """Where the records of these numbers lie."""
+        """Return the sites of the records of these numbers."""
         triangle = self._columns["triangle"][numbers]
         position, normal, geometric = (self._columns[name][numbers, :3] for name in ("position", "normal", "geometric"))
         known = triangle if (triangle >= 0).all() else None
         return Sites(position, normal, geometric, known, *(self._columns[name][numbers] for name in ("frame_rotation", "screen")))
 
     def number_of(self, id: int) -> int | None:
-        """The number that the record of this id has now; None where it is gone."""
+        """Return the present number of the record of this id; None if it was dropped."""
         ids = self._columns["id"][: self.count]
         number = int(np.searchsorted(ids, id))
         return number if number < self.count and ids[number] == id else None
@@ -206,32 +206,31 @@ class RecordCache(Owner):
         return self._columns["id"][: self.count]
 
     def id_of(self, number: int) -> int:
-        """The id of a record, which it keeps when records before it go."""
+        """Return the id of a record, which stays when earlier records are dropped."""
         return int(self._columns["id"][number])
 
-    # ---- what records are held against -------------------------------------------------------------------------------
+    # ---- probes and limits -------------------------------------------------------------------------------------------
 
     @property
     def probes(self) -> np.ndarray:
-        """(N, PROBED) float32, writable: rough E in W/m², R in metres, M and ∇E by a few directions (change_probe.py); R = 0:
-        none yet."""
+        """(N, PROBED) float32, writable: coarse E in W/m², R in metres, M and ∇E from a few directions (change_probe.py); R = 0:
+        no probe yet."""
         return self._columns["probe"][: self.count]
 
     @property
     def due(self) -> np.ndarray:
-        """(N,) float32, writable: how much may have changed around each record since it was last probed, about; 0: nothing."""
+        """(N,) float32, writable: estimated change around each record since its last probe; 0: none."""
         return self._columns["due"][: self.count]
 
     @property
     def drift(self) -> np.ndarray:
-        """(N,) float32, writable: how much `probes` changed since each record was gathered, 0..1; 1 where nothing is known."""
+        """(N,) float32, writable: change of `probes` since each record was gathered, 0..1; 1 where it is not known."""
         return self._columns["drift"][: self.count]
 
     def update_luminance_floor(self) -> None:
-        """Set `luminance_floor` to a share of the records' mean luminance, where it isn't about that already: it seldom changes,
-        since all splats are made anew by it.
+        """Set `luminance_floor` to a share of the records' mean luminance, unless it is close to that already.
 
-        Without it a room that no light enters would be filled with records that differ by nothing but noise.
+        Each change of the floor voids all splats. Without a floor, noise alone would fill an unlit room with records.
         """
         floor = luminance_floor(self.values[:, :3])
         if not floor <= self.luminance_floor * _STEADY <= floor * _STEADY**2:
@@ -239,23 +238,23 @@ class RecordCache(Owner):
             self.revision += 1
 
     def limits(self, count: int) -> np.ndarray:
-        """(count,) float32: the share of their radii that the first so many records may reach."""
+        """Return (count,) float32: the share of their radii that the first `count` records may reach."""
         return texel_table.read(self.ctx, self._textures["limit"], 0, count)[:, 0]
 
     def restore_limits(self, limits: np.ndarray) -> None:
-        """Let the first (N,) records reach as far as these `limits`, which are what `limits` gave before."""
+        """Write the limits (N,) of the first records, as `limits` returned them."""
         texel_table.write(self._textures["limit"], 0, limits[:, None])
         self.revision += 1
 
     def reset_limits(self) -> None:
-        """Let every record reach as far as its own R, future records too."""
+        """Set the limits of all records, future ones included, to 1."""
         self._textures["limit"].write(np.ones(self._rows * TABLE_COLUMNS, "f4").tobytes())
 
     # ---- stale records -----------------------------------------------------------------------------------------------
 
     @property
     def stale(self) -> np.ndarray:
-        """The numbers of the records that are stale, those that have been so for longest first."""
+        """The numbers of the stale records, the oldest first."""
         if self._stale is None:
             epoch = self._columns["epoch"]
             (numbers,) = np.nonzero(epoch[: self.count] < self.invalidation_epoch)
@@ -264,20 +263,20 @@ class RecordCache(Owner):
 
     @property
     def waiting(self) -> int:
-        """How many records are stale, or may be stale by what has changed around them since they were probed."""
+        """Number of records that are stale or may be, by changes around them since their last probe."""
         columns = self._columns
         waits = (columns["epoch"] < self.invalidation_epoch) | (columns["due"] > 0.0)
         return int(np.count_nonzero(waits[: self.count]))
 
     def age(self, numbers: np.ndarray) -> np.ndarray:
-        """(N,) how often the records of these numbers have become stale since they were gathered; 0 where they are gone."""
+        """Return (N,) the number of invalidations of these records since they were gathered; 0 for dropped records."""
         there = numbers < self.count
         age = np.zeros(len(numbers), np.intp)
         age[there] = self.invalidation_epoch - self._columns["epoch"][numbers[there]]
         return age
 
     def invalidate(self, numbers: np.ndarray | None = None) -> None:
-        """Make the records of these numbers stale; None: all of them, and then what `probes` holds no longer counts either."""
+        """Make the records of these numbers stale; None: all of them, and then their `probes` are void as well."""
         columns, later = dict(self._columns), self.invalidation_epoch + 1
         if numbers is None:
             columns |= {name: np.zeros_like(columns[name]) for name in ("probe", "due")}
@@ -292,48 +291,48 @@ class RecordCache(Owner):
 
     @property
     def gather_sizes(self) -> np.ndarray:
-        """(N,) the side of the gather that each record comes from; 0 where it is as the settings have it."""
+        """(N,) the side of the gather of each record; 0: as the settings have it."""
         return self._columns["gather_size"][: self.count]
 
     def set_gather_sizes(self, numbers: np.ndarray, sizes: np.ndarray | int) -> None:
-        """Note the side of the gather that the records of these numbers come from; 0: as the settings have it."""
+        """Note the side of the gather of the records of these numbers; 0: as the settings have it."""
         self._columns["gather_size"][numbers] = sizes
 
     def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0) -> None:
-        """Mark the records of these numbers as gathered again, no longer stale. sizes: as in `set_gather_sizes`."""
+        """Mark the records of these numbers as refreshed, no longer stale. sizes: as in `set_gather_sizes`."""
         columns = self._columns
         self.set_gather_sizes(numbers, sizes)
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
-        columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # it is of the world as it was
+        columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # taken before the change of the scene
         columns["due"][numbers] = 0.0
         columns["epoch"][numbers] = self.invalidation_epoch
         self._stale = None
         self.refresh_count += 1
         self.revision += 1
 
-    # ---- what goes ---------------------------------------------------------------------------------------------------
+    # ---- dropping and moving records ---------------------------------------------------------------------------------
 
     def truncate(self, count: int) -> None:
-        """Forget every record from number `count` on; 0 forgets all."""
+        """Drop every record from number `count` on; 0 drops all."""
         if count < self.count:
             next_id = int(self._columns["id"][count - 1]) + 1 if count else 0
             self.count, self._stale, self._next_id = count, None, next_id
             self.revision += 1
 
     def mark_seen(self, numbers: np.ndarray) -> None:
-        """Say that a new view has begun, with these records in it."""
+        """Begin a new view, with these records in it."""
         self._view += 1
         self._columns["last_view"][numbers] = self._view
 
     @property
     def views_unseen(self) -> np.ndarray:
-        """(N,) how many views have passed since each record was last in one."""
+        """(N,) number of views since each record was last in one."""
         return self._view - self._columns["last_view"][: self.count]
 
     def keep_only(self, numbers: np.ndarray) -> None:
-        """Forget all records but those of these numbers, ascending, which keep their order. Gathered again, they look in the same
-        directions as before."""
+        """Drop all records except these numbers, ascending; the order stays. Frame rotations stay as well: a refresh samples the
+        same directions."""
         if len(numbers) == self.count:
             return
         columns, count = {name: array.copy() for name, array in self._columns.items()}, len(numbers)
@@ -349,8 +348,10 @@ class RecordCache(Owner):
         self._replace(textures)
 
     def move_with_meshes(self, change: SceneChange) -> np.ndarray:
-        """Let records on meshes that have moved move along with what they hold, and raise `due` by what others see of that.
-        Returns the numbers of the records to keep: those not within what has moved now, nor carried through what has not."""
+        """Move records on moved meshes, with their content, and raise `due` of records that see the change.
+
+        Return the numbers of the records to keep: outside the moved meshes, and not carried through unmoved ones.
+        """
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
         triangle = self._columns["triangle"][: self.count]
@@ -377,11 +378,11 @@ class RecordCache(Owner):
         return np.flatnonzero(kept)
 
     def gathered(self, *names: str) -> dict[str, np.ndarray]:
-        """(N, …) float32 each: these columns of what the records hold, see record_layout.COLUMNS."""
+        """Return these columns of the records, (N, …) float32 each; see record_layout.COLUMNS."""
         return self.records.read(*names)
 
     def correct(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
-        """Let the records of these numbers (K,) hold `values`, (K, …) by the names of their columns."""
+        """Overwrite columns of the records of these numbers (K,); values: (K, …) by the names of the columns."""
         names = {texture for column in values for texture, _ in record_layout.COLUMNS[column].slots}
         texels = {name: texel_table.read(self.ctx, self._textures[name], 0, self.count).copy() for name in names}
         rows = {name: array[numbers] for name, array in texels.items()}
@@ -397,7 +398,7 @@ class RecordCache(Owner):
         self._replace(textures)
 
     def _rotated(self, numbers: np.ndarray, maps: np.ndarray) -> dict[str, np.ndarray]:
-        """The texels that hold directions (M, ∇E, the axis) after linear maps (K, 3, 3) of the records of these numbers (K,)."""
+        """Return the texels of directions (M, ∇E, the axis) after linear maps (K, 3, 3) of these records (K,)."""
         directed = ("vectors", "gradient", "axis")
         names = {texture for column in directed for texture, _ in record_layout.COLUMNS[column].slots}
         texels = {name: texel_table.read(self.ctx, self._textures[name], 0, self.count).copy() for name in names}
@@ -414,10 +415,9 @@ class RecordCache(Owner):
     # ---- files -------------------------------------------------------------------------------------------------------
 
     def state(self, stale: bool = False) -> dict[str, np.ndarray]:
-        """All that there is to the records, as arrays by their names in files: what `restore` goes on from as if nothing had
-        happened.
+        """Return all data of the records for `restore`, as arrays by their names in files.
 
-        stale: there, all of them are stale.
+        stale: mark all records as stale in the result.
         """
         kept = {file_name: self._columns[name][: self.count].copy() for name, file_name in _FILED.items()}
         content = [texel_table.read(self.ctx, self._textures[name], 0, self.count) for name in GATHERED]
@@ -430,7 +430,7 @@ class RecordCache(Owner):
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Hold the records of `state`, and no others. Raises KeyError or ValueError, and changes nothing, where it is none."""
+        """Replace all records by those of `state`. Raises KeyError or ValueError for an invalid state, and changes nothing."""
         check_state(state)
         count = len(state["name"])
         self._reserve(count)
@@ -451,13 +451,13 @@ class RecordCache(Owner):
 
 
 def luminance_floor(irradiance: np.ndarray) -> float:
-    """A share of the mean luminance of irradiance (N, 3) in W/m²; 0 where there is none."""
+    """Return a share of the mean luminance of irradiance (N, 3) in W/m²; 0 for no records."""
     mean = float((irradiance @ LUMINANCE).mean(dtype=float)) if len(irradiance) else 0.0
     return _FLOOR * max(mean, 0.0)
 
 
 def check_state(state: Mapping[str, np.ndarray]) -> None:
-    """Raises KeyError or ValueError where the arrays of RecordCache.state are incomplete, of wrong shape or not finite."""
+    """Raise KeyError or ValueError if the arrays of RecordCache.state are incomplete, of wrong shape or not finite."""
     count = len(state["name"])
     shapes: dict[str, tuple[int, ...]] = {file_name: (count, *_COLUMNS[name].shape) for name, file_name in _FILED.items()}
     shapes |= {"content": (count, len(GATHERED), 4), "limit": (count, 1), "clocks": (3,), "dark": ()}

@@ -1,4 +1,4 @@
-"""The order in which stale records are gathered again: first those that a view shows most of and that have waited longest."""
+"""Order in which stale records are refreshed: first those that cover most of the view and have been stale for longest."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from irrsplat.settings import Settings
 
 @dataclass(frozen=True)
 class _Order:
-    """The numbers of stale records in order, and what it was made of: a view, and the cache's epoch and evictions."""
+    """The numbers of stale records in order, with the inputs of the order: view, epoch and evictions of the cache."""
 
     numbers: np.ndarray
     gbuffer: GBuffer | None = None
@@ -26,21 +26,21 @@ class _Order:
 
 
 class RefreshOrder(Owner):
-    """Puts a cache's stale records in order, anew for every view and whenever more of them are stale."""
+    """Priority order of a cache's stale records, updated for each view and each invalidation."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.coverage_pass = CoveragePass(ctx, gradients)
         self._made = _Order(np.zeros(0, np.intp))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.coverage_pass,)
 
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N,) the numbers of the stale records in the order in which they are to be gathered again.
+        """Return (N,) the numbers of the stale records in the order of their refresh.
 
-        What decides is the product of the pixels that a record serves, how often it has become stale, and how much its light has
-        changed: no record in view waits for ever, even while light changes all the time. Hidden ones come last, stalest first.
+        Priority is the product of covered pixels, age in invalidations, and change of light: no record in view waits for ever,
+        even under constant change of light. Hidden records come last, the oldest first.
         """
         made, epoch, evicted = self._made, cache.invalidation_epoch, cache.evicted
         if made.gbuffer is not gbuffer or (made.epoch, made.evicted) != (epoch, evicted):

@@ -1,4 +1,4 @@
-"""What a cache file knows of the scene that its records are of: enough to find out later what has changed since."""
+"""Scene stamp of a cache file: the part of the scene that is needed to find later changes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from irrsplat.scene.looks import order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.motion import hidden
 
-_MOST_VERTICES = 1_000_000  # of a scene whose vertices a file holds: 24 MB; of a larger one a mesh that moves counts as another
+_MOST_VERTICES = 1_000_000  # 24 MB in a file; moved meshes of a larger scene count as replaced
 
 
 @dataclass(frozen=True)
 class MeshStamp:
-    """A mesh: its name, hashes of what moves with it (faces, texture coordinates, colours), of where it is, and of its material;
-    and how many vertices and triangles it has."""
+    """A mesh: its name, hashes of its shape (faces, texture coordinates, colours), its place and its material, and its numbers of
+    vertices and triangles."""
 
     name: str
     shape: str
@@ -33,8 +33,8 @@ class MeshStamp:
 class SceneStamp:
     """The scene of a cache file.
 
-    around: a hash of its sky. origin: as Scene has it. order: the meshes as their triangles are numbered.
-    positions, normals: (V, 3) float32 of all vertices, mesh by mesh; (0, 3) where they are too many for a file.
+    around: a hash of its sky. origin: as in Scene. order: the meshes in the order of their triangles' numbers.
+    positions, normals: (V, 3) float32 of all vertices, mesh by mesh; (0, 3) for a scene of too many vertices.
     """
 
     name: str
@@ -47,17 +47,17 @@ class SceneStamp:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """What a file holds as arrays."""
+        """Arrays for the file."""
         return {"mesh_positions": self.positions, "mesh_normals": self.normals}
 
     def as_json(self) -> dict[str, object]:
-        """All the rest."""
+        """Return all members except the arrays."""
         plain: dict[str, object] = {"name": self.name, "around": self.around, "origin": self.origin, "order": self.order}
         return plain | {"meshes": [asdict(mesh) for mesh in self.meshes]}
 
     @classmethod
     def read(cls, values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> SceneStamp:
-        """Raises KeyError, TypeError or ValueError where these are not what `as_json` and `arrays` gave."""
+        """Build a stamp from `as_json` and `arrays`; raises KeyError, TypeError or ValueError for other content."""
         meshes = tuple(MeshStamp(**mesh) for mesh in values["meshes"])
         stamp = cls(
             str(values["name"]),
@@ -83,7 +83,7 @@ class SceneStamp:
 
 
 def stamp_of(scene: Scene, around: str, materials: Sequence[str]) -> SceneStamp:
-    """What a file is to know of a scene. around: a hash of its sky; materials: one of each mesh's."""
+    """Return the stamp of a scene. around: a hash of its sky; materials: a hash for each mesh."""
     meshes = tuple(
         MeshStamp(
             mesh.name,
@@ -105,11 +105,10 @@ def stamp_of(scene: Scene, around: str, materials: Sequence[str]) -> SceneStamp:
 
 @dataclass(frozen=True)
 class Earlier:
-    """The scene as it was when records were made, as far as a file can tell.
+    """The scene at the time of the records, as far as a file holds it.
 
-    scene: the present one with its meshes where they were, those that were not there hidden. triangle: the number in it of
-    each triangle that records may lie on, by its number then; -1: it is gone. complete: whether nothing but places of meshes may
-    have changed since.
+    scene: the present scene with the former places of its meshes; meshes new since then are hidden. triangle: the present number
+    of each former triangle; -1: the triangle is gone. complete: True if only places of meshes may have changed since.
     """
 
     scene: Scene
@@ -118,7 +117,7 @@ class Earlier:
 
 
 def earlier(stamp: SceneStamp, scene: Scene, present: SceneStamp) -> Earlier:
-    """The present `scene`, whose stamp is `present`, as it was when a file of this `stamp` was made."""
+    """Return the present `scene`, with the stamp `present`, in its state at the time of a file with this `stamp`."""
     meshes, twins = list(scene.meshes), _twins(stamp, present)
     starts = np.cumsum([0, *(mesh.vertices for mesh in stamp.meshes)])
     for number, mesh in enumerate(scene.meshes):
@@ -138,8 +137,10 @@ def earlier(stamp: SceneStamp, scene: Scene, present: SceneStamp) -> Earlier:
 
 
 def _twins(stamp: SceneStamp, present: SceneStamp) -> dict[int, int]:
-    """For each present mesh that was there before, the index that it had: those of one shape, name and place first, then those of
-    one shape and name, then of one shape alone."""
+    """Return the former index of each present mesh that existed before.
+
+    Matches of shape, name and place come first, then of shape and place, then of shape and name, then of shape alone.
+    """
     twins: dict[int, int] = {}
     if stamp.origin != present.origin:
         return twins
@@ -156,7 +157,7 @@ def _twins(stamp: SceneStamp, present: SceneStamp) -> dict[int, int]:
 
 
 def _first(counts: Sequence[int], order: Sequence[int]) -> np.ndarray:
-    """(M,) where each mesh's triangles begin, of `counts` by mesh, numbered in this order."""
+    """Return (M,) the first triangle of each mesh, for `counts` by mesh and numbering in this order."""
     first = np.zeros(len(counts), np.intp)
     first[list(order)] = np.cumsum([0, *(counts[i] for i in order)])[:-1]
     return first

@@ -1,4 +1,4 @@
-"""The weight of a record at a point, and how far records reach in a view, in numpy; shaders/records has the same in GLSL."""
+"""Weight of a record at a point, and radii of records in a view, in numpy; shaders/records has the same formulas in GLSL."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from irrsplat.core.glsl import BRIGHT
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
-LUNES = 0.75  # of (1 - n·n_k)·E: what n·M lacks on a surface that is turned away from the record's (docs/METHOD.md, 4.1)
+LUNES = 0.75  # of (1 - n·n_k)·E: missing part of n·M on a surface turned away from the record's (docs/METHOD.md, 4.1)
 
 
 def record_defines(gradients: bool) -> dict[str, object]:
-    """What shaders/records/weight.glsl and record.glsl are compiled for: records with derivatives or without."""
+    """Return the defines of shaders/records/weight.glsl and record.glsl, for records with derivatives or without."""
     return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT, "LUNES": LUNES}
 
 
 def record_uniforms(settings: Settings) -> Uniforms:
-    """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
+    """Return the uniforms of shaders/records/weight.glsl and record.glsl that depend on the settings."""
     return {
         "a": settings.a,
         "hessian": settings.radius == "hessian",
@@ -30,16 +30,17 @@ def record_uniforms(settings: Settings) -> Uniforms:
 
 
 def error_scale(Y: np.ndarray, luminance_floor: float) -> np.ndarray:
-    """(N,) W/m²: the luminance in proportion to which an error is judged where the luminance is Y (N,), as
-    shaders/records/error_scale.glsl has it."""
+    """Return (N,) W/m²: the luminance that errors are relative to, where the luminance is Y (N,), as in error_scale.glsl."""
     bright = BRIGHT * luminance_floor if luminance_floor > 0.0 else 1e30
     found: np.ndarray = np.where(bright < Y, np.sqrt(bright * np.maximum(Y, 0.0)), np.maximum(Y, max(luminance_floor, 1e-20)))
     return found
 
 
 def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, settings: Settings) -> np.ndarray:
-    """(N, 2) metres: R along the axis of records and across it, by what they know themselves, before any limit and before the
-    factor a, as record_ellipse of shaders/records/record.glsl has it. columns: (N, …), of record_layout.COLUMNS."""
+    """Return (N, 2) metres: R along the axis of records and across it, before limits and before the factor a.
+
+    Formula of record_ellipse in shaders/records/record.glsl. columns: (N, …), of record_layout.COLUMNS.
+    """
     R = columns["radius"]
     if settings.gradients:  # R <= E/|∇E|
         slope = np.linalg.norm(np.einsum("ncx,c->nx", columns["gradient"], LUMINANCE), axis=1)
@@ -56,7 +57,7 @@ def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, setting
 
 
 def record_distance(apart: np.ndarray, axis: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """How far points are from records in radii: apart = p - p_k, metres; radii (…, 2) R along the unit `axis` and across it."""
+    """Return the distance of points from records in radii. apart: p - p_k, metres; radii: (…, 2) R along `axis` and across it."""
     along = (apart * axis).sum(-1)
     across = np.sqrt(np.maximum((apart**2).sum(-1) - along**2, 0.0))
     distance: np.ndarray = np.linalg.norm(np.stack([along, across], axis=-1) / np.maximum(radii, 1e-30), axis=-1)
@@ -66,7 +67,7 @@ def record_distance(apart: np.ndarray, axis: np.ndarray, radii: np.ndarray) -> n
 def record_weight(
     distance: np.ndarray, apart: np.ndarray, n: np.ndarray, n_k: np.ndarray, R: np.ndarray | float, in_front: bool
 ) -> np.ndarray:
-    """Ward et al. 1988: w = 1/(distance + √(1 - n·n_k)), of one record at many points or of many records at one point.
+    """Return w = 1/(distance + √(1 - n·n_k)) (Ward et al. 1988), of one record at many points or of many records at one point.
 
     distance: (…,) from the record in radii. apart: (…, 3) p - p_k, metres. n, n_k: unit normals of the point and of the record,
     (…, 3) and (3,), the other way round, or (N, 3) both for pairs. R: the radius, metres. in_front: 0 for records that face away,
@@ -83,7 +84,7 @@ def record_weight(
 def view_radius(
     R: np.ndarray | float, distance: np.ndarray | float, camera: Camera, size: tuple[int, int], settings: Settings
 ) -> np.ndarray:
-    """The radius a·R in metres within the bounds radius_min and radius_max of a view of `size` (width, height).
+    """Return the radius a·R in metres, clamped to radius_min and radius_max of a view of `size` (width, height).
 
     R: the record's own radius; distance: of the record from the eye; metres, of shapes that broadcast.
     """
@@ -93,7 +94,7 @@ def view_radius(
 
 
 def view_radius_uniforms(camera: Camera, size: tuple[int, int], settings: Settings) -> Uniforms:
-    """The uniforms of shaders/records/view_radius.glsl apart from those of the records, for a view of `size` (width, height)."""
+    """Return the uniforms of shaders/records/view_radius.glsl that depend on the view of `size` (width, height) and settings."""
     measure = camera.measure(size)
     return {
         "eye": camera.eye,

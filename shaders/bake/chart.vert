@@ -2,7 +2,7 @@
 #include "lib/table.glsl"
 
 uniform sampler2D corners;  // of triangle i, three texels: xy in texels of the lightmap
-uniform vec2 offset;        // of the point that a texel asks for from the texel's centre, texels
+uniform vec2 offset;        // from a texel's centre to its sample point, texels
 uniform vec2 texels;        // width and height of the lightmap
 
 flat out int v_triangle;

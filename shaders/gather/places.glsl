@@ -3,13 +3,13 @@
 #define PLACES 1
 #endif
 
-// The column of `frames` that a texel of a record's cell looks from.
+// Column of `frames` with the eye of a texel of a record's cell.
 int place_of_texel(int record, ivec2 texel)
 {
     return record * PLACES + (texel.x + 2 * texel.y) % PLACES;  // as places_of_texels in record_frame.py has it
 }
 
-// The same of a light sample.
+// Column of `frames` with the eye of a next-event sample.
 int place_of_sample(int record, int s)
 {
     return record * PLACES + s % PLACES;

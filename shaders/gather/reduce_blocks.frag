@@ -4,8 +4,8 @@
 #include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: 1 where
-                             // that is the inner side of a closed mesh
+uniform sampler2D planes;    // plane of the hit: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: 1 on
+                             // the inner side of a closed mesh
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 #if SKY_MAP
 uniform sampler2D rays;      // the same with the directions in which the texels look
@@ -31,7 +31,7 @@ layout(location = 6) out vec4 out_g_g;
 layout(location = 7) out vec4 out_g_b;    // w: squared steps of the luminance's terms from texel to texel
 #endif
 
-// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`; direction: what the table says of it.
+// Radiance and 1/distance at a texel of the cell whose first texel is `corner`; direction: the texel's entry in the table.
 vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 {
     vec4 s = texelFetch(radiance, corner + texel, 0);
@@ -48,7 +48,7 @@ vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
     return s.a > 0.0 ? vec4(s.rgb + sky_light, 1.0 / s.a) : vec4(sky_light, 0.0);
 }
 
-// Frame, geometric normal in it and sky at a place that a record looks from.
+// Frame, geometric normal in it and sky at an eye position of a record.
 void looks_from(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
 {
     frame = mat3(texelFetch(frames, ivec2(place, 0), 0).xyz, texelFetch(frames, ivec2(place, 1), 0).xyz,

@@ -59,9 +59,9 @@ void main()
     along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
     axis = world * vec3(along, 0.0);
     curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
-    curvature = clamp(curvature, -1e30, 1e30);  // no less of it where it is dark: beside a shadow's edge it tells that light is near
-    // WIDE is settings.py's: a bound however little the light curves. In a closed mesh that nothing lights nobody looks: a pixel at its
-    // foot is seen there by rounding alone, and its record speaks for nothing.
+    curvature = clamp(curvature, -1e30, 1e30);  // unreduced in the dark: next to a shadow's edge it shows that light is near
+    // WIDE is settings.py's: a bound however little the light curves. The unlit inside of a closed mesh is
+    // invisible: only rounding shows pixels of it, and their records contribute to no other pixel.
     // Nothing comes to it, or what rays that begin within rounding of the mesh's side let through.
     bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && solid.y > ENCLOSED * solid.x;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);

@@ -2,7 +2,7 @@
 #include "gather/places.glsl"
 #include "lib/table.glsl"
 
-uniform sampler2D frames;  // texel (i, 3), w: the number in the cache of the record that looks from place i
+uniform sampler2D frames;  // texel (i, 3), w: number in the cache of the record of eye i
 uniform ivec2 table;       // columns and rows of the cache
 
 flat out int v_index;

@@ -23,7 +23,7 @@
 #include "surface_cache/lookup.glsl"
 #endif
 
-uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): where is looked from
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): eye position
 uniform sampler2D directions;  // of the rays in a record's frame, for each texel of a cell
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row

@@ -1,4 +1,4 @@
-// Antialiasing: one more sample of every pixel, beside its centre, is blended into the mean of the samples so far.
+// Antialiasing: blend one more sample of every pixel, off its centre, into the mean of the samples so far.
 #include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
 #include "image/filtered.glsl"

@@ -33,7 +33,7 @@ void main()
     vec4 plane = face_plane(triangle);
     vec3 g = plane.xyz;
     vec3 size = abs(eye);
-    // An eye in the plane of a triangle sees it edge-on, that is not at all: what is left of it is the rounding of the eye's place.
+    // From an eye in its plane a triangle is invisible: its remaining fragments result from rounding of the eye's position.
     if (abs(dot(g, eye) - plane.w) <= EDGE_ON * max(max(size.x, size.y), size.z)) discard;
     g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
     vec3 n = shading_normal(v_normal, g);

@@ -1,4 +1,4 @@
-// The sums at a pixel, or, where no record tells of its light, at those around it.
+// The sums at a pixel, or, without a contributing record, of the pixels around it.
 #include "generated/constants.glsl"
 
 uniform sampler2D sums;    // Σ k·E, Σ k

@@ -7,14 +7,14 @@ uniform float spread;           // standard deviation of the records' luminances
 
 const float NEAR = 3.0;   // times the tolerance: so great a Σw has only a pixel close to a record, which is then right about it
 
-// The standard deviation of what records say of a pixel, and their mean, as luminances: W/m².
+// Standard deviation and mean of the records' contributions at a pixel, as luminances: W/m².
 vec2 deviation_and_mean(vec2 weight, vec4 sums)
 {
     float k = max(sums.a, 1e-20), Y = dot(sums.rgb, LUMINANCE) / k;
     return vec2(sqrt(max(weight.g / k - Y * Y, 0.0)), Y);
 }
 
-// Σw, but less where the records contradict each other: below the tolerance where they do by more than `spread`.
+// Σw, reduced by inter-record variance: below the tolerance where the deviation exceeds `spread`.
 // weight: Σw and Σ k·Y². sums: Σ k·E, Σ k. Where only a share of the records' reach holds, as much of the spread is allowed, and Σw is
 // that much greater: it counts by that share.
 float effective_weight(vec2 weight, vec4 sums, float share)

@@ -23,7 +23,7 @@ flat out mat3 v_g;
 flat out vec3 v_irradiance;
 #endif
 
-const float OWN_PIXEL = 0.75;  // reach of a record that says nothing of light, in pixels
+const float OWN_PIXEL = 0.75;  // pixels, reach of a record within a closed mesh
 
 void main()
 {

@@ -1,4 +1,4 @@
-// One pixel of each square of a view: where it lies, and what the records say of its light, so that a look from there can be held against it.
+// One pixel of each square of a view: position and cached irradiance, for comparison with a probe there.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 

@@ -20,8 +20,8 @@ uniform float share;           // of what the records say, 0..1
 layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
 layout(location = 1) out float out_facing;
 
-const float OTHER_DEPTH = 0.02;  // relative difference: so far from where it is to be seen, what is seen is another surface
-const float OTHER_FACING = 0.1;  // difference of facing_of: so far from its own, what is seen is another side
+const float OTHER_DEPTH = 0.02;  // relative difference of depth above which a reprojected pixel is another surface
+const float OTHER_FACING = 0.1;  // difference of facing_of above which it is another side
 
 void main()
 {

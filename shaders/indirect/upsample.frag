@@ -9,7 +9,7 @@ uniform sampler2D planes;      // likewise
 uniform float pixel;           // size of a pixel at distance 1, in metres
 
 layout(location = 0) out vec4 out_sums;    // E and 1
-layout(location = 1) out vec2 out_weight;  // Σw, and Y²: how far records contradict each other is not kept
+layout(location = 1) out vec2 out_weight;  // Σw, and Y²: no inter-record variance
 
 const float MAX_RISE = 0.5;  // how far a pixel's point may lie off the square's plane, in sizes of a pixel there
 

@@ -58,7 +58,7 @@ vec4 texture_mean(Vertex point, int row, vec2 uv_area)
 }
 
 // The area in both sets of texture coordinates of `area` m² of the triangle with these corners, or of all of it if that is less:
-// what is beside it in the image may be of another surface.
+// texels next to it in the image may belong to another surface.
 vec2 texture_area(float area, Vertex a, Vertex b, Vertex c)
 {
     vec4 u = b.uv - a.uv, v = c.uv - a.uv;

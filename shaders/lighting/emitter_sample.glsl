@@ -17,7 +17,7 @@ struct Emitter
     float density;     // of the samples that its cluster gets, m⁻²
     float importance;  // of its cluster
     bool one_sided;
-    float rest;        // what is left of the random number, 0..1
+    float rest;        // unused part of the random number, 0..1
 };
 
 // The sum of all clusters' importances.

@@ -1,4 +1,4 @@
-// Emissive triangles as area lights: how densely light samples are spread over them, as seen from a place, and where they lie.
+// Emissive triangles as area lights: density and positions of next-event samples for a receiver.
 // The tables come from irrsplat/lighting/emitter_table.py. A sample goes to a cluster of triangles by the cluster's power over the
 // square of its distance, and in it by power: luminance times area.
 #include "generated/constants.glsl"

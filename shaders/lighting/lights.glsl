@@ -64,8 +64,8 @@ struct Receiver
     vec3 p;  // world position
     vec3 n;  // unit shading normal, turned to the viewer
     vec3 g;  // unit geometric normal, turned to the viewer
-    float rise;  // FLAT, or CURVED where facets beside this one may stand before its plane without a shadow; records take FLAT, since
-                 // they add up what leaks by it
+    float rise;  // FLAT, or CURVED where neighbouring facets may stand before its plane without a shadow; records take FLAT,
+                 // since they add up what leaks by it
 };
 
 // A receiver in the coordinates of the tile that sees it. Depths are those of a parallel tile, 0..1, or -1/z of a perspective one:
@@ -167,7 +167,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     {
         mat3x4 rows = mat3x4(light_table[row + LIGHT_TILE], light_table[row + LIGHT_TILE + 1], light_table[row + LIGHT_TILE + 2]);
         t.q = vec4(r.p, 1.0) * rows;
-        // the rows are scaled: a plane's normal goes by the inverse transpose
+        // the rows are scaled: the inverse transpose maps a plane's normal
         t.m = vec4(r.g, 0.0) * rows / vec3(cone.w * cone.w, cone.w * cone.w, parallel ? 1.0 / (t.range * t.range) : 1.0);
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
     }
@@ -222,7 +222,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 #endif
 }
 
-// Unshadowed irradiance of light i at the receiver, and cosθ/d² there, m⁻²: the share of a lamp's steradian that meets a square metre.
+// Unshadowed irradiance of light i at the receiver, and cosθ/d², m⁻²: the solid angle from the light of a square metre there.
 vec3 light_irradiance(int i, Receiver r, out float spread)
 {
     int row = i * LIGHT_ROWS;
@@ -251,7 +251,7 @@ vec3 light_irradiance(int i, Receiver r, out float spread)
 #if LIGHTS_WITH_LUMINAIRE
     strength *= luminaire_intensity(i, -l);
 #endif
-    return min(color * cosine * strength, vec3(1e30));  // finite even where a lamp touches a surface
+    return min(color * cosine * strength, vec3(1e30));  // finite even where a light touches a surface
 }
 
 vec3 light_irradiance(int i, Receiver r)

@@ -1,5 +1,5 @@
-// Direct irradiance of lamps at sites of a table, each the mean over a disc of the area that it stands for: a lamp close to a wall
-// lights a spot that lies between the sites.
+// Direct irradiance at sites of a table, each the mean over a disc of the area that it represents: a light close to a wall
+// makes a spot that may lie between sites.
 #include "lighting/lights.glsl"
 #include "lib/normals.glsl"
 

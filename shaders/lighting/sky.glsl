@@ -36,7 +36,7 @@ vec3 sky_along(vec4 direction, SkyFrame frame)
     return sky_radiance(frame * direction.xyz, direction.w / direction.z);
 }
 
-// About the irradiance of a surface of this normal that sees nothing but sky.
+// Approximate irradiance from an unoccluded sky on a surface of this normal.
 vec3 sky_irradiance(vec3 normal)
 {
     return PI * sky_radiance(sky_from_world * normal, 2.0);

@@ -1,7 +1,7 @@
-// How far a record may reach without contradicting other records, as a share of its radii; a fragment is a record.
-// What a record extrapolates to another's place is compared with what was gathered there. The relative difference, taken to grow
-// with the square of the distance, gives the distance at which it comes to `adapt` (after Křivánek et al. 2006, "Making Radiance
-// and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+// Limit of a record's reach by inter-record variance, as a share of its radii; a fragment is a record.
+// The record's extrapolation to another's place is compared with the irradiance gathered there. The relative difference is
+// assumed to grow with the square of the distance. The limit is the distance at which it reaches `adapt` (after Křivánek et al.
+// 2006, "Making Radiance and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
 #include "records/weight.glsl"
 #include "records/record.glsl"
 #include "records/point_grid.glsl"
@@ -13,8 +13,8 @@ uniform bool by_all;        // each is compared with those of higher numbers too
 
 layout(location = 0) out float out_limit;
 
-// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is how far away others are compared, in radii a·R:
-// more than 1, since those beyond the rim tell of it as well: between the two there may be a place that only one of them covers.
+// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is the greatest distance of compared records, in
+// radii a·R: more than 1, since a place between two records may be covered by only one of them.
 // Records whose normals differ by more than the angle of this cosine are not compared.
 const float COMPARABLE_COSINE = 0.7;
 

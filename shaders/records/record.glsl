@@ -18,7 +18,7 @@ struct Ellipse
 
 const float HARDLY = 1e-20;  // so small a share that any other record decides
 
-// Whether the record lies in the dark within a closed mesh, where nobody looks: it serves its own pixel, and says nothing of light.
+// True if the record lies in the dark within a closed mesh, which is invisible: it contributes to its own pixel only.
 bool record_enclosed(ivec2 texel)
 {
 #if GRADIENTS

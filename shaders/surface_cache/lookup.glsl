@@ -15,8 +15,8 @@ struct Look
     vec3 weights;
 };
 
-// 1 for each corner of a cell that is seen from where they have these weights; `item` tells by what lines, see _borders in
-// site_layout.py.
+// 1 for each corner of a cell that is visible from the point with these weights. `item`: the row of surface_cells with the lines
+// that bound visibility, see _borders in site_layout.py.
 vec3 surface_corners_seen(int item, vec3 weights)
 {
     vec4 next = texelFetch(surface_cells, table_texel(item, 2, 0), 0);

@@ -1,4 +1,4 @@
-// What the surface cache says of every pixel.
+// Value of the surface cache at every pixel.
 #include "lib/octahedral.glsl"
 #include "surface_cache/lookup.glsl"
 

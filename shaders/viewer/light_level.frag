@@ -1,7 +1,7 @@
 // Light at the pixels of a lattice over the view: its weighted sum, and whether anything is seen there.
 uniform sampler2D position;  // g-buffer
 uniform sampler2D sums;      // Σ k·E and Σ k
-uniform sampler2D direct;    // irradiance of lamps
+uniform sampler2D direct;    // direct irradiance
 uniform vec3 weights;        // of red, green and blue
 uniform vec2 lattice;        // columns and rows
 

@@ -1,4 +1,4 @@
-// Where the light samples of records end, for Embree to tell which of them see their emitter: a row a record, a texel a sample.
+// Ends of the next-event rays of records, for Embree to trace: a row a record, a texel a sample.
 #include "gather/light_samples/sample.glsl"
 #include "gather/places.glsl"
 

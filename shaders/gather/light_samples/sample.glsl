@@ -1,25 +1,25 @@
-// One of a record's light samples: a point that sends out light, and how the record sees that. With VIRTUAL these are virtual lights
-// (irrsplat/lighting/virtual_lights.py), else points of emitters.
+// Next-event estimation of a record: a sample point and its contribution. With VIRTUAL the points are virtual point lights
+// (irrsplat/lighting/virtual_lights.py), else points on emitters.
 #include "generated/constants.glsl"
 #if VIRTUAL
-uniform sampler2D virtual_places;    // sets of them one above another, a column of three texels each: where it is, and how
-                                     // densely those of its set lie there, m⁻²; its normal, turned to the lamp, and the lamp's number; the
+uniform sampler2D virtual_places;    // sets one above another, a column of three texels each: position, and density of
+                                     // its set there, m⁻²; normal, turned to its light, and number of that light; the
                                      // shares of its triangle's corners, and that triangle's number
 uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² sr)
 #else
 #include "lighting/emitter_sample.glsl"
 #endif
 
-uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and how far
-                           // beside it others look from, metres
+uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and
+                           // the distance of the additional eyes, metres
 
-// A record as light samples take it.
+// A record as the receiver of next-event estimation.
 struct Viewpoint
 {
     mat3 frame;        // tangent, bitangent, normal
     vec3 g;            // geometric normal in that frame
-    vec3 eye;          // where it looks from
-    float step;        // metres, to the eyes beside it
+    vec3 eye;          // origin of its rays
+    float step;        // metres, to the additional eyes
     vec2 shift;        // of its lattice of samples
     float importance;  // of all clusters of emitters
 };

@@ -1,8 +1,7 @@
-// What light samples add to the sums of a block of a record: points that send out light, seen by shadow rays. Each counts by the
-// balance heuristic, so that what rays find of that light by chance (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl)
-// and these together are all of it.
-// Where a record has derivatives, eyes in a circle beside it look at the same points: what each of them sees, and the record does
-// not, tells how shadows move (docs/METHOD.md, 3.8).
+// Next-event estimation: contribution of light sources to the sums of a block of a record, by shadow rays. The balance heuristic
+// weights each sample against ray hits of the same source (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl).
+// For records with derivatives, additional eyes in a circle sample the same points: differences in visibility give the motion of
+// shadows (docs/METHOD.md, 3.8).
 #include "gather/light_samples/sample.glsl"
 #if !SEEN
 #include "lib/rays/bvh.glsl"
@@ -15,8 +14,8 @@ uniform int columns;     // cells per row
 uniform int samples;     // of a record
 uniform vec2 span;       // of these: the first one, and the one after the last
 #if SEEN
-uniform sampler2D seen;  // texel (s, i): whether sample s of record i is seen, bit 0, and from the eyes beside it, the bits from 1 on;
-                         // texel (samples, i): to which of these the way is free
+uniform sampler2D seen;  // texel (s, i): visibility of sample s of record i, bit 0, and from the additional eyes, bits from 1 on;
+                         // texel (samples, i): bits of the additional eyes with a free way from the first
 #endif
 
 layout(location = 0) out vec4 out_sums;
@@ -30,7 +29,7 @@ layout(location = 6) out vec4 out_g_g;
 layout(location = 7) out vec4 out_g_b;
 #endif
 
-// From the eye to eye number k (from 1 on) beside it, in metres; number 0 is the eye itself.
+// Offset of eye number k (from 1 on) from the record's eye, in metres; number 0 is the eye itself.
 vec3 beside(int k, Viewpoint from)
 {
     float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE));
@@ -97,7 +96,7 @@ void main()
         vec3 ddV = vec3(0.0);  // xx, xy, yy
         for (int k = 1; k <= EYES_BESIDE; ++k)
         {
-            // to where nobody can go, it goes on as it comes from the other side
+            // an eye without a free way is extrapolated from the opposite one
             int opposite = (k - 1 + EYES_BESIDE / 2) % EYES_BESIDE + 1;
             float there = float((bits >> k) & 1), other = float((bits >> opposite) & 1);
             float change = ((reached >> k) & 1) > 0 ? there - visible : ((reached >> opposite) & 1) > 0 ? visible - other : 0.0;

@@ -4,8 +4,8 @@
 #include "lib/rays/bvh.glsl"
 #endif
 
-// The nearest hit, where it is known already which triangle a ray hits first; -1: none. The hit is on the triangle, even where
-// rounding has the ray pass beside it. Where that is cut out there, the ray goes through the tree after all.
+// Nearest hit of a ray whose first triangle is known; -1: none. The hit is on the triangle, even if rounding makes the ray miss
+// it. If the triangle is cut out there, the ray traverses the tree.
 Hit known_hit(vec3 o, vec3 d, int triangle)
 {
     if (triangle < 0) return Hit(FARTHEST_HIT, vec3(1.0, 0.0, 0.0), 0);

@@ -11,8 +11,8 @@ uniform int further;      // rays that go on from what a directional light light
 uniform int sets;
 uniform float near;       // metres: nothing nearer casts a shadow
 
-layout(location = 0) out vec4 out_place;   // metres; how far from a point light, of a directional light how far the longest of the further rays goes
-layout(location = 1) out vec4 out_normal;  // geometric, turned to the lamp; the triangle's number
+layout(location = 0) out vec4 out_place;   // metres; distance from a point light, or length of the longest further ray
+layout(location = 1) out vec4 out_normal;  // geometric, turned to the light; the triangle's number
 layout(location = 2) out vec4 out_share;   // of the triangle's corners; cosθ/d², of a directional light cosθ, 0: nothing is lit
 
 void main()

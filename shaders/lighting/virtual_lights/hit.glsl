@@ -1,6 +1,6 @@
-// Of a lamp's light on what rays hit: the share that counts, since virtual lights (irrsplat/lighting/virtual_lights.py) bring the rest.
-uniform vec4 virtual_lights[max(LIGHTS, 1)];  // of each lamp: rays that it sends into a steradian, and the square of how far from it
-                                              // what they hit is a virtual light, m² (0: it has none)
+// Balance-heuristic share of direct light at ray hits; virtual point lights (irrsplat/lighting/virtual_lights.py) add the rest.
+uniform vec4 virtual_lights[max(LIGHTS, 1)];  // of each light: its rays a steradian, and the square of the greatest distance of
+                                              // its virtual point lights, m² (0: it has none)
 #if LIGHTS_PARALLEL
 uniform vec4 virtual_windows[LIGHTS];         // of directional ones, for which x counts to a square metre: middle and half the sides of
                                               // the window through which they are sent, metres in the shadow map's axes

@@ -1,4 +1,4 @@
-// What virtual lights send out: what a lamp brings to the place of each, as that reflects it. A texel each.
+// Radiance of virtual point lights: direct light of their source, reflected. A texel each.
 #include "lighting/lights.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/rays/triangles.glsl"

@@ -1,4 +1,4 @@
-// The pixels that ask for a record in orange, over the picture, which is dim and grey.
+// Pixels that request a record in orange, over the dimmed grey picture.
 #include "viewer/buffers/picture.glsl"
 #include "indirect/effective_weight.glsl"
 

@@ -1,7 +1,7 @@
 // All light that falls on the surface, in false colours on a linear or a logarithmic scale, with lines between its steps.
 #include "viewer/buffers/picture.glsl"
 
-uniform sampler2D direct;       // irradiance of lamps; `values` holds Σ k·E and Σ k of all other light
+uniform sampler2D direct;       // direct irradiance; `values` holds Σ k·E and Σ k of all other light
 uniform vec3 weights;           // of red, green and blue, to the unit of the scale
 uniform float low;              // ends of the scale; 0: it is linear
 uniform float high;

@@ -8,7 +8,7 @@ uniform vec2 scale;          // pixels of the view per pixel of the target
 flat in vec4 v_disc;         // its normal, turned to the eye, and its greater radius in metres
 in vec3 v_position;
 
-// On a curved surface a tangent disc dips into it: so much of its radius may lie behind what is seen.
+// On a curved surface a tangent disc dips into it: share of its radius that may lie behind the visible surface.
 const float DIP = 0.05;
 
 void main()

@@ -1,4 +1,4 @@
-// The pixels that one record speaks for, as splat.frag has them, the more opaque the more it weighs.
+// Pixels that one record contributes to, as in splat.frag, with opacity by weight.
 #include "records/weight.glsl"
 
 uniform sampler2D position;  // g-buffer
