@@ -83,7 +83,7 @@ class Told:
         return Told(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
 
     def doubled(self) -> Told:
-        """The same where the sides of all gathers are doubled."""
+        """Return the estimate for gathers whose sides are doubled."""
         return replace(self, rays=self.rays / _GAIN)
 
     @property

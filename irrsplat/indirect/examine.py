@@ -33,7 +33,7 @@ def tile_side(size: tuple[int, int], pixel_stride: int) -> int:
 
 
 def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
-    """How many tiles there are across such a picture, and up."""
+    """Return the number of tiles of a picture, (across, up)."""
     side = tile_side(size, pixel_stride)
     width, height = (math.ceil(math.ceil(length / pixel_stride) / side) for length in size)
     return width, height
@@ -58,12 +58,12 @@ class Examination:
 
     @property
     def holes(self) -> int:
-        """How many tiles have a pixel that no record speaks for."""
+        """The number of tiles with a pixel that no record covers."""
         return int(np.count_nonzero((self.asking > 0.0) & (self.weight <= 0.0)))
 
     @property
     def missing(self) -> float:
-        """The share of the pixels that see anything which ask for a record, 0..1."""
+        """The under-covered share of the pixels that see a surface, 0..1."""
         return float(self.asking.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
@@ -99,7 +99,7 @@ class ExaminePass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self.programs, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:

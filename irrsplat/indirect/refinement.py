@@ -108,7 +108,7 @@ class Refiner(Owner):
         self._lacking: tuple[int, float] | None = None  # by the level of the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self._splats, *self._reach)
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> Refinement:

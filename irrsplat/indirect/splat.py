@@ -52,7 +52,7 @@ class SplatPass(Owner):
         self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (
             self.numbers,
             *self.programs.values(),

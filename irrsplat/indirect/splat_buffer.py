@@ -53,7 +53,7 @@ class ViewSplats(Owner):
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # of which sums, and all pixels of them
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.splat_pass, self.upsample_pass)
 
     @property
@@ -118,7 +118,7 @@ class ViewSplats(Owner):
         return sums
 
     def at_every_pixel(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """The same sums at every pixel: `splats` itself, or, of every other pixel, upsampled along surfaces."""
+        """Return the sums at every pixel: `splats` itself, or its strided sums upsampled along surfaces."""
         if splats.pixel_stride == 1:
             return splats
         if self._upsampled is None or self._upsampled[0] is not splats:

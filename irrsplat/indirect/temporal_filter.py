@@ -45,7 +45,7 @@ class TemporalFilter(Owner):
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.fill, self.linear, *(target for pair in self.targets.values() for target in pair))
 
     def forget(self) -> None:
@@ -115,7 +115,7 @@ class TemporalFilter(Owner):
         return CHANGING if changed else SHARE
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
-        """Where the next picture's irradiance goes: not over the last one's."""
+        """Return a target for the next picture's irradiance that does not hold the last picture's."""
         made = self.targets.setdefault(size, [])
         for target in made:
             if shown is None or shown.target is not target:

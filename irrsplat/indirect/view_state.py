@@ -45,10 +45,10 @@ class ViewState:
 
     @property
     def ended(self) -> bool:
-        """Whether its rounds have come to their end: nothing was asked for any more, or what still asks cannot be served."""
+        """True if no pixel requests a record any more, or if the remaining requests cannot be met."""
         return self.settled is not None or self.stalled
 
     @property
     def stalled(self) -> bool:
-        """Whether rounds go on without gain in coverage: what still asks cannot be served."""
+        """True if rounds no longer gain coverage: the remaining requests cannot be met."""
         return self.stalled_rounds >= GIVE_UP

@@ -40,7 +40,7 @@ class Frames(Owner):
         self.resting = RestingView(self.stages, self.rounds, scheduler)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.stages, self.moving, self.resting)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
@@ -79,8 +79,8 @@ class Frames(Owner):
         return view, replace(done.progress, fading=view.fading)
 
     def _picture_may_wait(self, camera: Camera) -> bool:
-        """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
-        nothing but new records."""
+        """True if the last picture can stay for another frame: only new records would change it, and drawing takes time from
+        gathering."""
         shown = self.state.shown
         if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
             return False
@@ -125,7 +125,7 @@ class Frames(Owner):
 
     @property
     def can_refine(self) -> bool:
-        """Whether `refine` has anything to do in views by these settings."""
+        """True if these settings allow `refine`."""
         return self.resting.possible(self.state.settings)
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:

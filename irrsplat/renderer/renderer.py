@@ -87,14 +87,14 @@ class Renderer(Tenant):
             self.stages = self._frames.stages
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees; the context is apart."""
+        """Return the resources that `release` frees, without the context."""
         return (self.world, self.cache, self.scheduler, self._frames)
 
     # ---- what it is about ------------------------------------------------------------------------------------------
 
     @property
     def _state(self) -> State:
-        """What it shows, and how far it has come."""
+        """The state of the frames: scene, settings, view and progress."""
         return self._frames.state
 
     @property
@@ -109,7 +109,7 @@ class Renderer(Tenant):
 
     @property
     def preset(self) -> str:
-        """What the settings are called."""
+        """The preset's name."""
         return self._state.preset
 
     @property
@@ -213,7 +213,7 @@ class Renderer(Tenant):
 
     @property
     def can_refine(self) -> bool:
-        """Whether `refine` has anything to do in views by these settings."""
+        """True if these settings allow `refine`."""
         return self._frames.can_refine
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
@@ -385,12 +385,12 @@ class Renderer(Tenant):
         return self._whole.render(wanted).placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
-        """The share of the pixels that see a surface, 0..1, at which `camera` asks for no record; the cache is left as it is."""
+        """The share of the pixels that see a surface, 0..1, at which `camera` requests no record; the cache is left as it is."""
         self._use_whole()
         return self._whole.coverage(self._seen_by(camera))
 
     def stats(self, view: View) -> Statistics:
-        """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
+        """Return the statistics that describe a frame's scene, settings and OpenGL renderer; `converge` adds its counts."""
         return self._whole.described(view.samples, self.stops(view))
 
 

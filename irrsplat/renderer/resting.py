@@ -27,26 +27,26 @@ class RestingView(Owner):
         self._refiner: Refiner | None = None  # the one that it was begun with
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._passes,)
 
     @property
     def begun(self) -> bool:
-        """Whether a view is refined now."""
+        """True while a view is refined."""
         return self._refinement is not None
 
     @property
     def broken(self) -> bool:
-        """Whether its refinement was interrupted, and has to begin anew."""
+        """True if the refinement was interrupted and has to restart."""
         return self._refinement is not None and self._refinement.broken
 
     @staticmethod
     def possible(settings: Settings) -> bool:
-        """Whether there is anything to refine in views by these settings."""
+        """True if views with these settings can be refined."""
         return settings.placement == "tiles" and settings.most_bounces > 0
 
     def rests(self, state: State, camera: Camera) -> bool:
-        """Whether the present view is the one of `camera`, with nothing of it changed, and no record is stale."""
+        """True if the present view is the unchanged view of `camera` and no record is stale."""
         return self.rounds.view_state(state, camera) is state.view and not len(self.scheduler.cache.stale)
 
     def begin(self, state: State, camera: Camera) -> None:
@@ -74,7 +74,7 @@ class RestingView(Owner):
             raise
 
     def shown(self, state: State, camera: Camera) -> Round:
-        """What the refined view leaves for its picture, and how far it has come."""
+        """Return the refined view's round for its picture, with its progress."""
         refined, view, stages = self._refinement, state.view, self.stages
         assert refined is not None
         full = view.full or self.scheduler.room == 0

@@ -46,7 +46,7 @@ class Stages(Owner):
         self._memo = Memo()  # the results of the stages that are drawn whole
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.antialiaser, self._passes)
 
     # ---- what draws ------------------------------------------------------------------------------------------------

@@ -54,7 +54,7 @@ class State:
 
     @property
     def view_subject(self) -> tuple[object, ...]:
-        """What decides which records a view asks for, apart from its camera."""
+        """All inputs except the camera that decide which records a view requests."""
         scene, settings = self.scene, self.settings
         criteria = (
             *settings.of("shadow", "gather", "splat"),
@@ -65,7 +65,7 @@ class State:
         return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
 
     def picture_subject(self, camera: Camera) -> tuple[object, ...]:
-        """All that a picture is made of but the records."""
+        """All inputs of a picture except the records."""
         scene = self.scene
         return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
 

@@ -101,7 +101,7 @@ class SurfaceCache(Owner):
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         passes = self._rays, self._view_pass, self._point_pass
         return (
             *passes,
@@ -118,7 +118,7 @@ class SurfaceCache(Owner):
 
     @property
     def result(self) -> BouncedLight | None:
-        """What lookups find; None before the first values are made."""
+        """The values that lookups read; None before the first values exist."""
         return self._now.light
 
     @property
@@ -143,7 +143,7 @@ class SurfaceCache(Owner):
 
     @property
     def _now(self) -> Held:
-        """What lookups find."""
+        """The values that lookups read."""
         return self._coarse._own if self._coarse is not None and self._stood_in else self._own
 
     @property
@@ -168,12 +168,12 @@ class SurfaceCache(Owner):
 
     @property
     def complete(self) -> bool:
-        """Whether that is what scene and settings ask for."""
+        """True if the values in use are complete for the scene and settings."""
         return self._held.complete
 
     @property
     def progress(self) -> float:
-        """How much of what they ask for is made, 0..1."""
+        """The completed share of the values for the scene and settings, 0..1."""
         if self.complete:
             return 1.0
         records = None if self._laid_out is None else self._laid_out.records
@@ -198,7 +198,7 @@ class SurfaceCache(Owner):
 
     @property
     def sites(self) -> Sites:
-        """Where the values were gathered."""
+        """The sites where the values were gathered."""
         records = self.records
         if records is None:
             nowhere = np.zeros((0, 3), np.float32)
@@ -210,7 +210,7 @@ class SurfaceCache(Owner):
         return (table or self.lookup).uniforms
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
-        """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""
+        """Return the cache's values at every pixel, as from SurfaceViewPass; valid until the next call."""
         if self._viewed is None or self._viewed[0] is not gbuffer or self._viewed[1] is not self.result:
             self._viewed = gbuffer, self.result, self._view_pass(gbuffer, self.uniforms())
         return self._viewed[2]
@@ -339,7 +339,7 @@ class SurfaceCache(Owner):
         return True
 
     def _follow(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Where the scene goes on changing from tick to tick, let the values in use follow it; whether they do."""
+        """Update the values in use while the scene changes from frame to frame; return True if they were updated."""
         changing, follower, held = self._changing, self._follower, self._held
         following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
         self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)

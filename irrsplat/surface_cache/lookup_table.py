@@ -83,7 +83,7 @@ class LaidOut(Owner):
             self.records.invalidate()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.records, self.table)
 
 

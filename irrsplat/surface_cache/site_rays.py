@@ -46,7 +46,7 @@ class SiteRays(Owner):
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._visibility, self._reduce, self._survey_reduce, self._made)
 
     @property

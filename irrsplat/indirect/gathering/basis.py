@@ -55,5 +55,5 @@ class Basis:
 
     @property
     def wants_surface(self) -> bool:
-        """Whether records are lit by a surface cache: for more than one bounce."""
+        """True if a surface cache lights the records: for more than one bounce."""
         return self.settings.most_bounces > 1

@@ -34,7 +34,7 @@ class ChangeProbe(Owner):
         self.records = RecordCache(gather.world.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.gather, self.reduce, self.records)
 
     def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:

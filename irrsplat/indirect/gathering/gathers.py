@@ -27,7 +27,7 @@ class Gathers(Owner):
         self._paces: WeakKeyDictionary[Gather | ChangeProbe, Pace] = WeakKeyDictionary()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._made,)
 
     def clear(self) -> None:
@@ -35,7 +35,7 @@ class Gathers(Owner):
         self._made.clear()
 
     def of(self, basis: Basis) -> Gather:
-        """How a record sees the world; the paper's algorithm gathers one at a time."""
+        """Return the pass that gathers records; the paper's algorithm gathers one record at a time."""
         one = 1 if basis.settings.placement == "scan" else None
         inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
         return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, basis.settings, capacity=one))
