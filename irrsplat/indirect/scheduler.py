@@ -324,7 +324,7 @@ class RecordScheduler(Owner):
         return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.cells)
 
     def restore(self, state: CacheState) -> None:
-        """Go on with the records of a file, in place of those that there are."""
+        """Replace the present records by the records of a file."""
         self.cache.restore(state.records)
         self.adaptation.restore(state.adapted, self.settings)
         self._checked = PlacesChecked(state.checked, self.cache.count)

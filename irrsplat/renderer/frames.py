@@ -136,7 +136,7 @@ class Frames(Owner):
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def go_on(self, state: State) -> None:
-        """Go on with another scene, size or settings, which have been found good."""
+        """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
             self.resting.leave()
         change = self.scheduler.change_to(state.scene)

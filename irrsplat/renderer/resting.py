@@ -50,7 +50,7 @@ class RestingView(Owner):
         return self.rounds.view_state(state, camera) is state.view and not len(self.scheduler.cache.stale)
 
     def begin(self, state: State, camera: Camera) -> None:
-        """Go on with a view that is complete."""
+        """Refine a complete view further."""
         made_of = state.size, state.settings.gradients
         self._refiner = self._passes.get(
             "refiner", made_of, lambda: Refiner(self.stages.ctx, *made_of, self.scheduler, self.stages.timers)

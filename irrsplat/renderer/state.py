@@ -1,4 +1,4 @@
-"""What a renderer shows, and how far it has come: values that are replaced whole from frame to frame."""
+"""A renderer's state and progress: immutable values, replaced from frame to frame."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class State:
         return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
 
     def headlamp_of(self, camera: Camera) -> Headlamp | None:
-        """The lamp at the eye; None where there is none."""
+        """The headlamp; None without a headlamp."""
         return Headlamp(camera.eye, self.headlamp) if self.headlamp else None
 
 

@@ -33,7 +33,7 @@ _TOLD = 1.0  # seconds after which progress is told while a render is refined
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a caller wants of a render, as Renderer.render has it. buffers: None for all."""
+    """A caller's request for a render; see Renderer.render. buffers: None for all."""
 
     camera: Camera
     progress: OnRound | None = None

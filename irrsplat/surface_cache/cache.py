@@ -242,7 +242,7 @@ class SurfaceCache(Owner):
             held = self._held.laid_out
             if held is not None and held.places is not None:
                 held.places = held.places.moved(change)
-        elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
+        elif moved or not np.array_equal(old.unlit, unlit):  # a light entered or left a closed mesh
             self._drop_sites()
         if change.other_sky:  # which sites one value does for depends on whether it is the same all around
             self.transport = self._follower = None

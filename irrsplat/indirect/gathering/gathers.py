@@ -53,15 +53,15 @@ class Gathers(Owner):
         return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings))
 
     def probes(self, basis: Basis) -> ChangeProbe:
-        """A rough look from records, to find out which of them a change concerns."""
+        """Return the pass that probes records with few rays to find the records that a change affects."""
         return self._rough("probes", basis, SIDE, basis.settings.gradients)
 
     def glances(self, basis: Basis, side: int) -> ChangeProbe:
-        """A look along side² rays that tells E alone."""
+        """Return the pass that probes records along side² rays for E alone."""
         return self._rough(f"glances of {side}", basis, side, gradients=False)
 
     def reduction(self, settings: Settings) -> ReducePass:
-        """What turns what records see into what they hold."""
+        """Return the pass that reduces hemisphere samples to records' values."""
         gradients = settings.gradients
         return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
 

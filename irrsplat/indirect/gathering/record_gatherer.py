@@ -75,12 +75,12 @@ class RecordGatherer(Owner):
 
     @property
     def probes(self) -> ChangeProbe:
-        """A rough look from records, to find out which of them a change concerns."""
+        """The pass that probes records with few rays to find the records that a change affects."""
         return self.gathers.probes(self._basis)
 
     @property
     def may_glance(self) -> bool:
-        """Whether `glance` takes far less time than a record: along rays, of which records have many more."""
+        """True if `glance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
         basis = self._basis
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _GLANCES_FROM
 
