@@ -43,7 +43,7 @@ def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
 class Examination:
     """A round's finding, per tile (h, w).
 
-    asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal (h, w, 3): of the worst served
+    asking, seen: counts of pixels that request a record, and that see a surface. position, normal (h, w, 3): of the worst served
     pixel, a site for a record. octahedral (h, w, 2): the coordinates of its geometric normal. triangle, weight (h, w): the number
     of the triangle there, and its Σw.
     """
@@ -90,7 +90,7 @@ class Screen:
 
 
 class ExaminePass(Owner):
-    """Looks for pixels that ask for a record in a view."""
+    """A pass that finds the pixels of a view that request a record."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx

@@ -38,7 +38,7 @@ _REACH = 8.0  # percent of the image height by which the first sites lie apart w
 
 @dataclass(frozen=True)
 class RoundResult:
-    """What came of a look at the splat buffer: how many records were made, and whether all sites of the round are gathered."""
+    """Result of one step on the splat buffer: the number of new records; True if all sites of the round are gathered."""
 
     new: int
     complete: bool
@@ -48,7 +48,7 @@ NOTHING_ASKED = RoundResult(0, True)
 
 
 class RecordScheduler(Owner):
-    """Finds what a view lacks, and fills the `cache` by it: stale records first, then pixels that no record speaks for."""
+    """Scheduler that fills the `cache` for a view: stale records first, then pixels that no record covers."""
 
     def __init__(
         self,

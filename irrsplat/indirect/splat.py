@@ -26,7 +26,7 @@ def batches(numbers: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
-    """What records are added up in: the textures of SplatBuffer, and the depths of the surfaces that they are held against."""
+    """Return the target that sums records: SplatBuffer's textures, and the surfaces' depths that records are compared with."""
     return Target(ctx, size, (4, 2), depth=True)
 
 

@@ -31,7 +31,7 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What the buffer holds: the sums of the first `count` records, drawn for these inputs."""
+    """The buffer's content: the sums of the first `count` records, drawn for these inputs."""
 
     inputs: tuple[object, ...]
     count: int

@@ -1,4 +1,4 @@
-"""Light fades over: what the records say of a place comes in over several pictures, so that nothing jumps while they change."""
+"""Temporal accumulation with reprojection: changes of the records blend in over several pictures and do not jump."""
 
 from __future__ import annotations
 

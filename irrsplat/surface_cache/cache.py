@@ -46,12 +46,12 @@ from irrsplat.surface_cache.view import SurfaceViewPass
 
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
-_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, beside the seed
+_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, in addition to the seed
 
 
 @dataclass(frozen=True)
 class _Basis:
-    """What sites and values depend on. unlit: (F,) as clustering.unlit_interiors has it of the scene."""
+    """The inputs of sites and values. unlit: (F,) from clustering.unlit_interiors."""
 
     scene: Scene
     settings: Settings
@@ -60,8 +60,10 @@ class _Basis:
 
 @dataclass(frozen=True)
 class _Changing:
-    """How the scene changes while ticks go on. now: whether it has changed since the last tick. moved: whether meshes have, and
-    the sites are still those from before; rested: for so many ticks nothing has changed since."""
+    """The scene's changes from frame to frame.
+
+    now: True if the scene has changed since the last frame. moved: True if meshes have moved and the sites are still the former
+    ones. rested: frames without a change since then."""
 
     now: bool = False
     moved: bool = False
