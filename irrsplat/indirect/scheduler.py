@@ -1,4 +1,4 @@
-"""Where records are made, and when: rounds of examination and gathering, as far as a tick's time goes."""
+"""Scheduling of records: rounds of examination and gathering within the frame budget."""
 
 from __future__ import annotations
 
@@ -261,7 +261,7 @@ class RecordScheduler(Owner):
 
     def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
-        # while some are stale, records contradict each other for that alone
+        # stale records raise the inter-record variance by themselves
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
@@ -270,7 +270,7 @@ class RecordScheduler(Owner):
             asking, step = int(np.count_nonzero(found.asking)) * screen.pixel_stride**2, state.step
             board = chessboard(step, reach, asking)
             tiles = choose(found.asking, board, settings.seed + step)
-            while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
+            while asking and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
                 step += 1
                 board = chessboard(step, reach, asking)
                 tiles = choose(found.asking, board, settings.seed + step)

@@ -47,7 +47,7 @@ class SplatPass(Owner):
         }
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
         self.target = splat_target(ctx, size)
-        self.small: Target | None = None  # made when it is first wanted
+        self.small: Target | None = None  # made at first use
         self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"TILE": TILE})
         self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 

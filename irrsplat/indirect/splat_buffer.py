@@ -48,7 +48,7 @@ class ViewSplats(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
         self.ctx, self.size, self.timers = ctx, size, timers
         self.splat_pass = SplatPass(ctx, size, gradients)
-        self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with every pixel splatted
+        self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # of which sums, and all pixels of them
 

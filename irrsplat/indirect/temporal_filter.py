@@ -41,7 +41,7 @@ class TemporalFilter(Owner):
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
-        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made when they are first wanted
+        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made at first use
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -58,7 +58,7 @@ class TemporalFilter(Owner):
             self._shown = replace(self._shown, dimming=tuple((np.array(self._shown.dimming) * factor).tolist()))
 
     def left(self, subject: object) -> int:
-        """How many more pictures follow the next one until they are what the records say. subject: all that they depend on."""
+        """Return the number of pictures after the next one until accumulation has converged. subject: all their inputs."""
         shown = self._shown
         if shown is None:
             return 0

@@ -164,7 +164,7 @@ class Frames(Owner):
         self.state = replace(self.state, view=ViewState())
 
     def free_buffers(self) -> None:
-        """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
+        """Free the buffers of the last view except image and alpha; the next use makes them again."""
         self.stages.free_buffers()
         self.moving.stages.free_buffers()
         self.resting.free()

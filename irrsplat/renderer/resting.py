@@ -84,7 +84,7 @@ class RestingView(Owner):
         return Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
 
     def free(self) -> None:
-        """Free what refines, to be made again when it is wanted; no view is refined now."""
+        """Free the passes of refinement, which are rebuilt at the next use; no view is refined now."""
         self._passes.drop("refiner")
 
     def leave(self) -> None:

@@ -205,7 +205,7 @@ class Stages(Owner):
             self._passes.drop("splats")
 
     def free_buffers(self) -> None:
-        """Free all that a view is made of but its image and alpha, to be made again when it is wanted."""
+        """Free the buffers of a view except image and alpha; the next use makes them again."""
         self._memo.forget(but=("shadows",))
         for name in ("gbuffer", "splats", "direct", "direct irradiance", "emitters", "temporal"):
             self._passes.drop(name)

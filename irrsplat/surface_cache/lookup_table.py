@@ -89,9 +89,9 @@ class LaidOut(Owner):
 
 @dataclass(frozen=True)
 class Held:
-    """What lookups find: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
+    """The data of lookups: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
 
-    complete: whether they are what scene and settings ask for.
+    complete: whether they match scene and settings.
     """
 
     table: LookupTable

@@ -51,7 +51,7 @@ class SiteRays(Owner):
 
     @property
     def _embree(self) -> bool:
-        """Whether Embree traces its rays."""
+        """True if Embree traces the sites' rays."""
         return ray_kind(self.ctx, self.settings) == "embree"
 
     def gather_for(self, sites: int, quick: bool = False) -> TraceGather:

@@ -1,4 +1,4 @@
-"""What records are gathered with: gathers along many and few rays, rough looks, and the reduction; made when first used."""
+"""The passes that gather records: gathers along many and few rays, probes, and the reduction; built at first use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from irrsplat.settings import SETTINGS, Settings
 
 
 class Gathers(Owner):
-    """Those of a `world`, each made anew when what it depends on has changed."""
+    """Lazily built gather passes of a scene; a pass is rebuilt when its inputs change."""
 
     def __init__(self, world: World) -> None:
         self.ctx, self.world = world.ctx, world
@@ -89,5 +89,5 @@ class Gathers(Owner):
         return self._made.get(name, way, make)
 
     def _emitters(self, settings: Settings) -> bool:
-        """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
+        """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
         return settings.light_samples > 0 and emitter_table(self.world) is not None

@@ -57,7 +57,7 @@ class RecordGatherer(Owner):
         return (self.gathers, self._made)
 
     def free_passes(self) -> None:
-        """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
+        """Free the gather passes, which are rebuilt at the next use; the surface cache stays."""
         self.atlas = None
         self.gathers.clear()
 
@@ -95,7 +95,7 @@ class RecordGatherer(Owner):
 
     @property
     def surface(self) -> SurfaceCache | None:
-        """The surface cache, made when more than one bounce is wanted; None before. It stays when fewer are."""
+        """The surface cache, made when more than one bounce is requested; None before. It stays when fewer are requested."""
         if self._basis.wants_surface:
             detail = detail_for(self.settings)
             return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
