@@ -1,8 +1,8 @@
-"""How far off a picture is, as tests tell: at pixels drawn at random, gathers of their own say what is true.
+"""Error estimate of a picture by reference gathers at pixels drawn at random.
 
-No model of the error is needed, only that pixels of much doubt are drawn more often (importance sampling). Each test looks as
-finely as the records around; a part of them looks again with four times as many rays, which tells how much of the difference was
-the tests' own, and whether records need more rays.
+The estimate needs no model of the error: importance sampling draws pixels of large estimated variance more often. Each test
+gathers as many rays as the records around it. A part of the tests is gathered again with four times as many rays: the
+difference separates the tests' own noise, and shows whether records need more rays.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.paper_scan import Seen
 
-CHECKS = 384  # pixels that tell how far off a picture is
+CHECKS = 384  # pixels under test for the error estimate
 _AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
 _KEPT = 0.5  # of what earlier steps' tests told counts on
 _FAIR = 0.5  # share of the pixels' probability that is the same for all
 _LEAST = 0.4  # of what the picture differs from tests: its squared error is no less, as one test in a dark place may outweigh all
-_BLUR = 0.005  # of the image's height: over how far contradictions are averaged
+_BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
 _GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
 
 
 def blur_of(height: int) -> float:
-    """Over how far contradictions are averaged in an image of this height, both in pixels."""
+    """Return the radius over which inter-record variance is averaged in an image of this height, both in pixels."""
     return max(_BLUR * height, 1.0)
 
 
@@ -52,15 +52,15 @@ class Check:
 
     @property
     def again(self) -> np.ndarray:
-        """The numbers among the tests (K,) of those that are gathered again."""
+        """The indices (K,) of the tests that are gathered again."""
         return np.arange(0, len(self.sites), _AGAIN)
 
 
 @dataclass(frozen=True)
 class Told:
-    """What tests told, in sums over them in which earlier steps count less.
+    """Sums of the tests' results, in which earlier steps have less weight.
 
-    errors, count: of squared differences between the picture and what records say, over the doubt that the pixels were drawn by,
+    errors, count: of squared differences between picture and records, over the doubt that the pixels were drawn by,
     and how many. Of those gathered again, excess, rays, count_again: how much less these are against four times as many rays, the
     squared difference that these make, over the same, and how many.
     """
@@ -83,7 +83,7 @@ class Told:
         return Told(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
 
     def doubled(self) -> Told:
-        """The same where the sides of all gathers are doubled."""
+        """Return the estimate for gathers whose sides are doubled."""
         return replace(self, rays=self.rays / _GAIN)
 
     @property

@@ -33,7 +33,7 @@ def tile_side(size: tuple[int, int], pixel_stride: int) -> int:
 
 
 def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
-    """How many tiles there are across such a picture, and up."""
+    """Return the number of tiles of a picture, (across, up)."""
     side = tile_side(size, pixel_stride)
     width, height = (math.ceil(math.ceil(length / pixel_stride) / side) for length in size)
     return width, height
@@ -43,7 +43,7 @@ def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
 class Examination:
     """A round's finding, per tile (h, w).
 
-    asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal (h, w, 3): of the worst served
+    asking, seen: counts of pixels that request a record, and that see a surface. position, normal (h, w, 3): of the worst served
     pixel, a site for a record. octahedral (h, w, 2): the coordinates of its geometric normal. triangle, weight (h, w): the number
     of the triangle there, and its Σw.
     """
@@ -58,12 +58,12 @@ class Examination:
 
     @property
     def holes(self) -> int:
-        """How many tiles have a pixel that no record speaks for."""
+        """The number of tiles with a pixel that no record covers."""
         return int(np.count_nonzero((self.asking > 0.0) & (self.weight <= 0.0)))
 
     @property
     def missing(self) -> float:
-        """The share of the pixels that see anything which ask for a record, 0..1."""
+        """The under-covered share of the pixels that see a surface, 0..1."""
         return float(self.asking.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
@@ -90,7 +90,7 @@ class Screen:
 
 
 class ExaminePass(Owner):
-    """Looks for pixels that ask for a record in a view."""
+    """A pass that finds the pixels of a view that request a record."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -99,7 +99,7 @@ class ExaminePass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self.programs, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:

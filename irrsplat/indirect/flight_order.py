@@ -1,4 +1,4 @@
-"""In which order sites are gathered while the camera moves: first those that the flight goes on to see."""
+"""Order of gathering while the camera moves: first the sites that stay in view."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _AIM = 3.0  # times less than the present error is what a step aims at, unless t
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """How far each pixel is refined. values: (H, W) level, top row first. camera: of the view."""
+    """The refinement level of each pixel. values: (H, W) level, top row first. camera: of the view."""
 
     values: np.ndarray
     camera: Camera
@@ -55,7 +55,7 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """What the cache goes back to when the view no longer rests: how many records, and how far they reached."""
+    """The state that the cache returns to after progressive refinement: the number of records and their reach."""
 
     count: int
     limits: np.ndarray
@@ -108,7 +108,7 @@ class Refiner(Owner):
         self._lacking: tuple[int, float] | None = None  # by the level of the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (*self._splats, *self._reach)
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> Refinement:

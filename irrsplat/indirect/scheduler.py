@@ -1,4 +1,4 @@
-"""Where records are made, and when: rounds of examination and gathering, as far as a tick's time goes."""
+"""Scheduling of records: rounds of examination and gathering within the frame budget."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _REACH = 8.0  # percent of the image height by which the first sites lie apart w
 
 @dataclass(frozen=True)
 class RoundResult:
-    """What came of a look at the splat buffer: how many records were made, and whether all sites of the round are gathered."""
+    """Result of one step on the splat buffer: the number of new records; True if all sites of the round are gathered."""
 
     new: int
     complete: bool
@@ -48,7 +48,7 @@ NOTHING_ASKED = RoundResult(0, True)
 
 
 class RecordScheduler(Owner):
-    """Finds what a view lacks, and fills the `cache` by it: stale records first, then pixels that no record speaks for."""
+    """Scheduler that fills the `cache` for a view: stale records first, then pixels that no record covers."""
 
     def __init__(
         self,
@@ -65,12 +65,12 @@ class RecordScheduler(Owner):
         self._checked = PlacesChecked()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.gatherer, self.adaptation, self._passes)
 
     @property
     def settings(self) -> Settings:
-        """Those by which records are gathered now."""
+        """The settings by which records are gathered now."""
         return self.gatherer.settings
 
     @property
@@ -82,7 +82,7 @@ class RecordScheduler(Owner):
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change_to(self, scene: Scene) -> SceneChange:
-        """What is different in another state of the scene from the one that records are gathered by now."""
+        """Return how `scene` differs from the scene by which records are gathered now."""
         return self.gatherer.change_to(scene)
 
     def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
@@ -242,7 +242,7 @@ class RecordScheduler(Owner):
         return replace(state, check=None, checked=True, queue=sites or None, near=False, stalled_rounds=0)
 
     def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
-        """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""
+        """Evict records to make room for new records where eviction is allowed; return the free number of records."""
         numbers = kept(self.cache, wanted, camera, size, self.settings)
         if numbers is not None:
             self.cache.keep_only(numbers)
@@ -252,16 +252,16 @@ class RecordScheduler(Owner):
 
     @property
     def room(self) -> int:
-        """How many more records there may be as it is."""
+        """The free number of records without eviction."""
         return max(self.settings.max_records - self.cache.count, 0)
 
     def examined(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
-        """What the examination finds; part: of the picture, which these are of, where it is not the whole."""
+        """Return the examination of a picture, or of the `part` that the buffers hold."""
         return self._passes.get("examine", (), lambda: ExaminePass(self.ctx))(gbuffer, splats, settings, part)
 
     def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
-        # while some are stale, records contradict each other for that alone
+        # stale records raise the inter-record variance by themselves
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
@@ -270,7 +270,7 @@ class RecordScheduler(Owner):
             asking, step = int(np.count_nonzero(found.asking)) * screen.pixel_stride**2, state.step
             board = chessboard(step, reach, asking)
             tiles = choose(found.asking, board, settings.seed + step)
-            while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
+            while asking and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
                 step += 1
                 board = chessboard(step, reach, asking)
                 tiles = choose(found.asking, board, settings.seed + step)
@@ -311,7 +311,7 @@ class RecordScheduler(Owner):
         return self.renewal.coverage_pass(self.cache.records, gbuffer, camera, self.settings)
 
     def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
-        """How many records lie in the pyramid of a view of `size` (width, height), hidden ones too."""
+        """Return the number of records in the frustum of a view of `size` (width, height), hidden records included."""
         return int(np.count_nonzero(within(self.cache.positions, camera, size)))
 
     def state(self) -> CacheState:
@@ -324,7 +324,7 @@ class RecordScheduler(Owner):
         return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.cells)
 
     def restore(self, state: CacheState) -> None:
-        """Go on with the records of a file, in place of those that there are."""
+        """Replace the present records by the records of a file."""
         self.cache.restore(state.records)
         self.adaptation.restore(state.adapted, self.settings)
         self._checked = PlacesChecked(state.checked, self.cache.count)
@@ -332,6 +332,6 @@ class RecordScheduler(Owner):
 
 
 def _asked_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:
-    """The same sites, asked for by a view of `size` (width, height) from `camera`."""
+    """Return `sites` as requested by a view of `size` (width, height) from `camera`."""
     distance = np.linalg.norm(sites.position - np.asarray(camera.eye, "f4"), axis=1)
     return replace(sites, screen=camera.measure(size) * distance)

@@ -1,4 +1,4 @@
-"""Which of the tiles that need a record get one in this round: coarse to fine, on a chessboard."""
+"""Selection of the tiles that get a record in this round: coarse to fine, on a chessboard."""
 
 from __future__ import annotations
 

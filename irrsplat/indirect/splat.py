@@ -26,7 +26,7 @@ def batches(numbers: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
-    """What records are added up in: the textures of SplatBuffer, and the depths of the surfaces that they are held against."""
+    """Return the target that sums records: SplatBuffer's textures, and the surfaces' depths that records are compared with."""
     return Target(ctx, size, (4, 2), depth=True)
 
 
@@ -47,12 +47,12 @@ class SplatPass(Owner):
         }
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
         self.target = splat_target(ctx, size)
-        self.small: Target | None = None  # made when it is first wanted
+        self.small: Target | None = None  # made at first use
         self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"TILE": TILE})
         self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (
             self.numbers,
             *self.programs.values(),

@@ -31,7 +31,7 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """What the buffer holds: the sums of the first `count` records, drawn for these inputs."""
+    """The buffer's content: the sums of the first `count` records, drawn for these inputs."""
 
     inputs: tuple[object, ...]
     count: int
@@ -48,12 +48,12 @@ class ViewSplats(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
         self.ctx, self.size, self.timers = ctx, size, timers
         self.splat_pass = SplatPass(ctx, size, gradients)
-        self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with every pixel splatted
+        self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # of which sums, and all pixels of them
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.splat_pass, self.upsample_pass)
 
     @property
@@ -118,7 +118,7 @@ class ViewSplats(Owner):
         return sums
 
     def at_every_pixel(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """The same sums at every pixel: `splats` itself, or, of every other pixel, upsampled along surfaces."""
+        """Return the sums at every pixel: `splats` itself, or its strided sums upsampled along surfaces."""
         if splats.pixel_stride == 1:
             return splats
         if self._upsampled is None or self._upsampled[0] is not splats:

@@ -1,4 +1,4 @@
-"""Light fades over: what the records say of a place comes in over several pictures, so that nothing jumps while they change."""
+"""Temporal accumulation with reprojection: changes of the records blend in over several pictures and do not jump."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class TemporalFilter(Owner):
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
-        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made when they are first wanted
+        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made at first use
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.fill, self.linear, *(target for pair in self.targets.values() for target in pair))
 
     def forget(self) -> None:
@@ -58,7 +58,7 @@ class TemporalFilter(Owner):
             self._shown = replace(self._shown, dimming=tuple((np.array(self._shown.dimming) * factor).tolist()))
 
     def left(self, subject: object) -> int:
-        """How many more pictures follow the next one until they are what the records say. subject: all that they depend on."""
+        """Return the number of pictures after the next one until accumulation has converged. subject: all their inputs."""
         shown = self._shown
         if shown is None:
             return 0
@@ -115,7 +115,7 @@ class TemporalFilter(Owner):
         return CHANGING if changed else SHARE
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
-        """Where the next picture's irradiance goes: not over the last one's."""
+        """Return a target for the next picture's irradiance that does not hold the last picture's."""
         made = self.targets.setdefault(size, [])
         for target in made:
             if shown is None or shown.target is not target:

@@ -1,4 +1,4 @@
-"""How far one view has come: one value, replaced whole, that begins anew with another camera, size, scene or criterion."""
+"""One view's progress: an immutable value that restarts with another camera, size, scene or criterion."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from irrsplat.gather.spot_check import SpotCheck
 from irrsplat.indirect import paper_scan
 from irrsplat.scene.model import Camera
 
-GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view asks for no more
+GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
 
 
 @dataclass(frozen=True)
 class ViewState:
-    """One view's progress; `camera` and `subject` say which view, by all that decides what it asks for."""
+    """One view's progress; `camera` and `subject` identify the view by all inputs of its requests."""
 
     camera: Camera | None = None
     subject: tuple[object, ...] = ()
@@ -22,22 +22,22 @@ class ViewState:
 
     # over all rounds
     rounds: int = 0  # complete ones
-    coverage: float = 0.0  # share of the seen pixels that asked for nothing when the present round began, 0..1
+    coverage: float = 0.0  # covered share of the seen pixels when the present round began, 0..1
     stalled_rounds: int = 0  # in a row, without gain in coverage and without fewer holes
-    limited: bool = False  # whether the old records have been held against each other for this view
+    limited: bool = False  # True once the old records have been compared with each other for this view
     check: SpotCheck | None = None  # how far the spot check has come
-    checked: bool = False  # whether it is done, and records are wanted where it found the others wrong
+    checked: bool = False  # True once it is done and has requested records where the others were wrong
     crowded: bool = False  # whether many tiles asked when the last complete round began
     closing: bool = False  # whether what waits until hardly any tile asks is due: the spot check, the reach of old records
-    settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
+    settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which no record was requested
     looked_at: tuple[object, tuple[object, ...]] | None = None  # the sums and criteria of `coverage`, while nothing is gathered
 
     # the present round
     queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
     near: bool = False  # whether they lie as close together as sites may: their records serve only what is near
-    missing: float = 0.0  # share of the seen pixels that asked when it began
-    asking: int = 0  # tiles that asked when it began
-    holes: int = 0  # tiles with a pixel that no record spoke for when it began
+    missing: float = 0.0  # under-covered share of the seen pixels when it began
+    asking: int = 0  # tiles that requested a record when it began
+    holes: int = 0  # tiles with a pixel that no record covered when it began
     holes_before: int = 0  # when the round before it began
     step: int = 0  # of the site selection, coarse to fine
     full: bool = False  # whether the view needs more records than there may be
@@ -45,10 +45,10 @@ class ViewState:
 
     @property
     def ended(self) -> bool:
-        """Whether its rounds have come to their end: nothing was asked for any more, or what still asks cannot be served."""
+        """True if no pixel requests a record any more, or if the remaining requests cannot be met."""
         return self.settled is not None or self.stalled
 
     @property
     def stalled(self) -> bool:
-        """Whether rounds go on without gain in coverage: what still asks cannot be served."""
+        """True if rounds no longer gain coverage: the remaining requests cannot be met."""
         return self.stalled_rounds >= GIVE_UP

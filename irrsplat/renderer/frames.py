@@ -40,7 +40,7 @@ class Frames(Owner):
         self.resting = RestingView(self.stages, self.rounds, scheduler)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.stages, self.moving, self.resting)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
@@ -79,8 +79,8 @@ class Frames(Owner):
         return view, replace(done.progress, fading=view.fading)
 
     def _picture_may_wait(self, camera: Camera) -> bool:
-        """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
-        nothing but new records."""
+        """True if the last picture can stay for another frame: only new records would change it, and drawing takes time from
+        gathering."""
         shown = self.state.shown
         if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
             return False
@@ -125,7 +125,7 @@ class Frames(Owner):
 
     @property
     def can_refine(self) -> bool:
-        """Whether `refine` has anything to do in views by these settings."""
+        """True if these settings allow `refine`."""
         return self.resting.possible(self.state.settings)
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
@@ -136,7 +136,7 @@ class Frames(Owner):
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def go_on(self, state: State) -> None:
-        """Go on with another scene, size or settings, which have been found good."""
+        """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
             self.resting.leave()
         change = self.scheduler.change_to(state.scene)
@@ -164,7 +164,7 @@ class Frames(Owner):
         self.state = replace(self.state, view=ViewState())
 
     def free_buffers(self) -> None:
-        """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
+        """Free the buffers of the last view except image and alpha; the next use makes them again."""
         self.stages.free_buffers()
         self.moving.stages.free_buffers()
         self.resting.free()

@@ -18,7 +18,7 @@ from irrsplat.scene.model import Scene
 
 
 class Holder(Protocol):
-    """What of a Renderer it takes to carry records over."""
+    """The parts of a Renderer that are required to carry records over."""
 
     scheduler: RecordScheduler
 

@@ -1,4 +1,4 @@
-"""What callers of the library hold: frames, whole renders, and what changes between them; in world space, of any OpenGL context.
+"""The library's renderer: frames, whole renders and scene changes, in world space and any OpenGL context.
 
 Read `Frames.frame` (frames.py) for what a frame is, and `WholeRenders.render` (whole_renders.py) for what a render is.
 """
@@ -87,14 +87,14 @@ class Renderer(Tenant):
             self.stages = self._frames.stages
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees; the context is apart."""
+        """Return the resources that `release` frees, without the context."""
         return (self.world, self.cache, self.scheduler, self._frames)
 
     # ---- what it is about ------------------------------------------------------------------------------------------
 
     @property
     def _state(self) -> State:
-        """What it shows, and how far it has come."""
+        """The state of the frames: scene, settings, view and progress."""
         return self._frames.state
 
     @property
@@ -109,7 +109,7 @@ class Renderer(Tenant):
 
     @property
     def preset(self) -> str:
-        """What the settings are called."""
+        """The preset's name."""
         return self._state.preset
 
     @property
@@ -129,7 +129,7 @@ class Renderer(Tenant):
 
     @property
     def headlamp(self) -> float:
-        """The radiant intensity of the lamp at the eye, W/sr; 0: there is none."""
+        """The radiant intensity of the headlamp, W/sr; 0: no headlamp."""
         return self._state.headlamp
 
     @property
@@ -155,11 +155,11 @@ class Renderer(Tenant):
         return self.stages.draw_shadows(self._state)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
-        """What `camera` sees."""
+        """Return the g-buffer of `camera`."""
         return self.stages.draw_gbuffer(self._state, camera)
 
     def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
-        """(H, W, 3) W/m², top row first: the irradiance of the scene's lamps at pixels' centres, without the headlamp, whatever
+        """(H, W, 3) W/m², top row first: the scene's direct irradiance at pixels' centres, without the headlamp, whatever
         the surface reflects; 0 where none is seen. camera: as for `render`."""
         self._use_whole()
         seen = self._seen_by(camera)
@@ -167,7 +167,7 @@ class Renderer(Tenant):
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
-        """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
+        """The scene's direct irradiance at every pixel of the present `view`, W/m², without the headlamp: a texture."""
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
 
     def _use_whole(self) -> None:
@@ -213,7 +213,7 @@ class Renderer(Tenant):
 
     @property
     def can_refine(self) -> bool:
-        """Whether `refine` has anything to do in views by these settings."""
+        """True if these settings allow `refine`."""
         return self._frames.can_refine
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
@@ -293,7 +293,7 @@ class Renderer(Tenant):
         self._go_on(replace(self._state, size=gl_limits.checked(size)))
 
     def _go_on(self, state: State) -> None:
-        """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
+        """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
         self._frames.go_on(self._tiling.checked(state, self.ctx, again=state.size != self.size))
 
@@ -385,12 +385,12 @@ class Renderer(Tenant):
         return self._whole.render(wanted).placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
-        """The share of the pixels that see a surface, 0..1, at which `camera` asks for no record; the cache is left as it is."""
+        """The share of the pixels that see a surface, 0..1, at which `camera` requests no record; the cache is left as it is."""
         self._use_whole()
         return self._whole.coverage(self._seen_by(camera))
 
     def stats(self, view: View) -> Statistics:
-        """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
+        """Return the statistics that describe a frame's scene, settings and OpenGL renderer; `converge` adds its counts."""
         return self._whole.described(view.samples, self.stops(view))
 
 

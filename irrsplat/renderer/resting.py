@@ -27,30 +27,30 @@ class RestingView(Owner):
         self._refiner: Refiner | None = None  # the one that it was begun with
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._passes,)
 
     @property
     def begun(self) -> bool:
-        """Whether a view is refined now."""
+        """True while a view is refined."""
         return self._refinement is not None
 
     @property
     def broken(self) -> bool:
-        """Whether its refinement was interrupted, and has to begin anew."""
+        """True if the refinement was interrupted and has to restart."""
         return self._refinement is not None and self._refinement.broken
 
     @staticmethod
     def possible(settings: Settings) -> bool:
-        """Whether there is anything to refine in views by these settings."""
+        """True if views with these settings can be refined."""
         return settings.placement == "tiles" and settings.most_bounces > 0
 
     def rests(self, state: State, camera: Camera) -> bool:
-        """Whether the present view is the one of `camera`, with nothing of it changed, and no record is stale."""
+        """True if the present view is the unchanged view of `camera` and no record is stale."""
         return self.rounds.view_state(state, camera) is state.view and not len(self.scheduler.cache.stale)
 
     def begin(self, state: State, camera: Camera) -> None:
-        """Go on with a view that is complete."""
+        """Refine a complete view further."""
         made_of = state.size, state.settings.gradients
         self._refiner = self._passes.get(
             "refiner", made_of, lambda: Refiner(self.stages.ctx, *made_of, self.scheduler, self.stages.timers)
@@ -74,7 +74,7 @@ class RestingView(Owner):
             raise
 
     def shown(self, state: State, camera: Camera) -> Round:
-        """What the refined view leaves for its picture, and how far it has come."""
+        """Return the refined view's round for its picture, with its progress."""
         refined, view, stages = self._refinement, state.view, self.stages
         assert refined is not None
         full = view.full or self.scheduler.room == 0
@@ -84,7 +84,7 @@ class RestingView(Owner):
         return Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
 
     def free(self) -> None:
-        """Free what refines, to be made again when it is wanted; no view is refined now."""
+        """Free the passes of refinement, which are rebuilt at the next use; no view is refined now."""
         self._passes.drop("refiner")
 
     def leave(self) -> None:

@@ -46,7 +46,7 @@ class Stages(Owner):
         self._memo = Memo()  # the results of the stages that are drawn whole
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.antialiaser, self._passes)
 
     # ---- what draws ------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class Stages(Owner):
         return self._memo.current("shadows", ShadowMaps) if current else None
 
     def draw_gbuffer(self, state: State, camera: Camera) -> GBuffer:
-        """What `camera` sees: by the camera, the meshes, the size and the textures."""
+        """Return the g-buffer of `camera`; it depends on the camera, the meshes, the size and the textures."""
 
         def draw() -> GBuffer:
             with self.timers("gbuffer"):
@@ -127,7 +127,7 @@ class Stages(Owner):
         return self._memo.current("picture", View)
 
     def lamp_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
-        """The irradiance of the scene's lamps at every pixel of a g-buffer, W/m², without the headlamp."""
+        """Return the direct irradiance by the scene's lights at every pixel of a g-buffer, W/m², without the headlamp."""
         size, shadows = gbuffer.position.size, self.draw_shadows(state)
         kinds, world = {**light_defines(state.scene), **self.world.material_defines}, self._casting(state)
         lamps = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
@@ -205,7 +205,7 @@ class Stages(Owner):
             self._passes.drop("splats")
 
     def free_buffers(self) -> None:
-        """Free all that a view is made of but its image and alpha, to be made again when it is wanted."""
+        """Free the buffers of a view except image and alpha; the next use makes them again."""
         self._memo.forget(but=("shadows",))
         for name in ("gbuffer", "splats", "direct", "direct irradiance", "emitters", "temporal"):
             self._passes.drop(name)

@@ -1,4 +1,4 @@
-"""What a renderer shows, and how far it has come: values that are replaced whole from frame to frame."""
+"""A renderer's state and progress: immutable values, replaced from frame to frame."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class State:
 
     @property
     def view_subject(self) -> tuple[object, ...]:
-        """What decides which records a view asks for, apart from its camera."""
+        """All inputs except the camera that decide which records a view requests."""
         scene, settings = self.scene, self.settings
         criteria = (
             *settings.of("shadow", "gather", "splat"),
@@ -65,12 +65,12 @@ class State:
         return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
 
     def picture_subject(self, camera: Camera) -> tuple[object, ...]:
-        """All that a picture is made of but the records."""
+        """All inputs of a picture except the records."""
         scene = self.scene
         return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
 
     def headlamp_of(self, camera: Camera) -> Headlamp | None:
-        """The lamp at the eye; None where there is none."""
+        """The headlamp; None without a headlamp."""
         return Headlamp(camera.eye, self.headlamp) if self.headlamp else None
 
 

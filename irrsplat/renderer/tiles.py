@@ -32,7 +32,7 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class _Looked:
-    """What the examination of a tile has found, by so many records."""
+    """A tile's examination and the number of records that it used."""
 
     count: int
     found: Examination
@@ -58,7 +58,7 @@ class TileScreens:
         )
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
-        """What the examination finds in all tiles. A tile that no new record reaches is as it was."""
+        """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
         inputs = camera, state.view_subject, state.tile, stride, settings, self.cache.revision
         if self._looked_by != inputs:
             self._looked, self._looked_by = {}, None
@@ -82,7 +82,7 @@ class TileScreens:
     def _look(
         self, state: State, camera: Camera, part: Part, stride: int, settings: Settings, tile: tuple[int, int]
     ) -> Examination:
-        """What the examination finds in a part."""
+        """Return the examination of one part of the picture."""
         before, cache = self._looked.get(tile), self.cache
         count = cache.count if settings.most_bounces > 0 else 0
         if before is not None and not len(reaching(cache, before.count, camera, part.size, settings)):
@@ -196,7 +196,7 @@ class TiledPictures:
 
 
 def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:
-    """Where squares of `step` begin that cover `size` (width, height), row by row."""
+    """Yield the corners of squares of `step` that cover `size` (width, height), row by row."""
     width, height = size
     return ((x, y) for y in range(0, height, step[1]) for x in range(0, width, step[0]))
 

@@ -1,4 +1,4 @@
-"""Whether a picture is drawn in tiles: as a caller says, or where memory or OpenGL's largest texture leave no other way."""
+"""Choice of tiled drawing: by the caller, or where memory or OpenGL's texture limit requires tiles."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Tiling:
         return state
 
     def notices(self, state: State) -> tuple[str, ...]:
-        """What a user is told where a picture is drawn in tiles without having been asked for."""
+        """Return the notice for the user if a picture is tiled without a request."""
         if self._wanted is not None or not state.tile:
             return ()
         width, height = state.size
@@ -60,7 +60,7 @@ def check_whole(state: State) -> None:
 
 
 def check_tiled(state: State, figures: bool) -> None:
-    """Raises InputError where a picture in tiles cannot be what is asked for."""
+    """Raise InputError if a tiled picture cannot meet the request."""
     settings = state.settings
     asked = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
     if not_there := [name for name, wanted in asked.items() if wanted]:

@@ -33,7 +33,7 @@ _TOLD = 1.0  # seconds after which progress is told while a render is refined
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a caller wants of a render, as Renderer.render has it. buffers: None for all."""
+    """A caller's request for a render; see Renderer.render. buffers: None for all."""
 
     camera: Camera
     progress: OnRound | None = None
@@ -49,7 +49,7 @@ class Wanted:
 
     @property
     def picture_alone(self) -> bool:
-        """Whether nothing but image and alpha is wanted."""
+        """True if only image and alpha are requested."""
         return self.buffers is not None and not self.figures and gl_limits.PICTURE.issuperset(self.buffers)
 
 
@@ -218,8 +218,9 @@ class WholeRenders:
         return self.stages.splatted(self.frames.state, camera, count)
 
     def described(self, samples: int, stops: float) -> Statistics:
-        """What statistics say of where, what and how, apart from what `converge` counts: of a picture of so many samples a pixel
-        and this exposure in stops."""
+        """Return the statistics that describe scene, settings and OpenGL renderer for a picture; `converge` adds its counts.
+
+        samples: per pixel. stops: exposure."""
         frames, state = self.frames, self.frames.state
         made: Statistics = {"samples": samples, "stages_ms": frames.timers.milliseconds(), "clock": frames.timers.clock}
         made |= cast(Statistics, frames.scheduler.gatherer.bounces(state.settings))

@@ -46,12 +46,12 @@ from irrsplat.surface_cache.view import SurfaceViewPass
 
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
-_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, beside the seed
+_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, in addition to the seed
 
 
 @dataclass(frozen=True)
 class _Basis:
-    """What sites and values depend on. unlit: (F,) as clustering.unlit_interiors has it of the scene."""
+    """The inputs of sites and values. unlit: (F,) from clustering.unlit_interiors."""
 
     scene: Scene
     settings: Settings
@@ -60,8 +60,10 @@ class _Basis:
 
 @dataclass(frozen=True)
 class _Changing:
-    """How the scene changes while ticks go on. now: whether it has changed since the last tick. moved: whether meshes have, and
-    the sites are still those from before; rested: for so many ticks nothing has changed since."""
+    """The scene's changes from frame to frame.
+
+    now: True if the scene has changed since the last frame. moved: True if meshes have moved and the sites are still the former
+    ones. rested: frames without a change since then."""
 
     now: bool = False
     moved: bool = False
@@ -101,7 +103,7 @@ class SurfaceCache(Owner):
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         passes = self._rays, self._view_pass, self._point_pass
         return (
             *passes,
@@ -118,7 +120,7 @@ class SurfaceCache(Owner):
 
     @property
     def result(self) -> BouncedLight | None:
-        """What lookups find; None before the first values are made."""
+        """The values that lookups read; None before the first values exist."""
         return self._now.light
 
     @property
@@ -143,7 +145,7 @@ class SurfaceCache(Owner):
 
     @property
     def _now(self) -> Held:
-        """What lookups find."""
+        """The values that lookups read."""
         return self._coarse._own if self._coarse is not None and self._stood_in else self._own
 
     @property
@@ -168,12 +170,12 @@ class SurfaceCache(Owner):
 
     @property
     def complete(self) -> bool:
-        """Whether that is what scene and settings ask for."""
+        """True if the values in use are complete for the scene and settings."""
         return self._held.complete
 
     @property
     def progress(self) -> float:
-        """How much of what they ask for is made, 0..1."""
+        """The completed share of the values for the scene and settings, 0..1."""
         if self.complete:
             return 1.0
         records = None if self._laid_out is None else self._laid_out.records
@@ -198,7 +200,7 @@ class SurfaceCache(Owner):
 
     @property
     def sites(self) -> Sites:
-        """Where the values were gathered."""
+        """The sites where the values were gathered."""
         records = self.records
         if records is None:
             nowhere = np.zeros((0, 3), np.float32)
@@ -210,7 +212,7 @@ class SurfaceCache(Owner):
         return (table or self.lookup).uniforms
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
-        """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""
+        """Return the cache's values at every pixel, as from SurfaceViewPass; valid until the next call."""
         if self._viewed is None or self._viewed[0] is not gbuffer or self._viewed[1] is not self.result:
             self._viewed = gbuffer, self.result, self._view_pass(gbuffer, self.uniforms())
         return self._viewed[2]
@@ -242,7 +244,7 @@ class SurfaceCache(Owner):
             held = self._held.laid_out
             if held is not None and held.places is not None:
                 held.places = held.places.moved(change)
-        elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
+        elif moved or not np.array_equal(old.unlit, unlit):  # a light entered or left a closed mesh
             self._drop_sites()
         if change.other_sky:  # which sites one value does for depends on whether it is the same all around
             self.transport = self._follower = None
@@ -339,7 +341,7 @@ class SurfaceCache(Owner):
         return True
 
     def _follow(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Where the scene goes on changing from tick to tick, let the values in use follow it; whether they do."""
+        """Update the values in use while the scene changes from frame to frame; return True if they were updated."""
         changing, follower, held = self._changing, self._follower, self._held
         following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
         self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)

@@ -56,8 +56,8 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
 
 
 def unlit_interiors(scene: Scene) -> np.ndarray:
-    """(F,) True for triangles, in the order of flatten, whose inner side no light reaches: those of closed meshes that do not
-    shine, and have no lamp and nothing that shines inside, as far as bounding boxes tell; light passes none of them."""
+    """(F,) True for triangles, in the order of flatten, whose inner side no light reaches. Their meshes are closed, do not emit,
+    let no light pass, and hold no light and no emitter inside, by their bounding boxes."""
     found = [np.zeros(0, bool)]
     sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
     shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions) and sorts[id(mesh)] != UNSEEN]

@@ -1,9 +1,9 @@
-"""The surface cache while lamps and meshes move: its values follow from tick to tick by what is known, until they are made again.
+"""The surface cache while lights and meshes move: its values are updated from frame to frame until they are gathered again.
 
-Light of one bounce at the sites is about E_1 = c + F·D, where D is the lamps' direct light there, of this moment, and c what
-gathering a site once found beyond that: light of the sky and of emitters, and all that F·D is too coarse for. All bounces
-are E = E_1 + F·E, of which a tick does one step from the E of the tick before. The latter part of c is of where the lamps were:
-it fades as they move, the faster the less their light now overlaps with that before.
+One-bounce irradiance at the sites is about E_1 = c + F·D. D is the present direct irradiance by the lights.
+The residual c of a gather holds light of the sky and of emitters, and detail that F·D is too coarse for.
+All bounces are E = E_1 + F·E; a frame does one step from the E of the frame before. The detail in c belongs to former
+positions of the lights: c fades as they move, faster where the light before and after overlaps less.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cove
 class Follower:
     """Follows the light at the sites `records`, between which `transport` is known. It borrows all of these.
 
-    area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as it was gathered by the lamps
-    of now; E: (S, 3) of all bounces. made: keeps its pass. most: sites at most.
+    area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as gathered with the present
+    lights; E: (S, 3) of all bounces. made: keeps its pass. most: sites at most.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Follower:
         self.change = 0.0  # of E by the last step, relative to it
         self._beyond: np.ndarray | None = None  # c, once D is known
         self._lamps: np.ndarray | None = None  # D of the last step
-        self._relit = False  # whether lamps have changed since
+        self._relit = False  # True if lights have changed since
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
         """(S, 3) D, W/m²."""
@@ -56,17 +56,17 @@ class Follower:
         return E
 
     def begin(self, shadows: ShadowMaps) -> None:
-        """Take the lamps of now for those of E_1."""
+        """Use the present lights as the lights of E_1."""
         if self._beyond is None:
             self._lamps = self.light(shadows)
             self._beyond = self._E_1 - self.transport(self._lamps)
 
     def relight(self) -> None:
-        """Lamps have changed."""
+        """Mark the lights as changed."""
         self._relit = True
 
     def dim(self, factor: np.ndarray) -> None:
-        """Take all light, the lamps' and what comes of it, for `factor` times as strong, (3,)."""
+        """Scale direct and indirect light by `factor`, (3,)."""
         self._E_1, self.irradiance = self._E_1 * factor, self.irradiance * factor
         if self._beyond is not None and self._lamps is not None:
             self._beyond, self._lamps = self._beyond * factor, self._lamps * factor
@@ -85,7 +85,7 @@ class Follower:
         return order[: np.count_nonzero(due > 0.0)]
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
-        """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered by the lamps of now."""
+        """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered with the present lights."""
         assert self._beyond is not None
         D = self.light(shadows)
         if self._relit and self._lamps is not None:
@@ -99,10 +99,9 @@ class Follower:
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:
-    """How much of what is known of lamps in detail still holds, 0..1, by their light at sites (S, 3) before and after.
+    """Return the share of the residual c that stays valid, 0..1, by the direct light at sites (S, 3) before and after.
 
-    1 where all is as it was; 0 where less than half of all that is lit by either is lit alike by both, as measured with a lamp
-    that moves through a box.
+    1: unchanged light. 0: less than half of the light is common to both, as measured with a light that moves through a box.
     """
     both, either = (float(area @ light(before, after).sum(1)) for light in (np.minimum, np.maximum))
     return max(2.0 * both / either - 1.0, 0.0) if either > 0.0 else 1.0

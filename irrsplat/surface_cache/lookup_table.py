@@ -83,15 +83,15 @@ class LaidOut(Owner):
             self.records.invalidate()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.records, self.table)
 
 
 @dataclass(frozen=True)
 class Held:
-    """What lookups find: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
+    """The data of lookups: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
 
-    complete: whether they are what scene and settings ask for.
+    complete: whether they match scene and settings.
     """
 
     table: LookupTable

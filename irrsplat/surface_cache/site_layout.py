@@ -29,10 +29,10 @@ from irrsplat.surface_cache.visibility import VisibilityPass
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
 MAX_SITES = 1 << 15
 MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 250 MB
-SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
+SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
-_ALTERNATIVES = 10  # sites near by that a member without one of its own is held against in the end
+_ALTERNATIVES = 10  # sites near by that a member without a site of its own is compared with at the end
 _HALVINGS = 12  # of an edge, to find what stands on it
 _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
 _MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
@@ -332,7 +332,7 @@ def _interesting(scene: Scene) -> np.ndarray:
 
 
 def _batches(count: int) -> Iterator[slice]:
-    """What of so many lines is looked along at once."""
+    """Return slices of `count` lines, each of at most the visibility pass's capacity."""
     return (slice(first, first + VisibilityPass.capacity) for first in range(0, count, VisibilityPass.capacity))
 
 

@@ -85,7 +85,7 @@ class Survey:
         hits: tuple[np.ndarray, np.ndarray, np.ndarray],
         met: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> None:
-        """Take in the rays of the sites of these numbers (N,): what they hit, as Transport.fill has it, and where, as
+        """Store the rays of the sites of these numbers (N,): what they hit, as Transport.fill has it, and where, as
         TraceGather.met has it."""
         self.transport.fill(numbers, share, hits)
         sites, weights, albedo = hits

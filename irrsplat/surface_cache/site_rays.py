@@ -46,12 +46,12 @@ class SiteRays(Owner):
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._visibility, self._reduce, self._survey_reduce, self._made)
 
     @property
     def _embree(self) -> bool:
-        """Whether Embree traces its rays."""
+        """True if Embree traces the sites' rays."""
         return ray_kind(self.ctx, self.settings) == "embree"
 
     def gather_for(self, sites: int, quick: bool = False) -> TraceGather:

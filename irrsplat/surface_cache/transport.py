@@ -72,7 +72,7 @@ class BouncedLight:
 
     @property
     def converged(self) -> bool:
-        """Whether it is known that less than CONVERGED remains."""
+        """True if the remainder is known to be less than CONVERGED."""
         return self.remaining is not None and self.remaining < CONVERGED
 
 

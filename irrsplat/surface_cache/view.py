@@ -22,7 +22,7 @@ class SurfaceViewPass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, surface: Uniforms) -> moderngl.Texture:

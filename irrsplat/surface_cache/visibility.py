@@ -41,7 +41,7 @@ class VisibilityPass(Owner):
         self.target = Target(ctx, (TABLE_COLUMNS, _ROWS), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.program, self.lines, self.target)
 
     def __call__(self, rays: Uniforms, lines: np.ndarray) -> np.ndarray:

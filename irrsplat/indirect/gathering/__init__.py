@@ -1,1 +1,1 @@
-"""How records come to hold light: what they are gathered by, and how they follow what changes."""
+"""Gathering of records, and their update after changes of scene or settings."""

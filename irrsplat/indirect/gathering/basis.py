@@ -1,4 +1,4 @@
-"""What the records of a cache are gathered by: scene, settings, and what of their changes is still to be followed."""
+"""The inputs by which a cache's records are gathered: scene, settings, and pending changes."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ class Basis:
 
     @property
     def way(self) -> tuple[object, ...]:
-        """What a record at its place says, and how well, depends on these."""
+        """The inputs that decide a record's values and their noise."""
         settings = self.settings
         rays = settings.gather_size, settings.ray_noise, settings.light_samples
         return self.kind, *rays, self.wants_surface
 
     @property
     def wants_surface(self) -> bool:
-        """Whether records are lit by a surface cache: for more than one bounce."""
+        """True if a surface cache lights the records: for more than one bounce."""
         return self.settings.most_bounces > 1

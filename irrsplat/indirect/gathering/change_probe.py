@@ -1,6 +1,6 @@
-"""What a change does to records: a rough gather from each is compared with what the same directions brought before.
+"""Effect of a change on records: a probe with few rays, compared with the probe before along equal directions.
 
-The difference corrects what a record holds until it is gathered again, and tells which records are to be.
+The difference corrects a record until it is gathered again, and selects the records to gather again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import WIDE
 
-SIDE = 16  # side² directions, a small part of a gather's, and at most so many light samples
+SIDE = 16  # side² directions, a small part of a gather's, and at most so many samples of next-event estimation
 MAX_RECORDS = 4096  # probed at once
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
 _MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
@@ -34,7 +34,7 @@ class ChangeProbe(Owner):
         self.records = RecordCache(gather.world.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.gather, self.reduce, self.records)
 
     def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:

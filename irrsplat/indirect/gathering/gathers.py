@@ -1,4 +1,4 @@
-"""What records are gathered with: gathers along many and few rays, rough looks, and the reduction; made when first used."""
+"""The passes that gather records: gathers along many and few rays, probes, and the reduction; built at first use."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from irrsplat.settings import SETTINGS, Settings
 
 
 class Gathers(Owner):
-    """Those of a `world`, each made anew when what it depends on has changed."""
+    """Lazily built gather passes of a scene; a pass is rebuilt when its inputs change."""
 
     def __init__(self, world: World) -> None:
         self.ctx, self.world = world.ctx, world
@@ -27,7 +27,7 @@ class Gathers(Owner):
         self._paces: WeakKeyDictionary[Gather | ChangeProbe, Pace] = WeakKeyDictionary()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self._made,)
 
     def clear(self) -> None:
@@ -35,7 +35,7 @@ class Gathers(Owner):
         self._made.clear()
 
     def of(self, basis: Basis) -> Gather:
-        """How a record sees the world; the paper's algorithm gathers one at a time."""
+        """Return the pass that gathers records; the paper's algorithm gathers one record at a time."""
         one = 1 if basis.settings.placement == "scan" else None
         inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
         return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, basis.settings, capacity=one))
@@ -53,15 +53,15 @@ class Gathers(Owner):
         return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings))
 
     def probes(self, basis: Basis) -> ChangeProbe:
-        """A rough look from records, to find out which of them a change concerns."""
+        """Return the pass that probes records with few rays to find the records that a change affects."""
         return self._rough("probes", basis, SIDE, basis.settings.gradients)
 
     def glances(self, basis: Basis, side: int) -> ChangeProbe:
-        """A look along side² rays that tells E alone."""
+        """Return the pass that probes records along side² rays for E alone."""
         return self._rough(f"glances of {side}", basis, side, gradients=False)
 
     def reduction(self, settings: Settings) -> ReducePass:
-        """What turns what records see into what they hold."""
+        """Return the pass that reduces hemisphere samples to records' values."""
         gradients = settings.gradients
         return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
 
@@ -89,5 +89,5 @@ class Gathers(Owner):
         return self._made.get(name, way, make)
 
     def _emitters(self, settings: Settings) -> bool:
-        """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
+        """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
         return settings.light_samples > 0 and emitter_table(self.world) is not None

@@ -53,11 +53,11 @@ class RecordGatherer(Owner):
         self._made = Workshop()  # the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the resources that `release` frees."""
         return (self.gathers, self._made)
 
     def free_passes(self) -> None:
-        """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
+        """Free the gather passes, which are rebuilt at the next use; the surface cache stays."""
         self.atlas = None
         self.gathers.clear()
 
@@ -65,22 +65,22 @@ class RecordGatherer(Owner):
 
     @property
     def settings(self) -> Settings:
-        """Those by which records are gathered; without bounces none are, and these are of when there were some."""
+        """The settings by which records are gathered; without bounces, the last settings that had bounces."""
         return self._basis.settings
 
     @property
     def gather_pass(self) -> Gather:
-        """How a record sees the world; the paper's algorithm gathers one at a time."""
+        """The pass that gathers records; the paper's algorithm gathers one record at a time."""
         return self.gathers.of(self._basis)
 
     @property
     def probes(self) -> ChangeProbe:
-        """A rough look from records, to find out which of them a change concerns."""
+        """The pass that probes records with few rays to find the records that a change affects."""
         return self.gathers.probes(self._basis)
 
     @property
     def may_glance(self) -> bool:
-        """Whether `glance` takes far less time than a record: along rays, of which records have many more."""
+        """True if `glance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
         basis = self._basis
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _GLANCES_FROM
 
@@ -95,7 +95,7 @@ class RecordGatherer(Owner):
 
     @property
     def surface(self) -> SurfaceCache | None:
-        """The surface cache, made when more than one bounce is wanted; None before. It stays when fewer are."""
+        """The surface cache, made when more than one bounce is requested; None before. It stays when fewer are requested."""
         if self._basis.wants_surface:
             detail = detail_for(self.settings)
             return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
@@ -103,7 +103,7 @@ class RecordGatherer(Owner):
 
     @property
     def _casts(self) -> bool:
-        """Whether Embree traces rays, from records or from the sites of the surface cache."""
+        """True if Embree traces rays, from records or from the sites of the surface cache."""
         basis = self._basis
         return basis.kind == "embree" or (basis.wants_surface and kinds.ray_kind(self.ctx, basis.settings) == "embree")
 
@@ -116,14 +116,14 @@ class RecordGatherer(Owner):
         return self._basis.kind != "embree" or lit or bool(self.world.material_defines["CUT_OUTS"])
 
     def light(self, shadows: ShadowMaps) -> HitLight:
-        """What lights the surfaces that records see."""
+        """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
         surface = self.surface if self._basis.wants_surface else None
         return HitLight(shadows, None if surface is None else surface.uniforms())
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change_to(self, scene: Scene) -> SceneChange:
-        """What is different in another state of the scene from the one that records are gathered by now."""
+        """Return how `scene` differs from the scene by which records are gathered now."""
         return SceneChange.between(self._basis.scene, scene)
 
     def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
@@ -381,7 +381,7 @@ class RecordGatherer(Owner):
 
     @property
     def unsettled(self) -> bool:
-        """Whether all records will be stale once what has changed is looked after."""
+        """True if all records will be stale once pending changes are applied."""
         return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
 
     def go_on_with(self, bounces: BounceStatistics) -> None:
@@ -393,17 +393,17 @@ class RecordGatherer(Owner):
 
     @property
     def surface_share(self) -> float:
-        """How much of the surface cache is made, 0..1; 1 where none is wanted."""
+        """The completed share of the surface cache, 0..1; 1 where no cache is required."""
         return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.progress
 
     @property
     def surface_now(self) -> SurfaceCache | None:
-        """The surface cache where one is wanted and has values; else None."""
+        """The surface cache where it is required and has values; else None."""
         surface = self.surface
         return surface if surface is not None and surface.result is not None and self._basis.wants_surface else None
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
-        """What the surface cache says of every pixel, as SurfaceViewPass has it; None where there is none (yet)."""
+        """Return the surface cache's values at every pixel, as from SurfaceViewPass; None while no cache has values."""
         surface = self.surface_now
         return None if surface is None else surface.view(gbuffer)
 
