@@ -18,7 +18,7 @@ from irrsplat.indirect.paper_scan import Seen
 
 CHECKS = 384  # pixels under test for the error estimate
 _AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
-_KEPT = 0.5  # of what earlier steps' tests told counts on
+_KEPT = 0.5  # weight of the sums of earlier steps
 _FAIR = 0.5  # share of the pixels' probability that is the same for all
 _LEAST = 0.4  # of what the picture differs from tests: its squared error is no less, as one test in a dark place may outweigh all
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
@@ -32,12 +32,12 @@ def blur_of(height: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Pixels under test: their sites, the E (N, 3) in W/m² that the picture shows there, and the doubt (N,) by which they were
-    drawn.
+    """N pixels under test.
 
-    doubt: (H, W) of all pixels. mean_doubt: of those that count for the error, and mean: W/m², of what is shown there. first: the
-    number of the first one's record. done: how many are gathered; once all are, coarse (N, 3) is what they say, and done counts
-    those that are gathered again.
+    shown: (N, 3) the picture's E, W/m². drawn_by: (N,) the estimated variance by which each pixel was drawn. doubt: (H, W) that
+    variance at all pixels; mean_doubt: its mean over the pixels of the error; mean: their mean E, W/m². first: the number of the
+    first test's record. done: the number of gathered tests. Once all are gathered, coarse (N, 3) has their E, and done counts
+    the tests that are gathered again.
     """
 
     sites: Sites
@@ -60,9 +60,9 @@ class Check:
 class Told:
     """Sums of the tests' results, in which earlier steps have less weight.
 
-    errors, count: of squared differences between picture and records, over the doubt that the pixels were drawn by,
-    and how many. Of those gathered again, excess, rays, count_again: how much less these are against four times as many rays, the
-    squared difference that these make, over the same, and how many.
+    errors, count: squared differences between picture and tests, over the variance that the pixels were drawn by, and their
+    number. Of the tests that are gathered again: excess, by how much these differences fall with four times as many rays; rays,
+    the squared differences of both gathers; count_again, their number.
     """
 
     errors: float = 0.0
@@ -72,7 +72,7 @@ class Told:
     count_again: float = 0.0
 
     def by(self, check: Check, true: np.ndarray) -> Told:
-        """With further tests, of which those gathered again say `true` (K, 3)."""
+        """Return the sums with further tests; true: (K, 3) E of the tests that were gathered again."""
         assert check.coarse is not None
         again, doubt = check.again, check.drawn_by[check.again]
         errors = squares(check.shown, check.coarse) / check.drawn_by
@@ -88,13 +88,13 @@ class Told:
 
     @property
     def ratio(self) -> float:
-        """The mean squared error over the mean doubt."""
+        """The mean squared error over the mean estimated variance."""
         mean = self.errors / max(self.count, 1.0)
         return max(mean - self.excess / max(self.count_again, 1.0), _LEAST * mean)
 
     @property
     def ray_ratio(self) -> float:
-        """The mean squared error that records have by their few rays, over the mean doubt."""
+        """The mean squared error by the number of rays, over the mean estimated variance."""
         return self.rays / max(self.count_again, 1.0)
 
 

@@ -1,5 +1,4 @@
-"""The examination: finds pixels that need a record, since no record reaches them or records contradict each other there (Jones
-2010, section 2.3).
+"""Examination: finds pixels that need a record, by missing coverage or by inter-record variance (Jones 2010, section 2.3).
 
 The screen is cut into tiles of a hundredth of its height. The GPU finds the pixel of least weight in each tile; these come back
 as one small table, from which site_selection.py chooses the sites of a round.

@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.records.culling import within
 from irrsplat.scene.model import Camera
 
-AHEAD = 4  # frames: so far the flight is thought to go on as it went since the last one
+AHEAD = 4  # frames: the flight is extrapolated so far
 
 
 class FlightOrder:
@@ -23,8 +23,10 @@ class FlightOrder:
         self._camera: Camera | None = None
 
     def __call__(self, position: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-        """(N,) the numbers of the sites at `position` (N, 3), world space, in the order in which to gather them: those that are
-        soon out of sight come last, else the order stays. camera: that of this frame, in pictures of `size` (width, height)."""
+        """Return (N,) the numbers of the sites at `position` (N, 3), world space, in the order of gathering.
+
+        Sites that are soon out of sight come last. camera: of this frame, in pictures of `size` (width, height).
+        """
         if not len(position):
             self._camera = camera
             return np.zeros(0, np.intp)
@@ -34,7 +36,7 @@ class FlightOrder:
         return order
 
     def _ahead(self, camera: Camera) -> Camera:
-        """The camera AHEAD frames from now; this one where it is at rest, or would look along its up vector."""
+        """Return the camera AHEAD frames from now, or `camera` if it stands still or would face along its up vector."""
         before = self._camera
         if before is None or before == camera:
             return camera

@@ -1,9 +1,9 @@
-"""Refinement of a view that is covered and rests: step by step its picture converges, and it is told how far off it is.
+"""Progressive refinement of a covered view: each step lowers the error of the picture and estimates it.
 
-Where records contradict each other at a pixel, less of their reach counts there, so that further ones are asked for; where their
-rays are found to be too few for the error aimed at, all look along four times as many. The picture of a step stays until the next
-one is complete, or until the surface cache is refined. Its error is measured (error_estimate.py); the records of the tests serve
-the next step.
+Inter-record variance at a pixel shortens the reach of the records there, so that the pixel requests further records. If the rays
+are too few for the target error, all records are gathered with four times as many. The picture of a step stays on show until the
+next step is complete, or until the surface cache has another level. The next step uses the records of the error estimate
+(error_estimate.py), too.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEAVE = 0.8  # of the picture's error: where it is less, nothing is refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
 _STEP = 2.0  # levels at once
 _FINEST = 256  # side of the finest gather
-_RAYS = 2.0  # of the squared error aimed at: what that of records by their few rays may be, as several speak for a pixel
+_RAYS = 2.0  # of the squared error aimed at: what that of records by their few rays may be, as several contribute to a pixel
 _AIM = 3.0  # times less than the present error is what a step aims at, unless the refinement ends before
 
 
@@ -145,7 +145,7 @@ class Refiner(Owner):
         return self._fill(state, gbuffer, shadows, budget)
 
     def _side(self, doublings: int) -> int:
-        """Of gathers that are so much finer than by the settings."""
+        """Return the side of a gather after so many doublings of the settings' side."""
         least = self.scheduler.settings.gather_size
         return int(min(least * 2**doublings, max(_FINEST, least)))
 

@@ -86,9 +86,11 @@ class RecordScheduler(Owner):
         return self.gatherer.change_to(scene)
 
     def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
-        """Go on with other settings and another state of the scene: records that these concern become stale, those close to
-        where something has moved from or to are forgotten. change: from `change_to`. shadows: those of the scene before, None
-        where they are not drawn."""
+        """Apply other settings and another state of the scene.
+
+        Affected records become stale. Records close to a place that a mesh has left or reached are removed. change: from
+        `change_to`. shadows: of the former scene, None if none are drawn.
+        """
         bounces = self.settings.most_bounces
         kept = self.gatherer.follow(settings, change, shadows)
         other_lights = change and change.dimming is None
@@ -217,9 +219,10 @@ class RecordScheduler(Owner):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
 
     def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
-        """Go on with the spot check of a view that asks for no more, as far as the budget goes: records are to be gathered next
-        where what the others say is far off. None where there is little room for further ones, nor where the settings let
-        records contradict each other."""
+        """Advance the spot check of a view that requests no record, as far as the budget goes, and queue records where it fails.
+
+        There is no check with little room for further records, nor with settings that ignore inter-record variance.
+        """
         check, gatherer = state.check, self.gatherer
         if check is None:
             roomy = self.room > _ROOMY * self.settings.max_records
@@ -315,9 +318,9 @@ class RecordScheduler(Owner):
         return int(np.count_nonzero(within(self.cache.positions, camera, size)))
 
     def state(self) -> CacheState:
-        """The records, and all that goes with them in a file."""
+        """Return the records with all that a file keeps of them."""
         gatherer = self.gatherer
-        # a change that the records have not been held against yet: all of them will be stale
+        # records that are not yet compared with a change: all of them will be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.unsettled)
         self._checked.forget_if_fewer(self.cache.count)

@@ -24,7 +24,7 @@ class Chessboard(NamedTuple):
 
 
 def chessboard(step: int, reach: float, asking: int) -> Chessboard:
-    """What serves a view's step 0, 1, 2, … when so many tiles are `asking`.
+    """Return the chessboard for step 0, 1, 2, … of a view in which so many tiles are `asking`.
 
     The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with two steps for each width; then
     come those of two tiles of both colours, and single tiles where few are asking. If only few are from the start, as after a

@@ -132,7 +132,6 @@ class SplatPass(Owner):
         )
 
     def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:
-        """What has been added up so far, this pass's own textures; luminance_floor: as in Records; reach: that it was done
-        with."""
+        """Return the present sums, in the pass's own textures. luminance_floor: as in Records. reach: of the sums."""
         sums, weight = self._of(pixel_stride).textures
         return SplatBuffer(sums, weight, luminance_floor, pixel_stride, reach)

@@ -149,7 +149,7 @@ class Frames(Owner):
         self.state = state
 
     def _dimmed_view(self, after: State) -> ViewState:
-        """The progress of the present view, which goes on where lamps are dimmed and light follows at once, if that is all."""
+        """Return the progress of the present view after a mere dimming of lights, which the records follow at once."""
         view = self.state.view
         if view.subject != self.state.view_subject:
             return view

@@ -43,7 +43,7 @@ from irrsplat.settings import preset as settings_of
 
 
 class Renderer(Tenant):
-    """Renders views of one scene and keeps the irradiance records that they asked for.
+    """Renderer of the views of one scene, with the irradiance records that these views requested.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current before each call (default: a new
@@ -52,8 +52,8 @@ class Renderer(Tenant):
     texture, is too small for anything else. All calls but `render` need whole views.
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
-    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the
-    self-test, and in every call while another context than `ctx` is current, as far as the system tells.
+    Raises InputError for an unsupported size or setting. Raises GLError without OpenGL 3.3, if OpenGL fails the self-test, and in
+    every call while another context than `ctx` is current.
     It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
     GLError. Each thread, and each process that was spawned, may make its own.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
@@ -200,12 +200,11 @@ class Renderer(Tenant):
         return self._frames.frame(self._seen_by(camera), seconds, gather, moving)
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
-        """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
-        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come. A view
-        that is not complete gets its next `frame`.
+        """Refine a complete view until its estimated relative RMSE of indirect irradiance is at most `target`.
 
-        seconds: the wall time that this may take; None: until it is done. The picture changes a step at a time. The records that
-        are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
+        Return the view and its progress. An incomplete view gets its next `frame`. seconds: the limit of wall time; None: no
+        limit. The picture changes step by step. The added records are removed when another view is drawn. A view by the paper's
+        placement, or without bounces, stays as it is.
         """
         self._use_whole()
         target = checked_number("target", target, 0.0)
@@ -246,50 +245,57 @@ class Renderer(Tenant):
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings, preset: str = "") -> None:
-        """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
-        place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
+        """Apply other settings (called `preset` in the stats).
+
+        Records are gathered again in place if their light depends on a change, and removed if their places do. Raises InputError
+        for settings that this OpenGL does not support.
+        """
         check_type("what a renderer changes to", settings, Settings)
         self._go_on(replace(self._state, settings=settings, preset=preset or self.preset))
 
     def carry_headlamp(self, intensity: float) -> None:
-        """Go on with a lamp of so many W/sr at the eye, which goes where that goes; 0: without.
+        """Carry a light of so many W/sr at the eye; 0: none.
 
-        It adds direct light to the picture and nothing else: no record depends on it, so that the camera may move."""
+        The light adds direct light to the picture alone. No record depends on it, so that the camera may move.
+        """
         self._frames.state = replace(self._state, headlamp=checked_number("a headlamp's intensity", intensity, 0.0))
 
     def relight(self, lights: Sequence[Light]) -> None:
-        """Go on with other lights. Where all light changes by a factor in each channel, as where a lone lamp is dimmed, records
-        hold at once what they are to; else they are gathered again in place. Raises InputError for too many lights."""
+        """Apply other lights.
+
+        Records are scaled if all light changes by one factor per channel, and gathered again in place otherwise. Raises
+        InputError for too many lights.
+        """
         self._go_on(replace(self._state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
-        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded,
-        in the material that it has now.
+        """Move a mesh (its index in scene.meshes, or its name) by a 4×4 or 3×4 matrix from its loaded position.
 
-        Records on it move along, those within it go, and of the others those that it concerns are gathered again in place. Raises
-        InputError for a mesh that is not there, and a matrix that is not affine, or singular.
+        Records on the mesh move along. Records within the mesh are removed. Other affected records are gathered again in place.
+        Raises InputError for an unknown mesh, and for a matrix that is not affine, or singular.
         """
         self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform).local))
 
     def repaint(self, mesh: int | str, material: Material) -> None:
-        """Go on with another material on a mesh (its index in scene.meshes, or its name): other colours, another emission.
+        """Apply another material to a mesh (its index in scene.meshes, or its name): other colours or another emission.
 
-        All records are gathered again in place, and hold what they held until then; what shines now becomes an area light. Raises
-        InputError for a mesh that is not there, and for a material by which the mesh would wear other textures, let light through
-        otherwise, or be drawn otherwise: for these the scene is loaded anew.
+        All records are gathered again in place, and keep their former values until then. An emissive mesh becomes an area light.
+        Raises InputError for an unknown mesh, and for a material with other textures, transmission or faces: load such a scene
+        anew.
         """
         check_type("what a mesh is repainted with", material, Material)
         self._go_on(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
 
     def pose(self, scene: Scene) -> None:
-        """Go on with the renderer's scene in another pose: the same meshes elsewhere, of other materials or hidden (see
-        scene.motion.hidden), other lights and another sky. As `move`, `repaint` and `relight` at once; raises InputError for a
-        scene of other meshes, and as these."""
+        """Apply another pose of the scene: meshes moved, repainted or hidden (scene.motion.hidden), other lights, another sky.
+
+        One call replaces `move`, `repaint` and `relight`, with their errors. Raises InputError for a scene of other meshes.
+        """
         check_type("a pose", scene, Scene)
         self._go_on(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
+        """Change the size (width, height) of views; the records stay. Raises InputError for an unsupported size."""
         self._go_on(replace(self._state, size=gl_limits.checked(size)))
 
     def _go_on(self, state: State) -> None:
@@ -331,8 +337,8 @@ class Renderer(Tenant):
         update: where they belong to another state of the scene, to other materials or lights, what that concerns is renewed:
         records on meshes that have moved move along, those on what is gone go, and those whose light has changed are gathered
         again when a view is rendered. Returns what differs, in words; the empty text where nothing does.
-        Raises InputError, and changes nothing, where the file is missing, no record cache or damaged, or where its records belong
-        to other settings than this renderer's (those that cache_file.key lists) or, without `update`, another scene or lights.
+        Raises InputError, and changes nothing, for a file that is missing, damaged or no record cache. The same holds for records
+        of other settings (cache_file.key lists them) and, without `update`, of another scene or other lights.
         """
         self._use()
         self._frames.resting.leave()
@@ -365,11 +371,12 @@ class Renderer(Tenant):
         buffers: Collection[str] | None = None,
         gather: bool = True,
     ) -> Frame:
-        """The view from `camera` (or the scene's of that name; default: its first), until every pixel is served, and then, where
-        the settings give a `quality`, until its estimated error is no greater.
+        """Render the view from `camera` (or the scene's of that name; default: its first) until records cover every pixel.
 
-        Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
-        gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
+        With a `quality` in the settings, refine the view until its estimated error is no greater. Return a Frame of numpy arrays
+        that the caller owns. Records of earlier views are used again: only missing records are gathered.
+
+        progress: called after each round. figures: True fills Frame.figures with the paper's figures 1, 3 and 4 too.
         buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
         picture takes half as much memory.
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and

@@ -38,7 +38,7 @@ class Shown:
 class State:
     """The one value of a renderer that changes from frame to frame.
 
-    view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the lamp at the eye.
+    view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the light at the eye.
     tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole.
     """
 

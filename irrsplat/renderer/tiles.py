@@ -1,7 +1,7 @@
 """Pictures in tiles: a large picture is examined and drawn a part at a time, so that only its arrays have its size.
 
-Records are asked for by the whole picture, in the same rounds as in one piece: in each, every tile is drawn and examined, and
-what the tiles find is put together before sites are chosen. Then every tile is drawn by the same records.
+The whole picture requests records, in the rounds of a picture in one piece. Each round draws and examines every tile, and joins
+the examinations before it chooses sites. Then every tile is drawn by the records of the whole picture.
 """
 
 from __future__ import annotations

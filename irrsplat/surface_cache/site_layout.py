@@ -1,7 +1,7 @@
-"""Where a surface cache has its sites: a few thousand points that stand for all surfaces, and the cells that find their values.
+"""Layout of the sites of a surface cache: a few thousand points that represent all surfaces, and the cells for their lookup.
 
-The surfaces are cut into cells. The cells' corners, on both sides of every surface, are the members that share sites: of members
-that lie close together and face alike, one is the site of all that see it.
+The surfaces are cut into cells. The members are the corners of cells on both sides of every surface. Members that lie close
+together and face alike form a cluster. One member of the cluster is the site of all members that see it.
 """
 
 from __future__ import annotations
@@ -337,12 +337,12 @@ def _batches(count: int) -> Iterator[slice]:
 
 
 def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(N, 2, 4) float32 rows of SiteLayout.cells that tell, by its weights, from where on a cell each corner is seen.
+    """Return (N, 2, 4) float32, the rows of SiteLayout.cells that bound the part of a cell that sees each corner.
 
-    reach, free: as SiteChooser._reach has them. The weights of the next corner and of the one after, each times its number in the
-    first and in the second texel, sum up to more than 1 beyond the line through what stands on the two edges. Where only one
-    pair of corners see each other, the first texel ends with the number of the third, and beyond its line it is that pair that is
-    seen; else it ends with 3. That line lies halfway between what the corners on either side see.
+    reach, free: from SiteChooser._reach. A corner is hidden beyond a line through the occluder on two edges. There, weights of
+    the next two corners, times their numbers in the first and the second texel, sum to more than 1. If only one pair of corners
+    see each other, the first texel ends with the number of the third corner, and the pair is visible beyond the third corner's
+    line. Else the texel ends with 3. That line lies halfway between the reaches from either side.
     """
     rows = np.zeros((len(reach), 2, 4))
     rows[:, :, :3] = (1.0 / np.maximum(reach, 1e-6)).swapaxes(1, 2)

@@ -1,10 +1,10 @@
-"""Where the sites of a surface cache look from: places where rays from elsewhere meet the surface that each speaks for.
+"""Places of sites: the origins of a site's rays, drawn where rays of other sites hit the site's cluster.
 
-A site speaks for all of its cluster: the bright and the dark side of a moulding, a table with and without what stands on it.
-Where its middle is dark, and what others see of the cluster bright, a room whose light comes by such surfaces loses some at each
-bounce. So the rays of a site start from PLACES places, drawn from where rays of other sites hit what it speaks for, each hit by
-its share of what is passed on. What the site says is then the mean over what others see of it: a Galerkin projection (Zatz 1993,
-"Galerkin Radiosity") by the measure of the hits, which keeps the light that is passed on.
+A site represents its whole cluster: the bright and the dark side of a moulding, a table with objects on it. If rays started at
+the site alone, a dark site in a bright cluster would lose light at each bounce. So the rays of a site start from PLACES places.
+These are hits of other sites' rays, drawn in proportion to the light that each hit passes on. The site's value is then the mean
+over the visible part of its cluster: a Galerkin projection (Zatz 1993, "Galerkin Radiosity") by the measure of the hits, which
+conserves the light that is passed on.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _BOUNCES = 8  # along which the importance of sites is followed
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """PLACES places of each of S sites, one site's after the other's: `sites`, (S·PLACES,), with their triangles."""
+    """PLACES places of each of S sites, site by site: `sites` (S·PLACES,), with their triangles."""
 
     sites: Sites
 
@@ -69,8 +69,7 @@ class _Hits:
 
 
 class Survey:
-    """What a few rays from each of the `sites` (S,) find: what they hit, and by `transport` how light is passed on. Of the sites
-    the first `done` have sent theirs."""
+    """Hits of a few rays from each of the `sites` (S,), with their `transport`. done: the number of surveyed sites."""
 
     def __init__(self, sites: Sites, rays: int) -> None:
         self.sites, self.done = sites, FIRST_SITE
@@ -98,8 +97,10 @@ class Survey:
         self.done += len(numbers)
 
     def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
-        """Places for the sites, by the harmonic mean distance R (S,) to what each sees, metres, and the `area` (S,) that each
-        stands for, in a scene of triangles with these `corners` (F, 3, 3). A site that no ray met looks from where it lies."""
+        """Return the places of the sites. A site without a hit uses its own position.
+
+        R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. corners: (F, 3, 3) of the triangles.
+        """
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
         weight = self._importance(R, area)[hits.origin] * hits.share
         drawn = _drawn(hits.site, weight, hits.position, len(self.sites), seed)
@@ -115,10 +116,10 @@ class Survey:
         return Places(Sites(position, normal, geometric, triangle))
 
     def _importance(self, R: np.ndarray, area: np.ndarray) -> np.ndarray:
-        """(S,) how much the light of each site counts for what is seen, straight or by way of up to _BOUNCES others.
+        """Return (S,) the importance of each site for the visible light, directly or by up to _BOUNCES bounces.
 
-        Where people look from is not known: a surface counts the more, the more space there is before it to see it from. Lamps
-        do not count, so that places stay when they change.
+        The camera is not known, so that a surface with more space in front of it is more important. The importance does not
+        depend on lights, so that places stay when lights change.
         """
         importance = seen = area * np.where(area > 0.0, np.sqrt(R), 0.0)
         backward = [matrix.T for matrix in self.transport.matrices]

@@ -105,7 +105,7 @@ class SiteRays(Owner):
         transport.fill(numbers, self._shares(gather, places.of(numbers)), gather.hits(len(numbers)))
 
     def survey(self, gather: TraceGather, light: HitLight, records: RecordCache, survey: Survey, numbers: np.ndarray) -> None:
-        """Let the survey take in what rays from the sites of these `numbers` meet, and `records` how far away that is."""
+        """Store the ray hits of the sites of these `numbers` in the survey, and their harmonic mean distances in `records`."""
         gather_records(gather, self._survey_reduce, light, records, numbers, self.settings.seed)
         share = self._shares(gather, records.sites(numbers))
         survey.take_in(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
@@ -130,7 +130,7 @@ class SiteRays(Owner):
 
 
 class PlaceSearch:
-    """The search for the places that the sites `laid_out` look from, by a survey along few rays."""
+    """Search for the ray origins of the sites `laid_out`, by a survey along few rays."""
 
     def __init__(self, rays: SiteRays, laid_out: LaidOut) -> None:
         self._rays, self._laid_out, self._pace = rays, laid_out, Pace(rays.ctx)

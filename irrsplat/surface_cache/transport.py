@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
-POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
+CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
+POCKETS = 0.05  # share of the area that may miss more than CONVERGED
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
 _CLOSELY, _APART = 8, 4  # bounces: the rest is estimated after each of the first 8, then after every 4th, to save time
 

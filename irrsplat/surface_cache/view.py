@@ -1,4 +1,4 @@
-"""What the surface cache says of every pixel of a view, and of other points."""
+"""Irradiance of the surface cache at every pixel of a view, and at other points."""
 
 from __future__ import annotations
 

@@ -12,9 +12,9 @@ from irrsplat.settings import Settings
 
 
 class BounceStatistics(TypedDict):
-    """How records are gathered, and with how many bounces.
+    """Statistics of the gather of records and of the number of bounces.
 
-    bounces_converged: whether further ones would add hardly anything; None where not all are wanted.
+    bounces_converged: True if further bounces would add hardly any light; None unless all bounces are required.
     """
 
     gathered_by: str
@@ -24,11 +24,10 @@ class BounceStatistics(TypedDict):
 
 @dataclass(frozen=True)
 class Basis:
-    """Scene and settings by which the records of the cache are gathered, and their changes that are still to be followed.
+    """Scene and settings by which the records of the cache are gathered, and changes that records do not follow yet.
 
-    kind: how a record sees the world, "trace", "embree" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. relit: whether lights or materials have, and the surface cache is not made by
-    these yet.
+    kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed and the affected records are not
+    found yet. relit: True if lights or materials have changed since the surface cache was made.
     swapped: True while records that were gathered by coarse values of the surface cache are compared with its own.
     resumed: the statistics of records from a file, as long as their surface cache is not made.
     """

@@ -85,8 +85,10 @@ def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.
 
 
 def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
-    """Correct the records of these numbers (K,), now that probes have `found` (K, PROBED), which the cache keeps; returns the
-    numbers of those that have changed too much. radii: metres, the least and the greatest R that there is."""
+    """Correct the records of these numbers (K,) by the probes `found` (K, PROBED), which the cache keeps.
+
+    Return the numbers of the records that have changed too much. radii: metres, the least and the greatest R.
+    """
     before = cache.probes[numbers]
     cache.drift[numbers] = np.minimum(cache.drift[numbers] + change(before, found, cache.luminance_floor), 1.0)
     known = (before[:, 3] > 0.0) & (before != found).any(1)

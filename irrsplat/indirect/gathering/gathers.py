@@ -31,7 +31,7 @@ class Gathers(Owner):
         return (self._made,)
 
     def clear(self) -> None:
-        """Free them all, to be made again when they are wanted."""
+        """Free all passes; the next use makes them again."""
         self._made.clear()
 
     def of(self, basis: Basis) -> Gather:
@@ -41,8 +41,10 @@ class Gathers(Owner):
         return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, basis.settings, capacity=one))
 
     def at(self, basis: Basis, size: int) -> Gather:
-        """The gather of this side, 0: as the settings say. Its light samples are as many in proportion to its rays, and no fewer
-        than the settings'."""
+        """Return the gather of this side; 0: the settings' side.
+
+        Its next-event samples grow in proportion to its rays, and are never fewer than the settings'.
+        """
         present = basis.settings.gather_size
         if size in (0, present):
             return self.of(basis)
@@ -78,7 +80,7 @@ class Gathers(Owner):
             done += count
 
     def _rough(self, name: str, basis: Basis, side: int, gradients: bool) -> ChangeProbe:
-        """Looks along side² rays, and at most as many light samples as these are wide, as records are gathered."""
+        """Return a probe of side² rays and at most `side` next-event samples, by the gather of records."""
         samples = min(basis.settings.light_samples, side)
         settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients

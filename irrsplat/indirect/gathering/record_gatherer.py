@@ -85,8 +85,10 @@ class RecordGatherer(Owner):
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _GLANCES_FROM
 
     def glance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
-        """(K,) float64 W/m²: roughly the luminance of E at the first of the `sites`, as many as the budget has time for. side:
-        of their gathers."""
+        """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites`, as far as the budget goes.
+
+        side: of the square of probe rays.
+        """
         look, light, found = self.gathers.glances(self._basis, side), self.light(shadows), [np.zeros(0)]
         for some in self.gathers.batches(look, len(sites), budget):
             with self.timers("examine"):
@@ -109,8 +111,7 @@ class RecordGatherer(Owner):
 
     @property
     def _needs_tree(self) -> bool:
-        """Whether gathers need the tree by which shaders trace rays: by Embree they do where something is cut out, and for the
-        places where rays of lamps end."""
+        """True if gathers need the tree for rays in shaders. With Embree, cut-outs and virtual point lights need the tree."""
         settings, lamps = self._basis.settings, self.world.scene.lights
         lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
         return self._basis.kind != "embree" or lit or bool(self.world.material_defines["CUT_OUTS"])
@@ -127,10 +128,10 @@ class RecordGatherer(Owner):
         return SceneChange.between(self._basis.scene, scene)
 
     def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
-        """Go on with other settings and another state of the scene, as RecordScheduler.follow has it.
+        """Apply other settings and another state of the scene, as RecordScheduler.follow does.
 
-        Returns the numbers of the records that are kept, None for all. A change that fails, for want of memory say, leaves all as
-        it was; one that is interrupted while records are being changed forgets them all.
+        Return the numbers of the records that are kept, None for all. A change that fails, such as for lack of memory, has no
+        effect. An interruption while records change removes all records.
         """
         old, cache, scene = self._basis, self.cache, change.new
         settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
@@ -211,8 +212,10 @@ class RecordGatherer(Owner):
         return self._advance(shadows, budget, idle)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with one refinement more of the surface cache, which there is, as far as the budget goes; whether it is done.
-        Then records are to be corrected by `follow_refinement`."""
+        """Advance the next level of the surface cache as far as the budget goes. Return True if the level is complete.
+
+        The caller then corrects records by `follow_refinement`.
+        """
         surface = self.surface_now
         assert surface is not None
         return surface.refine(shadows, budget)
@@ -385,8 +388,10 @@ class RecordGatherer(Owner):
         return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
 
     def go_on_with(self, bounces: BounceStatistics) -> None:
-        """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
-        further records are wanted."""
+        """Continue with records from a file, which were gathered with these `bounces`.
+
+        Their surface cache is made when further records are gathered.
+        """
         surface = self.surface
         complete = surface is None or surface.complete or not self._basis.wants_surface
         self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)
@@ -408,8 +413,7 @@ class RecordGatherer(Owner):
         return None if surface is None else surface.view(gbuffer)
 
     def bounces(self, settings: Settings) -> BounceStatistics:
-        """For the statistics: how records are gathered; how many bounces there are, and, where all are wanted, whether hardly
-        anything is still to come."""
+        """Return the statistics of the gather and of the bounces."""
         how = self.gather_pass.kind
         everything, most = settings.bounces == "all", settings.most_bounces
         surface = self.surface
