@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from datetime import datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -30,7 +29,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program
-from irrsplat.reference.worker import INSTALL
+from irrsplat.reference.worker import INSTALL, is_installed
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
@@ -112,7 +111,7 @@ class Actions:
     @property
     def reference_possible(self) -> bool:
         """True if the path tracer of the extra `reference` is installed."""
-        return find_spec("mitsuba") is not None
+        return is_installed()
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
         """Show a message."""

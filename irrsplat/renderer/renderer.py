@@ -382,8 +382,8 @@ class Renderer(Tenant):
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
         not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which take the light of
         those around unless the setting `fill_holes` is off.
-        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. Of a picture in
-        tiles, those that are left get one sample a pixel; a second Ctrl-C ends it without a frame.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. The remaining tiles of a picture in
+        tiles get one sample a pixel; a second Ctrl-C ends the render without a frame.
         Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of
         their own.
         """

@@ -1,8 +1,8 @@
 """Make the reference data of the bundled scenes: `python -m tests.reference.make [SCENE …]` (extra `reference`).
 
-For each scene, tests/reference/<scene>.npz holds the truth at some thousand random pixels of a 400×400 image from the
-default camera (tests/truth.py documents its content, and compares frames with it), of one bounce and of all. Samples are added,
-in two independent halves, until the halves agree; the random numbers are seeded. Run it again whenever a scene changes.
+For each scene, tests/reference/<scene>.npz holds references of one bounce and of all bounces. They are of some thousand random
+pixels of a 400×400 image from the default camera. tests/support/truth.py documents the files and compares frames with them.
+Two independent halves of samples grow until the halves agree. Random numbers are seeded. Run it again whenever a scene changes.
 """
 
 from __future__ import annotations

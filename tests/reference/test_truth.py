@@ -1,7 +1,7 @@
 """The renderer against path-traced truth: the accuracy that the project promises for its default preset.
 
-For comparison: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an error of 6.4 % with
-1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`. References are made by tests/reference/make.py;
+For comparison, take an ideal gather with the paper's weights and a radius between 1.5 and 20 pixels. Its error is 6.4 % with
+1760 records in a box like `cornell`, and 14 % with 1570 in a scene like `door`. References are made by tests/reference/make.py;
 tests/reference/test_tracer.py checks the tracer.
 """
 

@@ -84,14 +84,15 @@ class Menus:
         name = f"{title}##{command.menu}"
         if imgui.menu_item(name, command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
-        missing = {"flip_possible": flip_is_there(), "reference_possible": actions.reference_possible}.get(command.enabled, True)
-        if command.help or not missing:
-            imgui.set_item_tooltip(command.help if missing else f"needs the extra reference: {INSTALL}")
+        enabled = command.enabled
+        missing = (enabled == "flip_possible" and not flip_is_there()) or (enabled == "reference_possible" and not possible)
+        if command.help or missing:
+            imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
 
     def _scenes(self) -> None:
         """Draw recent and bundled scenes."""
-        actions = self.actions
-        recent = [source for source in actions.preferences.recent if source not in bundled()]
+        actions, names = self.actions, bundled()
+        recent = [source for source in actions.preferences.recent if source not in names]
         if imgui.begin_menu("Open recent", bool(recent)):
             for source in recent:
                 if imgui.menu_item(f"{os.path.basename(source)}##{source}", "", actions.source == source)[0]:
@@ -99,7 +100,7 @@ class Menus:
                 imgui.set_item_tooltip(source)
             imgui.end_menu()
         imgui.separator_text("Bundled scenes")
-        for name in bundled():
+        for name in names:
             if imgui.menu_item(name, "", actions.source == name)[0]:
                 actions.attempt(lambda name=name: actions.open(name))  # type: ignore[misc]
 

@@ -22,7 +22,7 @@ _HEADER = 4096  # bytes at the start of a file that may name its exporter
 def up_vector(path: Path, wanted: UpAxis = "auto") -> Vector:
     """Return (3,) the unit vector that points up in the file at `path`.
 
-    wanted "auto": y in glTF and PLY; z in STL, as from CAD programs and for printers; in OBJ y, or z if the comments at its start
+    "auto": y in glTF and PLY; z in STL, as from CAD programs and for printers. In OBJ it is y, or z if the comments at the start
     name an exporter with z up.
     """
     if wanted != "auto":

@@ -121,7 +121,7 @@ def _range(low: int, high: int) -> str:
 
 
 def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: list[Path]) -> float:
-    """Return the factor for the lamp's position, from the word after TILT=: NONE, INCLUDE, or the name of a file."""
+    """Return the factor for the tilt of the light, from the word after TILT=: NONE, INCLUDE, or the name of a file."""
     path = numbers.path
     if word.upper() == "NONE":
         return 1.0
@@ -145,7 +145,7 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
     factor = float(np.interp(0.0, angles, factors))
     if not factor > 0.0:
         raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
-    if factors.min() < factors.max():  # a scene does not define the tilt of the lamp
+    if factors.min() < factors.max():  # a scene does not define the tilt of the light
         notices.append(
             f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the "
             f"luminaire is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"

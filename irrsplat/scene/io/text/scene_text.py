@@ -200,7 +200,9 @@ class _Reader:
         self.matrix = self.matrix @ np.diag([*values, 1.0])
 
     def _obj(self, line: Line) -> None:
-        path = self.paths.get(line.rest) or self.paths.setdefault(line.rest, line.file(USAGE["obj"]))
+        if line.rest not in self.paths:
+            self.paths[line.rest] = line.file(USAGE["obj"])
+        path = self.paths[line.rest]
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
             self.files.append(path)
