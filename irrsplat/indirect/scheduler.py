@@ -202,6 +202,8 @@ class RecordScheduler(Owner):
         That work makes many tiles request records again. So it does not wait until none does: the last few would take rounds of
         their own, over and over. Return whether one part is done, and whether that was the last one and changed nothing.
         """
+        if self.gatherer.provisional:
+            return state, False, False
         if not (state.checked or state.pixel_stride > 1):
             state = self._check(state, screen, shadows, budget, spots)
             if not state.checked or state.queue is not None:
@@ -265,7 +267,7 @@ class RecordScheduler(Owner):
     def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
         # stale records raise the inter-record variance by themselves
-        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
+        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) or self.gatherer.provisional else self.settings
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles

@@ -72,18 +72,19 @@ class TemporalFilter(Owner):
         subject: object,
         scene: tuple[object, ...],
         surface: Uniforms | None = None,
+        provisional: bool = False,
     ) -> SplatBuffer:
         """Return the sums that the next picture shows: those of `splats` if nothing fades, else sums (w·E, w) of w = 1/depth in
         textures of this pass.
 
         scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
         the surface cache for triangles numbered as in the scene: pixels without records keep what they showed, or take the value
-        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either. Raises InputWaits
-        between two parts of the picture.
+        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either. provisional: True for
+        records that are far better than the last picture. Raises InputWaits between two parts of the picture.
         """
         shown, left, filling = self._shown, self.left(subject), surface is not None
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
-        now, share = self._target(splats.sums.size, shown), self._share(subject, changed)
+        now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
         stride = splats.pixel_stride
         before = self._before(shown, splats.sums)
         for band in bands(now.size):
@@ -108,7 +109,8 @@ class TemporalFilter(Owner):
         return replace(splats, sums=now.textures[0]) if left or filling else splats
 
     def _share(self, subject: object, changed: bool) -> float:
-        """Return the share of the next picture's irradiance that follows the records at once. changed: True if the scene has."""
+        """Return the share of the next picture's irradiance that follows the records at once. changed: True if the
+        last picture no longer holds."""
         shown = self._shown
         if shown is None or shown.subject == subject:
             return 1.0 / (self.left(subject) + 1)

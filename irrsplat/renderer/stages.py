@@ -163,7 +163,8 @@ class Stages(Owner):
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()
-                    splats = temporal_filter(splats, gbuffer, camera, subject, (shadows, held), found)
+                    provisional = self.scheduler.gatherer.provisional
+                    splats = temporal_filter(splats, gbuffer, camera, subject, (shadows, held), found, provisional)
                 stop_for_input()
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
@@ -172,7 +173,7 @@ class Stages(Owner):
             direct = self._memo.get("direct", (gbuffer, lit_by), light)
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
-                if filling and surface is None:
+                if filling and surface is None and (done.frozen or settings.most_bounces == 1):
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 stop_for_input()
                 image, alpha = composite_pass(sums, direct, gbuffer, backdrop, camera, settings)

@@ -124,11 +124,6 @@ class SurfaceCache(Owner):
         return self._now.light
 
     @property
-    def stand_in(self) -> LookupTable | None:
-        """The table of the coarse values; None if there are none."""
-        return None if self._coarse is None or self._coarse.result is None else self._coarse.lookup
-
-    @property
     def refinements(self) -> int:
         """The number of levels by which the values in use are finer."""
         return self._finer[-1]._detail.level if self._finer else 0

@@ -292,19 +292,17 @@ class SiteChooser:
         eyes: (N, 3, 3) metres, of the corners. free: (N, 3) of each corner, whether the other two see each other.
         """
         reach = np.full((len(eyes), 3, 2), np.inf)
-        for corner, step in np.ndindex(3, 2):
-            end = (corner + 1 + step) % 3
-            asking = np.flatnonzero(~free[:, 3 - corner - end])
-            start, way = eyes[asking, corner], eyes[asking, end] - eyes[asking, corner]
-            low, size = np.zeros(len(asking)), 1.0
-            for _ in range(_HALVINGS):
-                size *= 0.5
-                middle = start + (low + size)[:, None] * way
-                lines = np.stack([start, 0.5 * (start + middle), middle], axis=1).astype(np.float32)
-                for some in _batches(len(lines)):
-                    low[some] += size * self.visibility(lines[some])
-                    yield _FOUND
-            reach[asking, corner, step] = low + 0.5 * size
+        corners, steps = np.indices((3, 2)).reshape(2, -1)
+        ends = (corners + 1 + steps) % 3
+        cell, way = np.nonzero(~free[:, 3 - corners - ends])
+        start, end = eyes[cell, corners[way]], eyes[cell, ends[way]]
+        low, size = np.zeros(len(cell)), 1.0
+        for _ in range(_HALVINGS):
+            size *= 0.5
+            middle = start + (low + size)[:, None] * (end - start)
+            lines = np.stack([start, 0.5 * (start + middle), middle], axis=1).astype(np.float32)
+            low += size * (yield from self.free(lines, _FOUND))
+        reach[cell, corners[way], steps[way]] = low + 0.5 * size
         return reach
 
     def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:

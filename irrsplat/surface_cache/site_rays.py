@@ -32,7 +32,8 @@ SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 48 bytes of the transport
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
-_BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of which is told where their few rays hit
+_BATCH_RAYS = 51_200  # rays traced at once, about
+_BATCH, _MOST_BATCH = 128, 1024  # sites gathered at once: the least capacity, and the greatest
 
 
 class SiteRays(Owner):
@@ -79,7 +80,7 @@ class SiteRays(Owner):
             lambda: TraceGather(
                 self.world,
                 side,
-                _SURVEY_BATCH if survey else _BATCH,
+                min(max(_BATCH_RAYS // side**2, _BATCH), _MOST_BATCH),
                 surface=True,
                 hits=True,
                 met=survey,

@@ -28,7 +28,6 @@ class Basis:
 
     kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed and the affected records are not
     found yet. relit: True if lights or materials have changed since the surface cache was made.
-    swapped: True while records that were gathered by coarse values of the surface cache are compared with its own.
     resumed: the statistics of records from a file, as long as their surface cache is not made.
     """
 
@@ -37,7 +36,6 @@ class Basis:
     kind: str
     moved: bool = False
     relit: bool = False
-    swapped: bool = False
     resumed: BounceStatistics | None = None
 
     @cached_property

@@ -28,10 +28,11 @@ from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.site_layout import detail_for
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
-_FIRST_LIGHT = 4.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
+_FIRST_LIGHT = 12.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
+_PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
-_BY_COARSE, _BY_FORMER = 0.8, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
+_BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
 class RecordGatherer(Owner):
@@ -142,8 +143,6 @@ class RecordGatherer(Owner):
         if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(self.light(shadows), unknown)
-            if self._basis.swapped:  # what these lack by the values of before can no longer be found
-                cache.invalidate(np.flatnonzero(cache.due))
         try:
             self.world.apply(change)
             self.gathers.of(new)
@@ -268,7 +267,9 @@ class RecordGatherer(Owner):
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         made = surface.advance(shadows, part)
         if made and basis.resumed is None:
-            self._follow_values(surface, first, coarse, before, sites)
+            self._follow_values(surface, first, before, sites)
+            if coarse and surface.complete:
+                cache.invalidate(np.arange(cache.count))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, resumed=None)
         ready = surface.result is not None and (made or surface.current)
@@ -276,10 +277,10 @@ class RecordGatherer(Owner):
             self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
         return ready
 
-    def _follow_values(self, surface: SurfaceCache, first: bool, coarse: bool, before: np.ndarray | None, sites: Sites) -> None:
+    def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
         """Let records follow other values of the surface cache.
 
-        first: True if it had none; coarse: True if these were coarse. before: (N, 3) W/m², these at the records `sites`.
+        first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`.
         """
         cache, relit = self.cache, self._basis.relit and surface.current
         if first or (relit and before is None):
@@ -290,7 +291,7 @@ class RecordGatherer(Owner):
         cache.due[:] += surface.last_change
         if surface.current and not relit:
             cache.due[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
-        self._basis = replace(self._basis, moved=True, swapped=coarse and surface.complete)
+        self._basis = replace(self._basis, moved=True)
         if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
             follow_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
@@ -299,17 +300,14 @@ class RecordGatherer(Owner):
         stale that have changed too much."""
         if not self._basis.moved:
             return
-        cache, former = self.cache, self.surface.stand_in if self._basis.swapped and self.surface is not None else None
+        cache = self.cache
         (numbers,) = np.nonzero(cache.due)
         numbers, left = numbers[np.argsort(-cache.due[numbers], kind="stable")], len(numbers)
         for some in self.gathers.batches(self.probes, len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
-            unknown = chosen[cache.probes[chosen, 3] == 0.0]
-            if former is not None and len(unknown):
-                cache.probes[unknown] = self._probe(HitLight(shadows, former.uniforms), unknown)
             cache.invalidate(take_in(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
-            self._basis = replace(self._basis, moved=False, swapped=False)
+            self._basis = replace(self._basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
         """(N, PROBED), as ChangeProbe has it, of the records of these numbers."""
@@ -324,7 +322,7 @@ class RecordGatherer(Owner):
         size: the side of their gather; 0: as the settings have it. near: True if they cover only what is near, and few rays may
         do.
         """
-        done = 0
+        done, size = 0, size or self._provisional_side
         for some in self.gathers.batches(self.gathers.at(self._basis, size), len(sites), budget):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
@@ -341,7 +339,7 @@ class RecordGatherer(Owner):
 
         size: as in `gather`.
         """
-        done = 0
+        done, size = 0, size or self._provisional_side
         for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
             near = self.cache.gather_sizes[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
@@ -366,6 +364,17 @@ class RecordGatherer(Owner):
         if len(numbers):
             self.atlas = gathered(self.gathers.at(self._basis, size), numbers=numbers)
         return sizes
+
+    @property
+    def provisional(self) -> bool:
+        """True while coarse values of the surface cache light the records: all are gathered again by its own values."""
+        surface = self.surface_now
+        return surface is not None and surface.stands_in
+
+    @property
+    def _provisional_side(self) -> int:
+        """The side of provisional records' gathers; 0: as the settings have it."""
+        return _PROVISIONAL if self.provisional and self.settings.gather_size > _PROVISIONAL else 0
 
     @property
     def _fewer(self) -> int:
