@@ -21,6 +21,7 @@ _DECAY = 0.7  # weight of a measured batch relative to the one after it
 _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
 _LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: least assumed cost of one more item in a batch
 _COLD = 4.0  # times the second batch: a slower first batch included compilation and is discarded
+_FIRST_RAYS = 16_384  # rays of the first batch of all, which takes a few milliseconds
 _EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have equal size
 
 
@@ -72,7 +73,8 @@ class Pace:
     The model is cost = overhead + n·(marginal cost) for n items: a line fitted to the measured batches with exponentially
     decaying weights. If a budget is smaller than the overhead, the batch is large enough that both terms are equal: half of its
     time is useful. Batches of one size do not separate the terms, so the overhead estimate grows after each until a larger batch
-    is tried. A first batch that took much longer than the second is discarded.
+    is tried. A first batch that took much longer than the second is discarded. The first batch has _FIRST_RAYS: a batch of one
+    item would measure its overhead alone.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -82,11 +84,11 @@ class Pace:
         self._overhead = 0.0  # of a batch, in items of equal cost
 
     def _affordable(self, seconds: float) -> float:
-        """Return the estimated batch size for these seconds: 1 before the first measurement, infinite if the clock measures no
-        time."""
+        """Return the estimated batch size for these seconds: the overhead in items before the first measurement, infinite if the
+        clock measures no time."""
         batches, n, _, t, _ = self._sums
         if not batches:
-            return 1.0
+            return max(self._overhead, 1.0)
         return seconds * (n + batches * self._overhead) / t - self._overhead if t > 0.0 else np.inf
 
     @property
@@ -121,6 +123,8 @@ class Pace:
         for a clock that counts rays.
         """
         done, last = 0, 0
+        if not self._sums[0] and rays:
+            self._overhead = _FIRST_RAYS / rays
         while done < wanted:
             count = min(wanted - done, capacity)
             if budget.limited and input_waits():

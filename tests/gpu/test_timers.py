@@ -27,7 +27,7 @@ def test_a_stage_within_another_counts_alone(ctx: moderngl.Context, software: bo
             target.clear()
     assert ctx.error == "GL_NO_ERROR"
     told = timers.milliseconds()
-    assert list(told) == ["outer", "inner", "after"] and all(0.0 <= ms < 1e3 for ms in told.values())
+    assert list(told) == ["outer", "inner", "after"] and all(ms >= 0.0 for ms in told.values())
     timers.clear()
     assert timers.milliseconds() == {}
     target.release()
