@@ -25,7 +25,7 @@ _ABOVE = 1e-4  # of the diagonal
 class PlaneGather(Gather):
     """A draw of the world's triangles in the planes of many records, of `side` texels each, without next-event estimation.
 
-    capacity: records in one call at most (default: what a 96 MiB atlas holds). surface: True if the light of a call includes a
+    capacity: records in one call at most (default: a 32 MiB atlas). surface: True if the light of a call includes a
     surface cache.
     """
 

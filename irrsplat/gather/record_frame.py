@@ -12,7 +12,7 @@ from irrsplat.scene.model import Scene
 
 _OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
 _LEAST = 1e-5  # of the diagonal: least height, a hundred times the rounding of float32
-_TEXELS = 3 << 20  # of an atlas by default: two RGBA32F textures of 48 MiB, and 12 MiB for a depth buffer
+_TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 MiB for a depth buffer
 
 
 def offset_of(scene: Scene) -> float:
@@ -96,10 +96,11 @@ def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
 
 
 def atlas_grid(cell: tuple[int, int], wanted: int | None, limit: int) -> tuple[int, int]:
-    """Return the cells per row of an atlas and its number of cells: about as many as requested, or by default 96 MiB of them.
+    """Return the cells per row of an atlas and its number of cells: as many as requested, or fewer if 32 MiB hold fewer.
 
-    cell: width and height in texels. limit: greatest side of a texture, in texels.
+    cell: width and height in texels. wanted: None for no limit. limit: greatest side of a texture, in texels.
     """
-    count = min(wanted or max(1, _TEXELS // (cell[0] * cell[1])), limit)
+    most = min(max(1, _TEXELS // (cell[0] * cell[1])), limit)
+    count = min(wanted or most, most)
     columns = max(1, min(math.isqrt(count), limit // cell[0]))
     return columns, columns * max(1, min(count // columns, limit // cell[1]))

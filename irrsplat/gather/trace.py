@@ -28,7 +28,7 @@ _MIDDLES = 16  # from this side on (8 elevations), gathers from several eye posi
 class TraceGather(Gather):
     """Tracer of side² rays a record, in the shader through the world's tree, or with `embree` by Embree.
 
-    capacity: greatest number of records in one call (default: a 96 MiB atlas). surface: the light of a call includes a surface
+    capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: the light of a call includes a surface
     cache. hits: the pass only notes the surface cache's values at the hits, for the method `hits`; met: also the hit points, for
     the method `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to
     emitters.

@@ -17,7 +17,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import WIDE
 
 SIDE = 16  # side² directions, a small part of a gather's, and at most so many samples of next-event estimation
-MAX_RECORDS = 4096  # probed at once
+MAX_RECORDS = 4096  # probed at once, at most
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
 _MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
 _MOST_RATIO = 2.0  # times the surface cache: the most that a record is taken to be brighter
@@ -29,7 +29,7 @@ class ChangeProbe(Owner):
     """Probes records with `gather`, made for SIDE, which it owns from then on. gradients: M and ∇E as well."""
 
     def __init__(self, gather: Gather, gradients: bool) -> None:
-        self.gather, self.capacity, self.share = gather, MAX_RECORDS, gather.share
+        self.gather, self.capacity, self.share = gather, gather.capacity, gather.share
         self.reduce = ReducePass(gather.world.ctx, gradients)
         self.records = RecordCache(gather.world.ctx)
 
