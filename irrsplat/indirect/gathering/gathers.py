@@ -18,6 +18,9 @@ from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.settings import SETTINGS, Settings
 
 
+_PROBE_RAYS = 1 << 18  # rays of one batch of probes, at most
+
+
 class Gathers(Owner):
     """Lazily built gather passes of a scene; a pass is rebuilt when its inputs change."""
 
@@ -86,7 +89,7 @@ class Gathers(Owner):
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients
 
         def make() -> ChangeProbe:
-            return ChangeProbe(kinds.gather_pass(self.world, settings, MAX_RECORDS), gradients)
+            return ChangeProbe(kinds.gather_pass(self.world, settings, min(MAX_RECORDS, _PROBE_RAYS // side**2)), gradients)
 
         return self._made.get(name, way, make)
 
