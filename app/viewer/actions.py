@@ -18,12 +18,10 @@ from irrsplat.app.viewer.buffers.background_truth import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
-from irrsplat.app.viewer.file_watch import FileWatch
 from irrsplat.app.viewer.input.commands import Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.show.comparison import flip_is_there
 from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
@@ -65,7 +63,6 @@ class Actions:
         self.restoring_layout = False  # in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.file_watch = FileWatch(session.scene.files)
         self.bookmarks = stored.bookmarks(source)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
@@ -94,19 +91,9 @@ class Actions:
         return self.session.path_recorder.path is not None
 
     @property
-    def has_snapshot(self) -> bool:
-        """True if a snapshot was kept."""
-        return bool(self.session.snapshots)
-
-    @property
     def is_split(self) -> bool:
         """True if the view has two sides."""
         return self.session.options.split != "off"
-
-    @property
-    def flip_possible(self) -> bool:
-        """True if two sides can be compared by FLIP."""
-        return self.is_split and flip_is_there()
 
     @property
     def reference_possible(self) -> bool:
@@ -271,28 +258,21 @@ class Actions:
 
     def split(self) -> None:
         """Split the view the next way."""
-        ways = [way for way in SPLITS if way != "snapshot" or self.session.snapshots]
+        ways = list(SPLITS)
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
-
-    def snapshot(self) -> None:
-        """Keep the picture as it is now."""
-        kept = self.session.keep_snapshot(self.session.side_at(self.session.size[0] * self.side))
-        self.say(f"{kept.name} is kept until the window closes; Tab shows it beside the picture", topic="snapshot")
 
     def compare(self) -> None:
         """Compare both sides the next way; where there is one alone, with the other preset's."""
         session = self.session
         if session.options.split == "off":
             session.split("presets")
-        ways = [way for way in COMPARES if way != "FLIP" or flip_is_there()]
+        ways = list(COMPARES)
         now = session.options.compare
         self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
 
     def compare_by(self, way: Compare) -> None:
         """Compare both sides in this way."""
-        if way == "FLIP" and not flip_is_there():
-            raise InputError(f"FLIP needs the extra reference: {INSTALL}")
         options = self.session.options
         options.compare, options.flipping, options.flipped = way, True, False
         self.say(COMPARES[way], topic="split")
@@ -318,10 +298,8 @@ class Actions:
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def swap_preset(self) -> None:
-        """Switch between the paper's algorithm and ours, on the side that keys change; each is as it was left."""
-        name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
-        self.session.swap_preset(self.side, name)
-        self.say(f"preset {name}", topic="preset")
+        """Switch between the paper's preset and the default one on the side that keys change."""
+        self.use_preset("default" if self.session.settings(self.side)[0] == "paper" else "paper")
 
     def trace(self) -> None:
         """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
@@ -572,7 +550,7 @@ class Actions:
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
-        self.editor, self.file_watch = Editor(self.session), FileWatch(scene.files)
+        self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.say(notice)
@@ -581,19 +559,11 @@ class Actions:
         """Read shaders and scene again, the scene once unsaved changes are saved or given up; the camera stays. Where one of them
         is wrong, the last good ones go on."""
         self.session.reload_shaders(*self._other_programs())
-        self._unless_unsaved(lambda: self._reload("shaders and scene are read again"))
+        self._unless_unsaved(self._reload)
 
-    def reload_changed_files(self) -> None:
-        """Load the scene again where one of its files has changed, once unsaved changes are saved or given up."""
-        if self.pending is not None or not self.file_watch.changed():
-            return
-        if self.editor.unsaved:
-            self.say("the files of the scene have changed")
-        self._unless_unsaved(lambda: self.attempt(lambda: self._reload("the scene has changed, and is read again")))
-
-    def _reload(self, said: str) -> None:
+    def _reload(self) -> None:
         self._load(self.source, keep_camera=True)
-        self.say(said)
+        self.say("shaders and scene are read again")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -7,20 +7,18 @@ from typing import Literal
 
 from irrsplat.meter.light_scale import LightScale
 
-Split = Literal["off", "buffers", "presets", "snapshot"]
+Split = Literal["off", "buffers", "presets"]
 SPLITS: dict[Split, str] = {  # and their titles
     "off": "one picture",
     "buffers": "two buffers",
     "presets": "two presets",
-    "snapshot": "a snapshot on the right",
 }
 
-Compare = Literal["divided", "flip", "difference", "FLIP"]
+Compare = Literal["divided", "flip", "difference"]
 COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
     "divided": "side by side",
     "flip": "one after the other",
     "difference": "difference",
-    "FLIP": "FLIP: what an eye sees of it",
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface

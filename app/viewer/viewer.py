@@ -40,7 +40,7 @@ _PASSES, _INSTANT = 2, 1e-4  # passes of the interface that follow an event at o
 _AWAKE = (
     1.0  # seconds after an event in which frames go on: tooltips come late, and windows take their size from the frame before
 )
-_LOOK = 0.5  # seconds after which it looks for what comes without an event: a changed file, a finished truth
+_LOOK = 0.5  # seconds after which it looks for what comes without an event: a traced reference
 _LEAST = 0.2  # of the budget is the core's, however slow everything else is
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of what everything else takes
 
@@ -122,7 +122,6 @@ class Viewer(Owner):
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
-        actions.reload_changed_files()
         actions.collect_truth()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
@@ -268,7 +267,6 @@ class Viewer(Owner):
         no message comes or goes."""
         if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
-        self.actions.reload_changed_files()
         self.actions.collect_truth()
         messages = self.actions.messages
         messages.expire()

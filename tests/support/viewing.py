@@ -339,9 +339,6 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        session.unpark()
-        for snapshot in list(session.snapshots):
-            session.forget_snapshot(snapshot)
         actions.pending, actions.editor.saved = None, actions.editor.edit  # without a question
         if actions.source != self.source:
             actions.open(self.source)

@@ -109,26 +109,30 @@ _RENDER = (
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
-    *(
-        Command("Compare", title.capitalize(), "use_split", argument=way, enabled="has_snapshot" if way == "snapshot" else "")
-        for way, title in SPLITS.items()
-    ),
-    Command("Compare", "Next split", "split", "TAB", help="two buffers, two presets, a snapshot"),
+    *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
+    Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
     *(
         Command(
             "Compare",
             title[0].upper() + title[1:],
             "compare_by",
             argument=way,
-            enabled="flip_possible" if way == "FLIP" else "is_split",
+            enabled="is_split",
             section=way == "divided",
         )
         for way, title in COMPARES.items()
     ),
     Command("Compare", "Next comparison", "compare", "J"),
     Command("Compare", "Other side", "flip", "SPACE"),
-    Command("Compare", "Keep snapshot", "snapshot", "K", section=True),
-    Command("Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", enabled="reference_possible"),
+    Command(
+        "Compare",
+        "Path-trace the reference",
+        "trace",
+        "Y",
+        help="of this view; again: stop",
+        enabled="reference_possible",
+        section=True,
+    ),
 )
 _WINDOW = (
     Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),

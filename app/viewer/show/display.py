@@ -17,7 +17,6 @@ from irrsplat.app.viewer.show.light.line_profile import LineProfile, Profile
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, clear
-from irrsplat.app.viewer.show.whereabouts import Whereabouts
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -33,7 +32,6 @@ class Display(Owner):
         self.session = session
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
-        self.whereabouts = Whereabouts(session.ctx)
         self.comparison = Comparison(session, self.buffer_view)
         self.line_profile = LineProfile(session.ctx)
         self._memo = Memo()
@@ -42,7 +40,7 @@ class Display(Owner):
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector, self.whereabouts, self.comparison, self.line_profile)
+        return (self.buffer_view, self.markers, self.inspector, self.line_profile)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
@@ -50,22 +48,12 @@ class Display(Owner):
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
             # what they know of a scene that is no longer open
-            for known in (self.inspector, self.whereabouts, self.comparison, self.markers, self._memo):
+            for known in (self.inspector, self.markers, self._memo):
                 known.forget()
-        self.comparison.update()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
-        sides = [self._inputs(side) for side in shown], session.compared and self.comparison.inputs
+        sides = [self._inputs(side) for side in shown]
         inputs = sides, replace(options, buffers=[]), session.held, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
-
-    @property
-    def lost(self) -> bool:
-        """Whether the camera has left the scene and sees nothing of it, or only backs; the first camera never has."""
-        session = self.session
-        if not session.views:
-            return False
-        source = session.source(0)
-        return self.whereabouts.lost(source, source.view.camera == session.free_camera.first)
 
     def _inputs(self, side: int) -> object:
         """What the picture of a side is made of, besides the options."""
@@ -94,7 +82,7 @@ class Display(Owner):
         buffer, view, markers = self.session.buffer(side), source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
         self.buffer_view.draw(screen, buffer, source, region, self.margins)
-        if not BUFFERS[buffer].in_view or self.session.snapshot(side) is not None:
+        if not BUFFERS[buffer].in_view:
             return
         if options.wire:
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
@@ -111,7 +99,7 @@ class Display(Owner):
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held
-        side = held[0] if held is not None else self._scene_at(cursor) if cursor is not None else 0
+        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
         source = session.source(side)
         number = source.renderer.cache.number_of(held[1]) if held is not None else None
         if number is None and cursor is not None:
@@ -129,14 +117,9 @@ class Display(Owner):
         place = self.session.place(source.view, *cursor)
         return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *place)
 
-    def _scene_at(self, cursor: tuple[int, int]) -> int:
-        """The side under the cursor; over a snapshot, which has no scene, the other one."""
-        side = self.session.side_at(cursor[0])
-        return side if self.session.snapshot(side) is None else 0
-
     def hold(self, cursor: tuple[int, int]) -> None:
         """Hold the record under the cursor; where one is held, let go of it instead."""
-        session, side = self.session, self._scene_at(cursor)
+        session, side = self.session, self.session.side_at(cursor[0])
         number = self._record_at(side, cursor) if session.held is None else None
         session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
 
@@ -145,7 +128,7 @@ class Display(Owner):
         cursor, is another."""
         name, source = self.session.buffer(side), self.session.source(side)
         if self.session.compared:
-            both = self._inputs(0), self._inputs(1), self.session.options.compare, self.comparison.inputs, cursor
+            both = self._inputs(0), self._inputs(1), cursor
             return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
@@ -153,16 +136,16 @@ class Display(Owner):
     def profile(self, side: int) -> Profile | None:
         """What a side's buffer shows along the line that is measured along; None where there is none."""
         ends = self.session.line.ends
-        if ends is None or self.session.snapshot(side) is not None:
+        if ends is None:
             return None
         name, source = self.session.buffer(side), self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: self.line_profile.measure(name, source, *ends))
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
-        """The number of the mesh that is seen at the cursor, over a snapshot by the scene; None where there is none."""
+        """The number of the mesh that is seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self._scene_at(cursor))
+        source = self.session.source(self.session.side_at(cursor[0]))
         gbuffer, texels, place = source.view.gbuffer, self.buffer_view.texels, self.session.place(source.view, *cursor)
         if texels(gbuffer.position, *place)[3] <= 0.0:
             return None
@@ -172,6 +155,6 @@ class Display(Owner):
         """The world point seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self._scene_at(cursor))
+        source = self.session.source(self.session.side_at(cursor[0]))
         found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

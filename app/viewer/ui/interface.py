@@ -18,7 +18,7 @@ from irrsplat.app.viewer.ui.layout import Box, Layout
 from irrsplat.app.viewer.ui.legends import Legends
 from irrsplat.app.viewer.ui.lights_panel import LightsPanel
 from irrsplat.app.viewer.ui.menus import Menus
-from irrsplat.app.viewer.ui.messages_view import draw_lost, draw_messages
+from irrsplat.app.viewer.ui.messages_view import draw_messages
 from irrsplat.app.viewer.ui.record_view import RecordView
 from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
 from irrsplat.app.viewer.ui.statistics_view import StatisticsView
@@ -78,8 +78,6 @@ class Interface:
             self.legends.draw(cursor)
             self.record.draw(inspected)
             self.line_plot.draw()
-            if self.display.lost:
-                draw_lost(self.layout)
             draw_key_sheet(actions, scale)
             draw_about(actions)
             draw_log(actions)

@@ -58,8 +58,8 @@ class Legends:
     def _value(self, side: int, cursor: tuple[int, int]) -> str:
         """The value at a pixel, in its unit; empty where there is none."""
         session, value = self.actions.session, self.display.value(side, cursor)
-        buffer, flip = BUFFERS[session.buffer(side)], session.compared and session.options.compare == "FLIP"
-        unit = "1" if flip else buffer.unit_shown(session.source(side))
+        buffer = BUFFERS[session.buffer(side)]
+        unit = buffer.unit_shown(session.source(side))
         if value is not None and buffer.name == "position" and any(session.origin) and not session.compared:
             return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
         return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
@@ -74,14 +74,12 @@ class Legends:
             _draw(comparison.legend(), scale)
         else:
             who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
-            snapshot = session.snapshot(side)
-            of = f"  {snapshot.name}" if snapshot is not None else ""
-            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else of
+            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
             imgui.text(who + buffer.title + preset)
             _draw(buffer.legend(source), scale)
         if buffer.needs_truth:
             draw_tracing(self.actions)
-        if (options.points or options.discs or options.normals) and not session.compared and session.snapshot(side) is None:
+        if (options.points or options.discs or options.normals) and not session.compared:
             by: By = "age" if options.by_age else "radius"
             _draw(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
         value = self._value(side, cursor) if cursor is not None else ""

@@ -9,7 +9,6 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
-from irrsplat.app.viewer.show.comparison import flip_is_there
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.app.viewer.view_options import SCALES
 from irrsplat.reference.worker import INSTALL
@@ -30,7 +29,6 @@ class Menus:
             "add_light point": self._hidden_objects,
             "home": self._cameras,
             "copy_line": self._bookmarks,
-            "trace": self._snapshots,
             "light_colours": self._size,
         }
 
@@ -84,8 +82,7 @@ class Menus:
         name = f"{title}##{command.menu}"
         if imgui.menu_item(name, command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
-        enabled = command.enabled
-        missing = (enabled == "flip_possible" and not flip_is_there()) or (enabled == "reference_possible" and not possible)
+        missing = command.enabled == "reference_possible" and not possible
         if command.help or missing:
             imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
 
@@ -130,16 +127,6 @@ class Menus:
                     imgui.close_current_popup()
                 if imgui.menu_item("Delete", "", False)[0]:
                     actions.forget(bookmark)
-                imgui.end_menu()
-
-    def _snapshots(self) -> None:
-        session = self.actions.session
-        for snapshot in list(session.snapshots):
-            if imgui.begin_menu(snapshot.name):
-                if imgui.menu_item("Show on the right", "", session.pinned is snapshot)[0]:
-                    session.pin(snapshot)
-                if imgui.menu_item("Delete", "", False)[0]:
-                    session.forget_snapshot(snapshot)
                 imgui.end_menu()
 
     def _size(self) -> None:

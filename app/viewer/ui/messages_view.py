@@ -7,7 +7,7 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Message, Messages
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout, accent
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
 from irrsplat.core.timing import clock
 
 
@@ -17,15 +17,6 @@ def draw_waiting(text: str) -> None:
     imgui.set_next_window_pos((0.5 * view.size.x, 0.5 * view.size.y), imgui.Cond_.always, (0.5, 0.5))
     imgui.begin("waiting", None, PLAIN | imgui.WindowFlags_.no_inputs)
     imgui.text_unformatted(text)
-    imgui.end()
-
-
-def draw_lost(layout: Layout) -> None:
-    """Draw the way back in the middle of the lower edge, for a camera outside of the scene."""
-    left, _, right, bottom = layout.area
-    imgui.set_next_window_pos((0.5 * (left + right), bottom - MARGIN), imgui.Cond_.always, (0.5, 1.0))
-    imgui.begin("lost", None, PLAIN | imgui.WindowFlags_.no_inputs)
-    imgui.text_colored(accent(), "the camera is outside of the scene; Home leads back")
     imgui.end()
 
 

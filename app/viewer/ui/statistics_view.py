@@ -9,7 +9,6 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS
-from irrsplat.app.viewer.show.remaining_time import in_words
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, STATISTICS_WIDTH, Layout, accent
 from irrsplat.image.view import Progress
@@ -18,7 +17,6 @@ _INNER = 190.0  # width of plot and table
 _PLOT_HEIGHT = 40.0
 _PLOT_MS = 100.0  # milliseconds that the plot shows at least
 _MEAN = 20  # frames that the rate is the mean of
-_FORESEEN = 120.0  # seconds: a longer estimate of the time that is left is not reliable
 _KEPT = 30  # frames that a stage's row stays after it ran
 
 
@@ -49,8 +47,6 @@ class StatisticsView:
         for side, progress in enumerate(session.progress):
             imgui.separator()
             self._side(side, progress)
-        if (left := session.remaining.seconds) is not None and left < _FORESEEN:
-            imgui.text_colored(accent(), f"filling, {in_words(left)} left")
         took = imgui.get_window_size()
         self._others = imgui.get_cursor_pos().y + imgui.get_style().window_padding.y - self._stages_height
         self.layout.statistics_size = (took.x, took.y)

@@ -97,13 +97,11 @@ def show(driver: Driver, draw: Draw) -> None:
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
     session = driver.session
-    way = str(draw.choice(["off", "off", "buffers", "presets", "snapshot"]))
-    if way == "snapshot" and not session.snapshots:
-        session.keep_snapshot(0)
+    way = str(draw.choice(["off", "off", "buffers", "presets"]))
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
         session.change(1, **QUICK)
-    driver.actions.compare_by(draw.choice([c for c in COMPARES if c != "FLIP"]))
+    driver.actions.compare_by(draw.choice(list(COMPARES)))
 
 
 # actions and their weights
