@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -22,7 +22,7 @@ from irrsplat.app.viewer.input.commands import Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved, scale_of
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -58,9 +58,8 @@ class Actions:
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
-        self.appearance = Appearance.of(preferences.ui)
-        self.close_menus = False  # in the next frame
-        self.restoring_layout = False  # in the next frame
+        self.scale = scale_of(preferences.ui)  # of text and widgets, beside the monitor's
+        self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
         self.bookmarks = stored.bookmarks(source)
@@ -114,7 +113,7 @@ class Actions:
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
         preferences.ui = saved(self.session.options, self.panels)
-        preferences.ui |= {"appearance": asdict(self.appearance)}
+        preferences.ui |= {"appearance": {"scale": self.scale}}
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -234,10 +233,9 @@ class Actions:
             "use_split": options.split,
             "compare_by": options.compare if self.is_split else "",
         }
-        switched = {"headlamp": session.headlamp, "light_colours": self.appearance.light}
         if command.action == "toggle" and argument is not None:
             return self.is_on(argument)
-        return argument == now[command.action] if command.action in now else switched.get(command.action, False)
+        return argument == now[command.action] if command.action in now else command.action == "headlamp" and session.headlamp
 
     @property
     def title(self) -> str:
@@ -478,17 +476,9 @@ class Actions:
         self.session.held = None
         self.editor.pick_light(None)
         panels = self.panels
-        panels.help = panels.about = panels.log = panels.open = panels.save = panels.palette = False
+        panels.help = panels.open = panels.save = panels.palette = False
         self.pending = None
         self.messages.close()
-
-    def light_colours(self) -> None:
-        """Switch between light and dark colours of the interface."""
-        self.appearance.light = not self.appearance.light
-
-    def restore_layout(self) -> None:
-        """Put all panels where they stand at first."""
-        self.restoring_layout = True
 
     def fullscreen(self) -> None:
         """Switch to fullscreen or back."""
@@ -496,7 +486,7 @@ class Actions:
 
     def enlarge(self, scale: float) -> None:
         """Make text and widgets `scale` times as large, within SCALES."""
-        self.appearance.scale = min(max(scale, SCALES[0]), SCALES[1])
+        self.scale = min(max(scale, SCALES[0]), SCALES[1])
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or given up."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
-from typing import Literal
+from typing import Literal, cast
 
 from irrsplat.meter.light_scale import LightScale
 
@@ -23,7 +23,7 @@ COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
 _SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
-_NOT_SAVED = ("help", "about", "log", "open", "save", "palette", "hidden")  # of Panels
+_NOT_SAVED = ("help", "open", "save", "palette", "hidden")  # of Panels
 
 
 @dataclass
@@ -54,37 +54,22 @@ class Panels:
 
     controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
     settings: bool = False
-    expert: bool = False  # whether the settings' panel shows all of them
     lights: bool = False
+    outliner: bool = False
     hud: bool = False
     help: bool = False
-    about: bool = False
-    log: bool = False
     open: bool = False
     save: bool = False
     palette: bool = False
     hidden: bool = False
 
 
-@dataclass
-class Appearance:
-    """How the interface looks. scale: of text and widgets, beside the monitor's. windows: imgui's notes on where they stand."""
-
-    scale: float = 1.0
-    light: bool = False
-    windows: str = ""
-
-    @staticmethod
-    def of(choices: dict[str, object]) -> Appearance:
-        """That of an earlier session, as `asdict` gives it under "appearance"; what cannot be is left out."""
-        kept, made = choices.get("appearance"), Appearance()
-        if isinstance(kept, dict):
-            scale, light, windows = (kept.get(name) for name in ("scale", "light", "windows"))
-            if isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]:
-                made.scale = float(scale)
-            made.light = light is True
-            made.windows = windows if isinstance(windows, str) and windows.isascii() else ""
-        return made
+def scale_of(choices: dict[str, object]) -> float:
+    """Return the scale of the interface from an earlier session; 1 if there is none within SCALES."""
+    kept = choices.get("appearance")
+    scale = kept.get("scale") if isinstance(kept, dict) else None
+    valid = isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]
+    return float(cast(float, scale)) if valid else 1.0
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

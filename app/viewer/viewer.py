@@ -20,10 +20,10 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
-from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.ui.messages_view import draw_waiting
+from irrsplat.app.viewer.ui.statistics_view import FrameTimes
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
@@ -61,13 +61,12 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.outline = Outline(wnd.ctx)
-        self.backend = ImguiBackend(wnd.ctx)
+        self.backend = ImguiBackend()
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.backend, self.times, native=not wnd.headless)
+        self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
-        self.backend.windows = self.actions.appearance.windows
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
         self._fitted: Target | None = None  # the picture with the outline, where it does not fill the window
         self.inspected: InspectedRecord | None = None
@@ -106,7 +105,7 @@ class Viewer(Owner):
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.backend.program, *programs_of(self.display, self.outline)]
+        return list(programs_of(self.display, self.outline))
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
@@ -313,7 +312,6 @@ class Viewer(Owner):
         problem = None
         if remember:
             fullscreen = self.wnd.fullscreen
-            self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
@@ -336,7 +334,7 @@ def _free(canvas: Target) -> None:
 
 def announce(wnd: BaseWindow, scene: Scene) -> None:
     """Show what the window waits for until its first frame, which of a large scene takes a while, on a grey."""
-    backend = ImguiBackend(wnd.ctx, Desktop(wnd).scale / wnd.pixel_ratio)
+    backend = ImguiBackend(Desktop(wnd).scale / wnd.pixel_ratio)
     wnd.title = f"{scene.name} – {TITLE}"
     for _ in range(2):  # imgui knows the size of what it shows from the frame before
         wnd.fbo.clear(*GREY[0])

@@ -27,7 +27,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.screen import Region
-from irrsplat.app.viewer.view_options import Appearance, Panels, ViewOptions
+from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.gpu import context
@@ -345,8 +345,7 @@ class Driver:
             self.scene = session.scene
         actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
         actions.messages.lines.clear()
-        actions.appearance, actions.saved_as = Appearance(), ""
-        self.viewer.interface.layout.restore()
+        actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()

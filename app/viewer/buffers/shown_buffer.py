@@ -11,7 +11,6 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.tiles import Margins
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -77,21 +76,17 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours.
-
-    margins: what tiles leave free.
-    """
+    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours."""
 
     target: Target
     programs: Programs
     colours: moderngl.Texture
     region: Region | None = None
-    margins: Margins = Margins()
 
     @property
     def area(self) -> Region:
         """Where tiles stand, whatever part of them the region shows."""
-        return self.margins.area(self.target.size)
+        return 0, 0, *self.target.size
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""

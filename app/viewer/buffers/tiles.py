@@ -12,24 +12,6 @@ GAP = 2.0  # pixels between tiles
 
 
 @dataclass(frozen=True)
-class Margins:
-    """What stays free around tiles, as shares of the window's width (left, right) and height (top, bottom)."""
-
-    left: float = 0.0
-    right: float = 0.0
-    top: float = 0.0
-    bottom: float = 0.0
-
-    def area(self, size: tuple[int, int]) -> Region:
-        """What they leave of a window of `size`, pixels."""
-        x, y = round(self.left * size[0]), round(self.bottom * size[1])
-        return x, y, max(size[0] - x - round(self.right * size[0]), 1), max(size[1] - y - round(self.top * size[1]), 1)
-
-
-NO_MARGINS = Margins()
-
-
-@dataclass(frozen=True)
 class Tiling:
     """Tiles in rows from the upper left corner (left, top; pixels from the lower left): how many a row, pixels per texel."""
 

@@ -140,15 +140,12 @@ _WINDOW = (
     Command("Window", "Lights", "toggle", "F4", "lights"),
     Command("Window", "Times and numbers", "toggle", "F6", "hud"),
     Command("Window", "Interface", "toggle", "F2", "hidden", help="hide or show all of it"),
-    Command("Window", "Messages", "toggle", argument="log"),
+    Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
     Command("Window", "Fullscreen", "fullscreen", "F11", section=True),
-    Command("Window", "Light colours", "light_colours"),
-    Command("Window", "Standard layout", "restore_layout", help="of the panels"),
 )
 _HELP = (
     Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),
     Command("Help", "Keys", "toggle", "F1", "help"),
-    Command("Help", "About irrsplat", "toggle", argument="about"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)

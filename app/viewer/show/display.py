@@ -9,7 +9,6 @@ import numpy as np
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.tiles import Margins
 from irrsplat.app.viewer.editing.picking import mesh_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
@@ -36,7 +35,6 @@ class Display(Owner):
         self.line_profile = LineProfile(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
-        self.margins = Margins()  # that tiles leave free for the interface
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
@@ -60,8 +58,7 @@ class Display(Owner):
         name, source = self.session.buffer(side), self.session.source(side)
         cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
         markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
-        margins = Margins() if BUFFERS[name].in_view else self.margins
-        return name, source.inputs, BUFFERS[name].inputs(source), markers, margins
+        return name, source.inputs, BUFFERS[name].inputs(source), markers
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
@@ -81,7 +78,7 @@ class Display(Owner):
         options, source = self.session.options, self.session.source(side)
         buffer, view, markers = self.session.buffer(side), source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
-        self.buffer_view.draw(screen, buffer, source, region, self.margins)
+        self.buffer_view.draw(screen, buffer, source, region)
         if not BUFFERS[buffer].in_view:
             return
         if options.wire:

@@ -15,9 +15,8 @@ from irrsplat.app.viewer.editing.lamps import Lamp, Vector
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
-from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
-_SIZE = 284.0, 256.0  # about, of the panel; window coordinates at scale 1
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
@@ -30,35 +29,24 @@ class LightsPanel:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel where it is open."""
+        """Draw the panel."""
         actions, editor = self.actions, self.actions.editor
-        if not actions.panels.lights:
-            return
-        self.layout.place_panel("lights", *_SIZE, numbers=actions.panels.hud)
-        shown, opened = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
-        self.layout.keep_inside("lights")
-        actions.panels.lights = bool(opened)
-        if shown:
-            if not editor.lamps:
-                imgui.text_disabled("no lights: emissive surfaces and\nthe sky light the scene")
-            for i, lamp in enumerate(editor.lamps):
-                title = lamp.light.name or f"light {i + 1}"
-                if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == editor.light)[0]:
-                    editor.pick_light(i)
-            for kind in KINDS:
-                if imgui.small_button(f"add {kind}"):
-                    actions.add_light(kind)
-                imgui.set_item_tooltip("where the camera looks")
-                imgui.same_line()
-            imgui.new_line()
-            if editor.light is not None:
-                imgui.separator()
-                self._edit(editor.light)
-            draw_sky(actions, 1.4 * WIDGET_WIDTH * self.layout.scale)
-        imgui.end()
-
-    def _width(self) -> None:
-        imgui.set_next_item_width(1.4 * WIDGET_WIDTH * self.layout.scale)
+        if not editor.lamps:
+            imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
+        for i, lamp in enumerate(editor.lamps):
+            title = lamp.light.name or f"light {i + 1}"
+            if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == editor.light)[0]:
+                editor.pick_light(i)
+        for kind in KINDS:
+            if imgui.small_button(f"add {kind}"):
+                actions.add_light(kind)
+            imgui.set_item_tooltip("where the camera looks")
+            imgui.same_line()
+        imgui.new_line()
+        if editor.light is not None:
+            imgui.separator()
+            self._edit(editor.light)
+        draw_sky(actions, self.layout.label)
 
     def _edit(self, number: int) -> None:
         """Draw the widgets of a lamp, and set it by them."""
@@ -69,8 +57,7 @@ class LightsPanel:
             imgui.text_disabled(f"{Path(before.light.photometry.path).name}\n{lumens:,.0f} lm, at most {candela:,.0f} cd")
         changed, on = imgui.checkbox("on", before.on)
         lamp = replace(before, on=on) if changed else before
-        self._width()
-        changed, stops = imgui.slider_float("stops", lamp.stops, -8.0, 8.0, "%+.2f")
+        changed, stops = imgui.slider_float(self.layout.label("stops"), lamp.stops, -8.0, 8.0, "%+.2f")
         imgui.set_item_tooltip("brighter or dimmer than in the file")
         lamp = replace(lamp, stops=stops) if changed else lamp
         lamp = self._placed(lamp)
@@ -91,26 +78,22 @@ class LightsPanel:
         """The lamp, with what the widgets of its place, aim and cone have changed."""
         session, editor, light = self.actions.session, self.actions.editor, lamp.light
         step = session.scene.diagonal / 500.0 if not light.directional else 0.01
-        self._width()
         label = "towards" if light.directional else "position"
-        moved, place = self._dragged(label, light.position, step, light.directional)
+        moved, place = self._dragged(self.layout.label(label), light.position, step, light.directional)
         if moved and (any(place) or not light.directional) and place != light.spot_target:
             lamp = lamp.moved(place)
         if light.spot_target is None:
             return lamp
-        self._width()
-        moved, aim = self._dragged("aims at", light.spot_target, step)
+        moved, aim = self._dragged(self.layout.label("aims at"), light.spot_target, step)
         if moved and aim != tuple(lamp.light.position):
             lamp = lamp.aimed(aim)
         editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return lamp
         cutoff, inner = light.spot_cutoff, light.spot_inner
-        self._width()
-        wider, cutoff = imgui.slider_float("cone", cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
+        wider, cutoff = imgui.slider_float(self.layout.label("cone"), cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
         imgui.set_item_tooltip("half angle of the cone, where the light ends")
-        self._width()
-        softer, inner = imgui.slider_float("inner cone", inner, 0.0, cutoff, "%.1f°")
+        softer, inner = imgui.slider_float(self.layout.label("inner cone"), inner, 0.0, cutoff, "%.1f°")
         imgui.set_item_tooltip("half angle of full intensity")
         return lamp.coned(cutoff, inner) if wider or softer else lamp
 
@@ -125,13 +108,11 @@ class LightsPanel:
     def _coloured(self, lamp: Lamp) -> Lamp:
         """The lamp, with what the widgets of its colour have changed."""
         brightest = max(*lamp.loaded.color, 1e-30)  # as loaded, so that black is no dead end
-        self._width()
-        changed, tint = edit_colour("colour", [c / brightest for c in lamp.light.color])
+        changed, tint = edit_colour(self.layout.label("colour"), [c / brightest for c in lamp.light.color])
         if changed:
             lamp = lamp.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
-        self._width()
         text = "%.0f K" if lamp.kelvin is not None else "own colour"
-        changed, kelvin = imgui.slider_float("kelvin", lamp.kelvin or _WHITE, COLDEST, HOTTEST, text)
+        changed, kelvin = imgui.slider_float(self.layout.label("kelvin"), lamp.kelvin or _WHITE, COLDEST, HOTTEST, text)
         imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
         return lamp.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(lamp.light.color) else lamp
 

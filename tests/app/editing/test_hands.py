@@ -11,9 +11,9 @@ import pytest
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.side_panel import SidePanel
 from irrsplat.core.color import LUMINANCE
-from tests.support.viewing import SIZE, Driver, Widget, push
+from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
 
 WALLS, _, BOX = range(3)
 
@@ -21,8 +21,7 @@ WALLS, _, BOX = range(3)
 @pytest.fixture(autouse=True)
 def panels_beside_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """Place panels outside of this small window, where they cover nothing that is clicked."""
-    monkeypatch.setattr(Layout, "keep_inside", lambda layout, name: True)
-    monkeypatch.setattr(Layout, "_free_place", lambda layout, *taken: (360.0, 30.0))
+    monkeypatch.setattr(SidePanel, "left", 360.0)
 
 
 @pytest.fixture
@@ -117,6 +116,32 @@ def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Edit
     assert editor.mesh is None
     driver.drag((x, y), (x + 30.0, y))
     assert editor.mesh is None
+
+
+def test_a_right_click_opens_a_menu_and_the_list_selects(driver: Driver, editor: Editor) -> None:
+    """Without a drag alone: with one, it is a look around. Each entry is an action of the table."""
+    x, y = box_at(driver)
+    driver.move(x, y)
+    driver.frame()
+    driver.button(True, RIGHT)
+    for _ in range(2):  # the first motion of a captured mouse is a jump
+        driver.move(0.0, 0.0, 40.0, 0.0)
+    driver.button(False, RIGHT)
+    driver.frame(2)
+    assert editor.mesh is None
+    push(driver, "Home")
+    driver.frame(3)
+    driver.click(x, y, RIGHT)
+    assert editor.mesh == BOX
+    driver.choose("Hide")
+    assert editor.hidden == [BOX] and editor.mesh is None
+    driver.actions.panels.outliner = True
+    driver.resize((760, 640), density=0.125)
+    driver.frame(3)
+    driver.choose("show")
+    assert editor.hidden == []
+    driver.choose(editor.name(WALLS))
+    assert editor.mesh == WALLS
 
 
 def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) -> None:
