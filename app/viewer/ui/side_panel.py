@@ -21,6 +21,7 @@ _FLAGS = (
     | imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.no_focus_on_appearing  # it would close a menu that opens in the same frame
 )
 
 
