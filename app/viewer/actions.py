@@ -13,6 +13,8 @@ import numpy as np
 import platformdirs
 
 import irrsplat
+from irrsplat.app.film.background import FilmInBackground, FilmJob
+from irrsplat.app.film.video import is_film
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_truth import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
@@ -30,7 +32,7 @@ from irrsplat.gpu.program import Program
 from irrsplat.reference.worker import INSTALL, is_installed
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
 _STOPS = 64.0  # the greatest exposure, up and down
@@ -68,6 +70,8 @@ class Actions:
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
+        self.saving: Literal["scene", "film"] = "scene"  # what the save dialog is for
+        self.film = FilmInBackground()
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -88,6 +92,16 @@ class Actions:
     def has_path(self) -> bool:
         """True if there is a path to play."""
         return self.session.path_recorder.path is not None
+
+    @property
+    def film_possible(self) -> bool:
+        """True if there is a path, and no film is being made."""
+        return self.has_path and not self.filming
+
+    @property
+    def filming(self) -> bool:
+        """True if a film is being made."""
+        return self.film.busy
 
     @property
     def is_split(self) -> bool:
@@ -307,7 +321,8 @@ class Actions:
         self.say(self.session.truths.toggle(self._subject), topic="truth")
 
     def collect_truth(self) -> None:
-        """Take what was traced meanwhile, and trace the view on show where that is wanted."""
+        """Take what was traced and filmed meanwhile, and trace the view on show if that is switched on."""
+        self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.truths.update(self._subject, self.say))
 
     @property
@@ -414,30 +429,41 @@ class Actions:
 
     def save_dialog(self) -> None:
         """Ask for a name to save the scene under."""
-        self.panels.save = True
+        self.panels.save, self.saving = True, "scene"
+
+    def film_dialog(self) -> None:
+        """Open the dialog that names the film of the path."""
+        self.panels.save, self.saving = True, "film"
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
         if self.saved_as:
+            self.saving = "scene"
             self.save(self.saved_as, overwrite=True)
         else:
             self.save_dialog()
 
-    @staticmethod
-    def scene_path(name: str) -> str:
-        """The path of a scene that is saved under this name: it ends in .scene."""
+    def saved_path(self, name: str) -> str:
+        """The path of a scene, or a film, that is saved under this name, with its ending."""
+        if self.saving == "film":
+            return name if is_film(name) else f"{name}.mp4"
         return name if name.endswith(".scene") else f"{name}.scene"
 
     def free_name(self) -> str:
-        """A name for the scene where the program runs that no file has yet."""
+        """A name for the scene, or the film, where the program runs that no file has yet."""
         stem = self.session.scene.name
+        if self.saving == "film":
+            return _stamped("film", stem, ".mp4")
         names = (f"{stem}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, overwrite: bool = False) -> None:
-        """Save the scene as it is now under a name, a `.scene` with its lights and objects beside it. Raises InputError where
-        there is such a file, and it may not be overwritten."""
-        path, scene = Path(self.scene_path(name)), self.session.scene.placed(self.session.origin)
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, or the film of the path.
+        Raises InputError where there is such a file, and it may not be overwritten."""
+        path, scene = Path(self.saved_path(name)), self.session.scene.placed(self.session.origin)
+        if self.saving == "film":
+            self._film(str(path), scene)
+            return
         lost = write_scene(scene, path, overwrite)
         self.editor.saved = self.editor.edit
         self.panels.save, self.saved_as = False, str(path)
@@ -446,6 +472,23 @@ class Actions:
             self.say(lost)
         if self.pending is not None:
             self.discard()
+
+    def _film(self, name: str, scene: Scene) -> None:
+        """Begin a film of the path as `scene` looks now, in pictures of the present size."""
+        path, session = self.session.path_recorder.path, self.session
+        if path is None:
+            raise InputError("there is no path to film; R records one")
+        renderer = session.renderers[0]
+        values = overrides(renderer.preset, renderer.settings)
+        if np.isfinite(session.exposure):
+            values["exposure"] = session.exposure
+        self.film.begin(name, FilmJob(scene, path.shifted(session.origin), session.size, renderer.preset, values))
+        self.panels.save = False
+
+    def cancel_film(self) -> None:
+        """Stop making the film; nothing of it stays."""
+        self.film.release()
+        self.say("the film is given up; nothing of it was kept", topic="film")
 
     # ---- unsaved changes ---------------------------------------------------------------------------------------------
 
@@ -493,6 +536,10 @@ class Actions:
         self._unless_unsaved(self._quit)
 
     def _quit(self) -> None:
+        if self.filming and not self.film.warned:
+            self.film.warned = True
+            self.say(f"{self.film.progress}; Quit again gives it up", topic="film")
+            return
         self.quitting = True
 
     def screenshot(self) -> None:

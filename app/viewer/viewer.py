@@ -100,6 +100,7 @@ class Viewer(Owner):
             self.canvas,
             *fitted,
             self.outline,
+            self.actions.film,
             self.backend,
         )
 

@@ -63,6 +63,8 @@ _FILE = (
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot_bare", "F12", help="a PNG in the pictures folder", section=True),
     Command("File", "Save window", "screenshot", "F12", ctrl=True, help="the same with the interface"),
+    Command("File", "Save film…", "film_dialog", help="of the recorded flight or the opened path", enabled="film_possible"),
+    Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
