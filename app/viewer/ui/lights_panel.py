@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,13 +13,16 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
+from irrsplat.app.viewer.ui.editing.output_slider import edit_output
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
+_DIMMEST = 2.0**-8  # of its full output that a slider dims a light to
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
@@ -53,13 +57,12 @@ class LightsPanel:
         actions, editor = self.actions, self.actions.editor
         before = editor.lamps[number]
         if before.light.photometry is not None:
-            lumens, candela = before.emitted.output
-            imgui.text_disabled(f"{Path(before.light.photometry.path).name}\n{lumens:,.0f} lm, at most {candela:,.0f} cd")
+            imgui.text_disabled(Path(before.light.photometry.path).name)
         changed, on = imgui.checkbox("on", before.on)
         lamp = replace(before, on=on) if changed else before
-        changed, stops = imgui.slider_float(self.layout.label("stops"), lamp.stops, -8.0, 8.0, "%+.2f")
-        imgui.set_item_tooltip("brighter or dimmer than in the file")
-        lamp = replace(lamp, stops=stops) if changed else lamp
+        for unit, full in light_units(lamp.light).items():
+            output = edit_output(self.layout, unit, full * 2.0**lamp.stops, full * _DIMMEST, full / _DIMMEST)
+            lamp = replace(lamp, stops=math.log2(output / full)) if output and full else lamp
         lamp = self._placed(lamp)
         lamp = self._coloured(lamp)
         if not lamp.light.directional:

@@ -261,8 +261,8 @@ def repaint(walker: Walker) -> None:
 def dim(walker: Walker) -> None:
     walker.key("F4")
     walker.click(next(label for label in walker.labels.now if "(" in label and ")" in label))
-    x, y = walker.place("stops")
-    walker.drag((x - 40.0, y), (x - 55.0, y), "drag *stops*")
+    x, y = walker.place("lumen")
+    walker.drag((x - 40.0, y), (x - 55.0, y), "drag *lumen*")
     x, y = walker.place("kelvin")
     walker.drag((x - 20.0, y), (x - 60.0, y), "drag *kelvin*")
     walker.rest()

@@ -171,7 +171,7 @@ def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor)
     assert editor.object(BOX).offset[0] > 0.0 and len(editor.history.past) == 1
     driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
     assert editor.object(BOX).turn[1] > 0.0
-    driver.enter(driver.find("emission"), "2")
+    driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     driver.choose("reset")
     assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes

@@ -5,16 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST, blackbody, tristimulus
 from irrsplat.app.viewer.editing.history import MOST, History
+from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
 from irrsplat.core.color import LUMINANCE
+from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Light, Scene
+from tests.support import worlds
 from tests.support.viewing import write_room
 
 BOX = 2  # the room's meshes are its walls, the left one, and a box
@@ -62,6 +66,26 @@ def test_hotter_is_bluer_at_the_same_luminance() -> None:
     assert colours @ LUMINANCE == pytest.approx(1.0) and (colours >= 0.0).all()
     assert (np.diff(colours[:, 0]) < 0.0).all() and (np.diff(colours[:, 2]) >= 0.0).all()
     assert np.array(blackbody(6500.0)) == pytest.approx(1.0, abs=0.06), "about white"
+
+
+@pytest.mark.parametrize(
+    ("light", "unit"),
+    [
+        (Light((0, 1, 0), (3, 2, 1), physical=True), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), attenuation=(0, 0, 2)), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), physical=True, spot_target=(0, 0, 0), spot_cutoff=30, spot_inner=20), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), attenuation=(1, 0.5, 0)), "lux at 1 m"),
+        (Light((0, 1, 0), (3, 2, 1), directional=True), "lux"),
+    ],
+    ids=["point", "quadratic", "spot", "attenuated", "sun"],
+)
+def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Light, unit: str) -> None:
+    """At 1 m, facing the light, candela are lux; a point sends 4π times as many lumens in all directions as candela in each."""
+    with LightMeter(worlds.scene(worlds.floor(), lights=(light,)), ctx=ctx, bounces=0) as meter:
+        lux = meter.measure([(0.0, 0.0, 0.0)], (0.0, 1.0, 0.0)).values("lux")["direct"]
+    units = light_units(light)
+    assert lux == pytest.approx(units[unit], rel=1e-4)
+    assert units.get("lumen", 4 * np.pi * units[unit]) == pytest.approx(4 * np.pi * units[unit])
 
 
 def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:

@@ -159,7 +159,7 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     def light() -> Any:
         return driver.session.scene.lights[0]
 
-    driver.enter(driver.find("stops"), "-1")
+    driver.enter(driver.find("candela"), "268.5")  # of 3 W/sr × 179 lm/W
     driver.settle()
     assert light().color == pytest.approx(np.array(loaded.color) / 2) and light().position == loaded.position
     assert driver.canvas().mean() < canvas.mean()

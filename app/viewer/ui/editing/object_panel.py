@@ -9,14 +9,16 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
+from irrsplat.app.viewer.ui.editing.output_slider import edit_output
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
-_BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
+_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
 
 
 class ObjectPanel:
@@ -69,13 +71,12 @@ class ObjectPanel:
         emission = edit.emission if edit.emission is not None else material.emission
         least = _DARKEST if needs_emission(material) else 0.0
         brightest = max(emission)
-        changed, strength = imgui.slider_float(
-            self.layout.label("emission"), brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic
-        )
-        imgui.set_item_tooltip("emitted radiance, W/(m² sr), of the strongest channel")
         tint = _vector([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
-        if changed:
-            edit = replace(edit, emission=_vector([c * max(strength, least) for c in tint]))
+        full, now = surface_units(mesh, tint), surface_units(mesh, emission)
+        for unit, one in full.items():
+            output = edit_output(self.layout, unit, now[unit], least * one, _BRIGHTEST * one)
+            if output is not None and one:
+                edit = replace(edit, emission=_vector([c * max(output / one, least) for c in tint]))
         if brightest > 0.0:
             changed, tint = edit_colour(self.layout.label("emission colour"), tint)
             if changed and max(tint) > 0.0:
