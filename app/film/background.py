@@ -7,14 +7,13 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as File
-from threading import Event, Thread
 
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.pictures import Pictures
 from irrsplat.app.film import frames, video
 from irrsplat.app.film.flight import Flight
 from irrsplat.app.film.kept import KeptFrames
-from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.errors import InputError
 from irrsplat.core.timing import clock, other_process
 from irrsplat.image.frame import numbered
 from irrsplat.image.view import Progress
@@ -25,7 +24,6 @@ from irrsplat.settings import SettingValues
 _MAIN = "from irrsplat.app.film.background import main; main()"
 _NICE = 10  # added to the niceness of the process: the window goes first
 _EVERY = 2.0  # seconds between two lines of progress, less than a message is shown
-_JOIN = 5.0  # seconds that the end of a stopped film is waited for
 
 
 @dataclass(frozen=True)
@@ -39,28 +37,24 @@ class FilmJob:
     values: SettingValues
 
 
-class _Stopped(Exception):
-    """The film was stopped."""
-
-
 class FilmInBackground:
     """At most one film in the making. warned: True if the user was warned that closing gives it up."""
 
     def __init__(self) -> None:
         self.warned = False
-        self._thread: Thread | None = None
-        self._stop, self._share, self._error = Event(), 0.0, ""
+        self._calling: other_process.Calling | None = None
         self._name, self._frames, self._said = "", 0, 0.0
+        self._folder: tempfile.TemporaryDirectory[str] | None = None  # in which the film is made
 
     @property
     def busy(self) -> bool:
         """True if a film is being made."""
-        return self._thread is not None
+        return self._calling is not None
 
     @property
     def progress(self) -> str:
         """The progress in words."""
-        frame = int(self._share * self._frames)
+        frame = int((self._calling.share if self._calling is not None else 0.0) * self._frames)
         return f"film: frame {frame} of {self._frames}" if frame < self._frames else "film: encoding"
 
     def begin(self, name: str, job: FilmJob) -> None:
@@ -70,49 +64,38 @@ class FilmInBackground:
             raise InputError(f"a film ends in {', '.join(video.ENDINGS)}", name)
         if job.values.get("backdrop") == "clear":
             raise InputError("films have no alpha; take another backdrop than clear", name)
-        self._stop, self._share, self._error, self.warned = Event(), 0.0, "", False
-        self._name, self._frames, self._said = name, job.path.frames, clock.now() - _EVERY
-        self._thread = Thread(target=self._make, args=(name, job), name="film", daemon=True)
-        self._thread.start()
+        parent = File(os.path.abspath(name)).parent  # a file is renamed within a file system only
+        self._folder = tempfile.TemporaryDirectory(prefix=".film-", dir=parent, ignore_cleanup_errors=True)
+        self._name, self._frames, self._said, self.warned = name, job.path.frames, clock.now() - _EVERY, False
+        self._calling = other_process.Calling(_MAIN, (job, self._made), "the film failed ({why})")
+
+    @property
+    def _made(self) -> str:
+        assert self._folder is not None
+        return str(File(self._folder.name, File(self._name).name))
 
     def release(self) -> None:
         """Stop the film; nothing of it stays."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join(_JOIN)
-        self._thread = None
+        calling, self._calling = self._calling, None
+        if calling is not None and self._folder is not None:
+            calling.release()
+            self._folder.cleanup()
 
     def update(self, say: Callable[..., object]) -> None:
-        """Say how far the film is, or that it is written. Raises IrrsplatError if it failed."""
-        if self._thread is None:
-            return
-        if self._thread.is_alive():
+        """Say how far the film is, or that it is written. Raises IrrsplatError or OSError if it failed."""
+        calling = self._calling
+        if calling is not None and calling.is_alive():
             if clock.now() - self._said >= _EVERY:
                 self._said = clock.now()
                 say(self.progress, topic="film")
-            return
-        self._thread = None
-        if self._error:
-            raise IrrsplatError(self._error)
-        say(f"{self._name} is written", topic="film")
-
-    def _make(self, name: str, job: FilmJob) -> None:
-        """Let the other process make the film in a folder beside its place, then put it there."""
-        try:
-            parent = File(os.path.abspath(name)).parent  # a file is renamed within a file system only
-            with tempfile.TemporaryDirectory(prefix=".film-", dir=parent, ignore_cleanup_errors=True) as folder:
-                made = File(folder, File(name).name)
-                other_process.call(_MAIN, (job, str(made)), self._note, failure="the film failed ({why})")
-                os.replace(made, name)
-        except _Stopped:
-            pass
-        except Exception as error:
-            self._error = f"{name}: {error}" if isinstance(error, OSError) else str(error)
-
-    def _note(self, share: float) -> None:
-        if self._stop.is_set():
-            raise _Stopped
-        self._share = share
+        elif calling is not None:
+            try:
+                if calling.error is not None:
+                    raise calling.error
+                os.replace(self._made, self._name)
+            finally:
+                self.release()
+            say(f"{self._name} is written", topic="film")
 
 
 # ---- in the other process ----------------------------------------------------------------------------------------------

@@ -321,8 +321,9 @@ class Actions:
         self.say(self.session.truths.toggle(self._subject), topic="truth")
 
     def collect_truth(self) -> None:
-        """Take what was traced and filmed meanwhile, and trace the view on show if that is switched on."""
+        """Take what was traced and filmed meanwhile, and trace the view, and measure the plane, if switched on."""
         self.attempt(lambda: self.film.update(self.say))
+        self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
         self.attempt(lambda: self.session.truths.update(self._subject, self.say))
 
     @property

@@ -17,6 +17,7 @@ from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
+from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -81,7 +82,7 @@ class Session(Owner):
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
-        self.line = MeasuringLine()
+        self.line, self.plane = MeasuringLine(), MeasuringPlane()
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
         self._shown: _Subject | None = None  # what the views are of
@@ -90,7 +91,7 @@ class Session(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees: all that is on the GPU but the context."""
-        return (*self.renderers, self.truths, self.brightest_light)
+        return (*self.renderers, self.truths, self.brightest_light, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 

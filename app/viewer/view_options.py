@@ -44,6 +44,7 @@ class ViewOptions:
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
+    plane: bool = False  # whether a horizontal plane is measured
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 

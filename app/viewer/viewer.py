@@ -272,7 +272,8 @@ class Viewer(Owner):
         messages.expire()
         truths = self.session.truths
         traced = truths.version, None if truths.traced is None else round(100.0 * truths.traced)
-        shown = messages.version, traced, self.wnd.buffer_size
+        plane = self.session.plane.share if self.session.options.plane else None
+        shown = messages.version, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 

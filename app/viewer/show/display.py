@@ -13,6 +13,7 @@ from irrsplat.app.viewer.editing.picking import mesh_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.light.line_profile import LineProfile, Profile
+from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, clear
@@ -32,13 +33,13 @@ class Display(Owner):
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
         self.comparison = Comparison(session, self.buffer_view)
-        self.line_profile = LineProfile(session.ctx)
+        self.line_profile, self.plane_view = LineProfile(session.ctx), PlaneView(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector, self.line_profile)
+        return (self.buffer_view, self.markers, self.inspector, self.line_profile, self.plane_view)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
@@ -49,8 +50,8 @@ class Display(Owner):
             for known in (self.inspector, self.markers, self._memo):
                 known.forget()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
-        sides = [self._inputs(side) for side in shown]
-        inputs = sides, replace(options, buffers=[]), session.held, options.inspect and cursor, Identity(screen)
+        sides, kept = [self._inputs(side) for side in shown], (session.held, Identity(session.plane.measured))
+        inputs = sides, replace(options, buffers=[]), kept, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
@@ -83,6 +84,8 @@ class Display(Owner):
             return
         if options.wire:
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
+        if options.plane and (measured := self.session.plane.measured) is not None:
+            self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
         by: By = "age" if options.by_age else "radius"
         for wanted, draw in (
             (options.discs, markers.discs),

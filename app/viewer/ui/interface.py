@@ -26,6 +26,7 @@ from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
 from irrsplat.app.viewer.ui.windows.light_scale_panel import LightScalePanel
 from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.palette import Palette
+from irrsplat.app.viewer.ui.windows.plane_panel import PlanePanel
 from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
 
 
@@ -37,6 +38,7 @@ class Interface:
         self.menus, self.files = Menus(actions), FileDialogs(actions, native)
         self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
         scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times, self.layout)
+        self.plane_panel = PlanePanel(actions, self.layout)
         sections = (
             Section(
                 "object",
@@ -46,6 +48,7 @@ class Interface:
             ),
             self._switched("lights", "lights", self.lights_panel.draw),
             self._switched("objects", "outliner", lambda: draw_outliner(actions)),
+            self._switched("measuring plane", "plane", self.plane_panel.draw),
             Section("scale of light", lambda: scale_panel.wanted, scale_panel.draw),
             self._switched("settings", "settings", settings.draw),
             self._switched("times and numbers", "hud", statistics.draw),
@@ -77,6 +80,7 @@ class Interface:
             paint(self.layout.picture)
         if not panels.hidden:
             self.lights_panel.draw_positions()
+            self.plane_panel.draw_values()
             self.handles.draw()
             self.menus.draw()
             self.menus.draw_context()

@@ -59,23 +59,23 @@ class Legends:
         buffer = BUFFERS[session.buffer(side)]
         if session.compared:
             imgui.text_wrapped(self.display.comparison.title)
-            _draw(self.display.comparison.legend(), scale)
+            draw_scale(self.display.comparison.legend(), scale)
         else:
             who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
             preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
             imgui.text(who + buffer.title + preset)
-            _draw(buffer.legend(source), scale)
+            draw_scale(buffer.legend(source), scale)
         if buffer.needs_truth:
             draw_tracing(self.actions)
         if (options.points or options.discs or options.normals) and not session.compared:
             by: By = "age" if options.by_age else "radius"
-            _draw(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
+            draw_scale(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:
             imgui.text(value)
 
 
-def _draw(legend: Legend, scale: float) -> None:
+def draw_scale(legend: Legend, scale: float) -> None:
     """Draw a colour scale with its ends, and the text."""
     if legend.colours is not None:
         imgui.text(legend.low)

@@ -12,6 +12,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import IO, Protocol, cast
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from irrsplat.core.errors import IrrsplatError
 
 _BEAT = 0.1  # seconds between two calls of `progress`, at most
+_JOIN = 5.0  # seconds that the end of a stopped call is waited for, at most
 _ON_THE_WAY = ("progress", "part")  # messages that are followed by others
 
 OnShare = Callable[[float], object]  # called with the finished share, 0..1
@@ -70,6 +72,42 @@ def call(
         if kind is None:
             raise IrrsplatError(failure.format(why=_why_it_failed(process.returncode, said)))
     return value
+
+
+class _Stopped(Exception):
+    """The call was stopped."""
+
+
+class Calling(threading.Thread):
+    """A call in the background, begun at once; see `call`. share: finished so far, 0..1. Once the thread has ended, `error` has
+    the exception of a call that failed, and `result` the result of any other."""
+
+    def __init__(self, code: str, arguments: tuple[object, ...], failure: str) -> None:
+        super().__init__(name="calling", daemon=True)
+        self.share, self.result = 0.0, cast(object, None)
+        self.error: Exception | None = None
+        self._stopped = threading.Event()
+        self._call = partial(call, code, arguments, self._note, failure=failure)
+        self.start()
+
+    def run(self) -> None:
+        """Wait for the other process."""
+        try:
+            self.result = self._call()
+        except _Stopped:
+            pass
+        except Exception as error:  # read by the owner in its own thread
+            self.error = error
+
+    def _note(self, share: float) -> None:
+        if self._stopped.is_set():
+            raise _Stopped
+        self.share = share
+
+    def release(self) -> None:
+        """End the other process."""
+        self._stopped.set()
+        self.join(_JOIN)
 
 
 def _answer(
