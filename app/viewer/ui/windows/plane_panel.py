@@ -38,12 +38,14 @@ class PlanePanel:
         scale = scale_of(measured, session.options.light_scale)
         found, (low, high) = measured.readings.summary(scale.unit), scale.ends
         if found["mean"] is not None:
-            imgui.text(f"mean {found['mean']:.4g} {scale.shown_unit}, at {measured.height:.2f} m")
-            imgui.text(f"{found['minimum']:.4g} … {found['maximum']:.4g} {scale.shown_unit}")
+            imgui.text(f"mean {_digits(found['mean'])} {scale.shown_unit}, at {measured.height:.2f} m")
+            imgui.text(f"{_digits(found['minimum'])} … {_digits(found['maximum'])} {scale.shown_unit}")
             if found["uniformity"] is not None:
                 imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
-        lines = f"a line every {(high - low) / STEPS:.4g} {scale.shown_unit}" if scale.lines and not scale.logarithmic else ""
-        draw_scale(Legend(lines, f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours()), self.layout.scale)
+        lines = (
+            f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines and not scale.logarithmic else ""
+        )
+        draw_scale(Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale)
 
     def draw_values(self) -> None:
         """Draw values at some of the points that are seen."""
@@ -64,10 +66,15 @@ class PlanePanel:
         draw, drawn = imgui.get_background_draw_list(), list[tuple[float, float]]()
         for point, value in zip(points.tolist(), values.tolist(), strict=True):
             place = self.layout.seen(session.camera, point)
-            text = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+            text = _digits(value)
             size = imgui.calc_text_size(text)
             if place is not None and all(abs(place[0] - x) > size.x or abs(place[1] - y) > size.y for x, y in drawn):
                 drawn.append(place)
                 left, top = place[0] - 0.5 * size.x, place[1] - 0.5 * size.y
                 draw.add_text((left + 1.0, top + 1.0), imgui.get_color_u32(_SHADE), text)
                 draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
+
+
+def _digits(value: float | None) -> str:
+    """Return a value of light with the digits that a light meter has; "" for None."""
+    return "" if value is None else f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
