@@ -16,7 +16,7 @@ import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
 from irrsplat.app.film.video import is_film
 from irrsplat.app.viewer import preferences as stored
-from irrsplat.app.viewer.buffers.background_truth import Subject
+from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
@@ -316,19 +316,19 @@ class Actions:
     def trace(self) -> None:
         """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
         if not self.reference_possible:
-            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="truth")
+            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="reference")
             return
-        self.say(self.session.truths.toggle(self._subject), topic="truth")
+        self.say(self.session.references.toggle(self._subject), topic="reference")
 
-    def collect_truth(self) -> None:
-        """Take what was traced and filmed meanwhile, and trace the view, and measure the plane, if switched on."""
+    def collect_references(self) -> None:
+        """Take what was traced and filmed meanwhile; trace the view and measure the plane, if switched on."""
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
-        self.attempt(lambda: self.session.truths.update(self._subject, self.say))
+        self.attempt(lambda: self.session.references.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:
-        """What a truth is traced of."""
+        """What a reference is traced of."""
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
     def darker(self) -> None:

@@ -10,7 +10,7 @@ from typing import Unpack, cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Subject, Truth, Truths
+from irrsplat.app.viewer.buffers.background_reference import References, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.measuring_line import MeasuringLine
@@ -81,7 +81,7 @@ class Session(Owner):
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
-        self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
+        self.path_recorder, self.references = PathRecorder(), References(ctx)
         self.line, self.plane = MeasuringLine(), MeasuringPlane()
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
@@ -90,8 +90,7 @@ class Session(Owner):
         self._flip_seconds = 0.0  # that the side on show has been there
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees: all that is on the GPU but the context."""
-        return (*self.renderers, self.truths, self.brightest_light, self.plane)
+        return (*self.renderers, self.references, self.brightest_light, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -279,20 +278,20 @@ class Session(Owner):
             raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         renderer, view = self.renderers[i], self.views[i]
-        truth = self.truth(view.camera, renderer.settings)
-        return ViewSource(renderer, view, self.exposure, truth, self.light_scale, self.origin)
+        reference = self.reference(view.camera, renderer.settings)
+        return ViewSource(renderer, view, self.exposure, reference, self.light_scale, self.origin)
 
     @property
     def light_scale(self) -> LightScale:
         """The scale of false colours on both sides, its upper end known."""
         return self.options.light_scale.up_to(self.brightest_light.found)
 
-    def truth(self, camera: Camera, settings: Settings) -> Truth | None:
-        """The traced truth of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.truths.of(self.subject(camera, settings))
+    def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
+        """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
+        return self.references.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
-        """What the truth of a view by such settings is of."""
+        """What the reference of a view by such settings is of."""
         return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:

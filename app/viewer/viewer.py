@@ -91,18 +91,9 @@ class Viewer(Owner):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees: all but the window."""
         fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
-        return (
-            self.session,
-            self.display,
-            *self.canvas.textures,
-            self.canvas,
-            *fitted,
-            self.outline,
-            self.actions.film,
-            self.backend,
-        )
+        own = self.session, self.display, self.outline, self.actions.film, self.backend
+        return (*own, *self.canvas.textures, self.canvas, *fitted)
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
@@ -122,7 +113,7 @@ class Viewer(Owner):
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
-        actions.collect_truth()
+        actions.collect_references()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
         if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
@@ -267,11 +258,11 @@ class Viewer(Owner):
         no message comes or goes."""
         if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
-        self.actions.collect_truth()
+        self.actions.collect_references()
         messages = self.actions.messages
         messages.expire()
-        truths = self.session.truths
-        traced = truths.version, None if truths.traced is None else round(100.0 * truths.traced)
+        references = self.session.references
+        traced = references.version, None if references.traced is None else round(100.0 * references.traced)
         plane = self.session.plane.share if self.session.options.plane else None
         shown = messages.version, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown

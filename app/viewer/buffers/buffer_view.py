@@ -7,7 +7,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.screen import Programs, Region, Texels, colours
+from irrsplat.app.viewer.show.screen import Programs, Region, TexelReader, colours
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 
@@ -18,10 +18,9 @@ class BufferView(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.programs = Programs(ctx)
         self.colours = colours(ctx)
-        self.texels = Texels(ctx)
+        self.texels = TexelReader(ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
         return (self.programs, self.colours, self.texels)
 
     def draw(self, target: Target, name: str, source: ViewSource, region: Region | None = None) -> None:

@@ -16,18 +16,15 @@ class GatherAtlasBuffer(ShownBuffer):
     in_view = False
 
     def inputs(self, source: ViewSource) -> object:
-        """The batch."""
         return Identity(source.renderer.scheduler.gatherer.atlas)
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw all cells; only ground before the first batch."""
         canvas.blank()
         atlas = source.renderer.scheduler.gatherer.atlas
         if atlas is not None:
             draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene, sky_maps(source.renderer.world)))
 
     def legend(self, source: ViewSource) -> Legend:
-        """Unit and exposure."""
         return Legend(exposed(self.unit, source), unit=self.unit)
 
 

@@ -15,15 +15,12 @@ class LightBuffer(ShownBuffer):
     """Irradiance or illuminance by the scale that the user has set, whatever the surface reflects."""
 
     def inputs(self, source: ViewSource) -> object:
-        """The scale."""
         return source.light_scale
 
     def unit_shown(self, source: ViewSource) -> str:
-        """That of the scale."""
         return source.light_scale.shown_unit
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw every pixel's light, and a line where it passes from one step of the scale to the next."""
         scale, colours = source.light_scale, false_colours()
         low, high = scale.ends
         canvas.picture(
@@ -40,7 +37,6 @@ class LightBuffer(ShownBuffer):
         )
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """One number in the scale's unit."""
         if not depth_at(texels, source, x, y):
             return None
         direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
@@ -48,7 +44,6 @@ class LightBuffer(ShownBuffer):
         return np.array([total @ source.light_scale.weights], np.float32)
 
     def legend(self, source: ViewSource) -> Legend:
-        """The ends, and where lines run."""
         scale = source.light_scale
         low, high = scale.ends
         return Legend(_words(scale), f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())

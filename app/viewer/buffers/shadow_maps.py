@@ -19,11 +19,9 @@ class ShadowMapsBuffer(ShownBuffer):
     in_view = False
 
     def inputs(self, source: ViewSource) -> object:
-        """The maps, which are drawn anew for other lights."""
         return Identity(source.renderer.shadows)
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the tiles as large as they fit; only ground where no light casts shadows."""
         canvas.blank()
         shadows = source.renderer.shadows
         if shadows is None:
@@ -51,7 +49,6 @@ class ShadowMapsBuffer(ShownBuffer):
             )
 
     def legend(self, source: ViewSource) -> Legend:
-        """The range of distances."""
         shadows = source.renderer.shadows
         if shadows is None or not source.scene.lights:
             return Legend("no light casts shadows here")

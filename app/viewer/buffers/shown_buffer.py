@@ -9,7 +9,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Truth
+from irrsplat.app.viewer.buffers.background_reference import TracedReference
 from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
@@ -40,16 +40,16 @@ class Identity:
 
 @dataclass(frozen=True)
 class ViewSource:
-    """One side of the window, which buffers are shown of: a renderer's view, exposed by `exposure` stops.
+    """A renderer's view on one side of the window, exposed by `exposure` stops.
 
-    truth: the path-traced truth of this very view, where there is one. light_scale: of false colours, its upper end known.
-    origin: world space, what the view's positions are relative to.
+    reference: path-traced, of this view; None for none. light_scale: of false colours, with a known upper end.
+    origin: world space; the view's positions are relative to it.
     """
 
     renderer: Renderer
     view: View
     exposure: float
-    truth: Truth | None = None
+    reference: TracedReference | None = None
     light_scale: LightScale = LightScale()  # it is frozen
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -139,7 +139,7 @@ class ShownBuffer(ABC):
     help: str
 
     in_view = True  # whether its pixels are those of the view, so that records and edges can be marked over it
-    needs_truth = False  # whether it shows what the path tracer has to find first
+    needs_reference = False  # whether it shows what the path tracer has to find first
 
     def inputs(self, source: ViewSource) -> object:
         """What it is made of besides the view and the settings, for a memo; compared by ==."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from irrsplat.app.viewer.buffers.gather_atlas import GatherAtlasBuffer
 from irrsplat.app.viewer.buffers.light import LightBuffer
+from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.shadow_maps import ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
 from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
@@ -24,7 +25,6 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     VectorBuffer,
     opacity_texture,
 )
-from irrsplat.app.viewer.buffers.truth import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
 from irrsplat.core.buffers import CHANNELS
 
@@ -53,12 +53,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         ReflectanceBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo),
         DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
         AskingBuffer(
-            "asking",
-            "requests",
-            "",
-            "pixels that request a record",
-            texture=lambda view: view.splats.weight,
-            components=1,
+            "asking", "requests", "", "pixels that request a record", texture=lambda view: view.splats.weight, components=1
         ),
         ShadowMapsBuffer(
             "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"

@@ -8,9 +8,8 @@ from typing import Literal, cast
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.history import History
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, EditedScene, ObjectEdit, SceneEdit, describe, object_name
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, describe, object_name
 from irrsplat.app.viewer.editing.sun_sky import QUICK, SunSky
 from irrsplat.app.viewer.session import Session
 from irrsplat.scene.model import Light
@@ -18,6 +17,7 @@ from irrsplat.sky.cie import ROWS
 
 Kind = Literal["point", "spot", "directional"]
 KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
+_MOST = 300  # states to undo
 _NEARER = 0.3  # of the way from what is looked at to the eye: where a new light is put
 _CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
 
@@ -33,7 +33,7 @@ class Editor:
     def __init__(self, session: Session) -> None:
         self.session, self.loaded = session, session.scene
         self.edit = self.saved = SceneEdit.of(session.scene)  # saved: as a file has it
-        self.history = History(self.edit)
+        self.present, self.past, self.future = self.edit, list[SceneEdit](), list[SceneEdit]()  # states to undo and redo
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
@@ -69,42 +69,42 @@ class Editor:
         if self._quick:
             self.session.pose(self._scenes.scene(self.edit))
             self._quick = False
-        self.history = self.history.then(self.edit)
+        if self.edit != self.present:
+            self.past, self.future = [*self.past, self.present][-_MOST:], []
+            self.present = self.edit
 
     def undo(self) -> str:
-        """Go back a step; what it had done, in a few words, "" where there is none."""
+        """Undo a step; return it in a few words, "" if there is none."""
         self.settle()
-        return self._go(self.history.undone(), back=True)
+        return self._step(self.past, self.future, back=True)
 
     def redo(self) -> str:
-        """Do again what was undone last; what that is, in a few words, "" where there is nothing."""
+        """Redo the step that was undone last; return it in a few words, "" if there is none."""
         self.settle()
-        return self._go(self.history.redone(), back=False)
+        return self._step(self.future, self.past, back=False)
 
-    def _go(self, history: History[SceneEdit], back: bool) -> str:
-        before = self.edit
-        if history.present == before:
+    def _step(self, source: list[SceneEdit], target: list[SceneEdit], back: bool) -> str:
+        """Go on with the last state of `source`; the present one is then the last of `target`."""
+        if not source:
             return ""
-        self.apply(history.present)
-        self.history = history
-        return self._words(history.present, before) if back else self._words(before, history.present)
-
-    def _words(self, before: SceneEdit, after: SceneEdit) -> str:
-        return describe(before, after, self.loaded)
+        before, after = self.present, source[-1]
+        self.apply(after)
+        self.present = source.pop()
+        target.append(before)
+        return describe(after, before, self.loaded) if back else describe(before, after, self.loaded)
 
     @property
     def undoes(self) -> str:
-        """What `undo` takes back, in a few words; "" for nothing."""
-        if self.edit != self.history.present:
-            return self._words(self.history.present, self.edit)
-        return self._words(self.history.past[-1], self.edit) if self.history.past else ""
+        """The step that `undo` would undo, in a few words; "" for none."""
+        before = self.present if self.edit != self.present else self.past[-1] if self.past else self.edit
+        return "" if before == self.edit else describe(before, self.edit, self.loaded)
 
     @property
     def redoes(self) -> str:
-        """What `redo` does again, in a few words; "" for nothing."""
-        if self.edit != self.history.present or not self.history.future:
+        """The step that `redo` would redo, in a few words; "" for none."""
+        if self.edit != self.present or not self.future:
             return ""
-        return self._words(self.edit, self.history.future[0])
+        return describe(self.edit, self.future[-1], self.loaded)
 
     # ---- lights ----------------------------------------------------------------------------------------------------
 
@@ -167,10 +167,6 @@ class Editor:
     def set_object(self, number: int, edit: ObjectEdit) -> None:
         """Change a mesh. Raises InputError for a material by which it would be drawn otherwise."""
         self.apply(self.edit.with_object(number, edit))
-
-    def reset_object(self, number: int) -> None:
-        """Put a mesh back to what the files say."""
-        self.set_object(number, AS_LOADED)
 
     def hide(self, number: int, hidden: bool = True) -> None:
         """Hide a mesh, or show it again."""

@@ -115,14 +115,7 @@ _COMPARE = (
     *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
     Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
     *(
-        Command(
-            "Compare",
-            title[0].upper() + title[1:],
-            "compare_by",
-            argument=way,
-            enabled="is_split",
-            section=way == "divided",
-        )
+        Command("Compare", title[0].upper() + title[1:], "compare_by", argument=way, enabled="is_split", section=way == "divided")
         for way, title in COMPARES.items()
     ),
     Command("Compare", "Next comparison", "compare", "J"),

@@ -1,13 +1,9 @@
-"""Which settings a user needs first, and which change nothing in the viewer as it is set now, and why."""
+"""Settings without effect in the viewer while others are as they are, and why."""
 
 from __future__ import annotations
 
 from irrsplat.settings import SETTINGS, Settings
 
-BASIC = (
-    *("bounces", "gather_size", "a", "max_records", "blend", "exposure", "backdrop"),
-    *("budget", "viewer_samples", "viewer_quality"),
-)
 _OF_RENDERS = ("samples", "quality", "max_rounds")
 _OF_DERIVATIVES = ("second_order", "radius")
 _OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality", "coarse")

@@ -6,9 +6,9 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.legend import Legend, colour_map
+from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Values, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.truth import NO_TRUTH
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.gpu.target import Target
@@ -46,8 +46,8 @@ class Comparison:
     def legend(self) -> Legend:
         """What its colours stand for."""
         session = self.session
-        if any(BUFFERS[session.buffer(side)].needs_truth and session.source(side).truth is None for side in (0, 1)):
-            return Legend(NO_TRUTH)
+        if any(BUFFERS[session.buffer(side)].needs_reference and session.source(side).reference is None for side in (0, 1)):
+            return Legend(NO_REFERENCE)
         values, _ = self._values()
         if values is None:
             return Legend("no difference: these two buffers are not numbers of one kind at every pixel")

@@ -12,7 +12,7 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import mesh_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
-from irrsplat.app.viewer.show.light.line_profile import LineProfile, Profile
+from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
@@ -33,13 +33,12 @@ class Display(Owner):
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
         self.comparison = Comparison(session, self.buffer_view)
-        self.line_profile, self.plane_view = LineProfile(session.ctx), PlaneView(session.ctx)
+        self.plane_view = PlaneView(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector, self.line_profile, self.plane_view)
+        return (self.buffer_view, self.markers, self.inspector, self.plane_view)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
@@ -87,13 +86,9 @@ class Display(Owner):
         if options.plane and (measured := self.session.plane.measured) is not None:
             self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
         by: By = "age" if options.by_age else "radius"
-        for wanted, draw in (
-            (options.discs, markers.discs),
-            (options.normals, markers.normals),
-            (options.points, markers.points),
-        ):
-            if wanted:
-                draw(screen, view, renderer.cache.records, settings=settings, scene=scene, by=by, region=region)
+        for kind in ("discs", "normals", "points"):
+            if getattr(options, kind):
+                markers.records(kind, screen, view, renderer.cache.records, settings, scene, by, region)
         if options.sites:
             markers.sites(screen, view, renderer.scheduler.gatherer.surface_now, exposure=source.exposure, region=region)
 
@@ -108,7 +103,7 @@ class Display(Owner):
             return None
         settings, records = source.settings, source.renderer.cache.records
         region = dict(session.sides()).get(side)
-        served = self.markers.serves(screen, source.view, records, number, settings=settings, region=region)
+        served = self.markers.contributes(screen, source.view, records, number, settings, region)
         return self.inspector.inspect(number, side, source, served)
 
     def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
@@ -139,7 +134,7 @@ class Display(Owner):
         if ends is None:
             return None
         name, source = self.session.buffer(side), self.session.source(side)
-        return self._memo.get("profile", (self._inputs(side), ends), lambda: self.line_profile.measure(name, source, *ends))
+        return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
         """The number of the mesh that is seen at the cursor; None where there is none."""

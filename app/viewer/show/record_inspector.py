@@ -41,11 +41,9 @@ class RecordInspector(Owner):
         self.gather_pass: Gather | None = None  # the last one used
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
         return (self._made,)
 
     def forget(self) -> None:
-        """Let go of what was made for the renderers so far, which would stay in memory with their scenes."""
         self._made.clear()
         self._memo.forget()
         self.gather_pass = None

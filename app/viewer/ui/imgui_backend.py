@@ -166,7 +166,6 @@ class ImguiBackend(Owner):
         return self._io.want_capture_keyboard
 
     def owned(self) -> tuple[Resource, ...]:
-        """Return nothing: imgui frees its own objects."""
         return ()
 
     def release(self) -> None:

@@ -65,7 +65,7 @@ class Legends:
             preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
             imgui.text(who + buffer.title + preset)
             draw_scale(buffer.legend(source), scale)
-        if buffer.needs_truth:
+        if buffer.needs_reference:
             draw_tracing(self.actions)
         if (options.points or options.discs or options.normals) and not session.compared:
             by: By = "age" if options.by_age else "radius"

@@ -101,9 +101,9 @@ def coverage_in_words(progress: Progress, filled: bool) -> str:
 
 def draw_tracing(actions: Actions) -> None:
     """Draw the progress of the reference while it is traced."""
-    truths = actions.session.truths
-    if truths.progress:
-        share = "" if truths.traced is None else f"{100.0 * truths.traced:.0f} % done, "
+    references = actions.session.references
+    if references.progress:
+        share = "" if references.traced is None else f"{100.0 * references.traced:.0f} % done, "
         imgui.push_style_color(imgui.Col_.text, accent())
-        imgui.text_wrapped(f"{truths.progress} ({share}Y stops it)")
+        imgui.text_wrapped(f"{references.progress} ({share}Y stops it)")
         imgui.pop_style_color()

@@ -298,8 +298,8 @@ def compare(walker: Walker) -> None:
 @task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
-    truths = walker.viewer.actions.session.truths
-    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a reference of some samples")
+    references = walker.viewer.actions.session.references
+    walker.until(lambda: references.traced is None or references.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")

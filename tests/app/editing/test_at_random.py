@@ -93,7 +93,7 @@ def press(driver: Driver, draw: Draw) -> None:
 
 def show(driver: Driver, draw: Draw) -> None:
     """Another buffer, window, split, or way to show both sides."""
-    driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_truth])))
+    driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_reference])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
     session = driver.session
@@ -140,7 +140,7 @@ def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver)
                 states, at, edits = [*states[: at + 1], editor(driver).edit], at + 1, edits + 1
         driver.frame(int(draw.integers(2, 5)))
         assert not driver.actions.messages.errors, f"{driver.said} after {done}"
-        assert editor(driver).edit == states[at] == editor(driver).history.present, f"another edit than expected after {done}"
+        assert editor(driver).edit == states[at] == editor(driver).present, f"another edit than expected after {done}"
         if step % CHECKED == CHECKED - 1 or step == EDITS - 1:
             check(driver, done)
     assert edits > EDITS // 8

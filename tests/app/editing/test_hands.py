@@ -78,7 +78,7 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
         push(driver, key)
         assert editor.edit == expected
     assert driver.said.endswith("nothing to redo")
-    assert not driver.session.options.points and driver.session.truths.traced is None, "the keys without Ctrl are others"
+    assert not driver.session.options.points and driver.session.references.traced is None, "the keys without Ctrl are others"
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
@@ -156,7 +156,7 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     offset = editor.object(BOX).offset
     assert offset[0] > 0.1 and offset[1:] == pytest.approx((0.0, 0.0), abs=1e-5) and driver.session.camera == camera
     assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "it goes with the mouse"
-    assert editor.mesh == BOX and len(editor.history.past) == 1 and editor.undoes == "box: move"
+    assert editor.mesh == BOX and len(editor.past) == 1 and editor.undoes == "box: move"
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
     driver.actions.undo()
@@ -168,14 +168,14 @@ def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor)
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
-    assert editor.object(BOX).offset[0] > 0.0 and len(editor.history.past) == 1
+    assert editor.object(BOX).offset[0] > 0.0 and len(editor.past) == 1
     driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
     assert editor.object(BOX).turn[1] > 0.0
     driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     driver.choose("reset")
     assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
-    assert len(editor.history.past) == 4
+    assert len(editor.past) == 4
 
 
 def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Editor) -> None:

@@ -41,7 +41,7 @@ def test_a_sky_that_is_set_is_the_sky_of_a_file(driver: Driver, tmp_path: Path) 
     for sky in (night, wanted):
         editor.set_sky(sky)
         driver.frame(2)
-    assert len(editor.history.past) == 2 and driver.session.scene.environment is not None
+    assert len(editor.past) == 2 and driver.session.scene.environment is not None
     shown = driver.session.scene.environment.shown
     (sun,) = (lamp for lamp in editor.lamps if lamp.of_sky)
     assert write_scene(driver.session.scene, tmp_path / "saved.scene") == ""

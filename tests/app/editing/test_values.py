@@ -1,4 +1,4 @@
-"""What is edited, as values: the history, where objects stand, colours by temperature, and the scene that comes of it."""
+"""What is edited, as values: where objects stand, colours by temperature, and the scene that comes of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST, blackbody, tristimulus
-from irrsplat.app.viewer.editing.history import MOST, History
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
 from irrsplat.core.color import LUMINANCE
@@ -27,21 +26,6 @@ BOX = 2  # the room's meshes are its walls, the left one, and a box
 @pytest.fixture
 def room(tmp_path: Path) -> Scene:
     return irrsplat.load(write_room(tmp_path))
-
-
-def test_a_step_undone_and_done_again_is_the_same_state() -> None:
-    history = History(0)
-    for state in (1, 1, 2, 3):
-        history = history.then(state)
-    assert history == History(3, (0, 1, 2)), "the same state again is no step"
-    back = history.undone().undone()
-    assert back.present == 1 and back.redone().redone() == history and back.redone().undone() == back
-    assert back.then(7) == History(7, (0, 1)), "what was undone is given up"
-    assert History(0).undone() == History(0) == History(0).redone()
-    history = History(-1)
-    for state in range(2 * MOST):
-        history = history.then(state)
-    assert len(history.past) == MOST and history.past[-1] == 2 * MOST - 2
 
 
 def test_angles_say_the_same_turn() -> None:

@@ -29,7 +29,7 @@ from tests.support.viewing import ShownView, shown_view
 
 SIZE = (97, 61)
 UNTOUCHED = (0.25, 0.5, 0.75)
-TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_truth]
+TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_reference]
 
 
 @pytest.fixture(scope="module")

@@ -46,8 +46,8 @@ class Stage:
 
     def marks(self, kind: str, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
         """Return those of one of the markers of records."""
-        draw = getattr(self.markers, kind)
-        return self.drawn(lambda target: draw(target, self.view, records, settings=settings, scene=self.renderer.scene))
+        scene, draw = self.renderer.scene, self.markers.records
+        return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, "radius", None))
 
     def edges(self) -> np.ndarray:
         """Return where edges are drawn."""
