@@ -41,7 +41,7 @@ _RING = 12.0  # window coordinates from the middle of a light's ring that a clic
 
 
 class Actions:
-    """What a user does to a session. source: what its scene was loaded from. preferences: how the viewer was left last time.
+    """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
 
     copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders. loading: how scenes are
     read, this one again and others.
@@ -60,7 +60,7 @@ class Actions:
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
-        self.scale = scale_of(preferences.ui)  # of text and widgets, beside the monitor's
+        self.scale = scale_of(preferences.ui)  # of text and widgets; the monitor has another one
         self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
@@ -122,7 +122,7 @@ class Actions:
         return self.messages.attempt(act)
 
     def save_preferences(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
-        """Keep what is set now for the next time; None, or one line that tells what went wrong."""
+        """Keep what is set now for the next time; None, or one line of what went wrong."""
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
@@ -153,7 +153,7 @@ class Actions:
         self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
     def headlamp(self) -> None:
-        """Switch a lamp at the eye on, or off."""
+        """Switch the headlamp on or off."""
         self.session.carry_headlamp(not self.session.headlamp)
         self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
 
@@ -220,12 +220,12 @@ class Actions:
             self.session.path_recorder.play()
 
     def stop(self) -> None:
-        """Stop playing; the flight goes on from there."""
+        """Stop playing; the camera stays there."""
         camera = self.session.path_recorder.stop()
         if camera is not None:
             self.session.free_camera.go(camera)
 
-    # ---- what is shown -----------------------------------------------------------------------------------------------
+    # ---- buffers and sides -----------------------------------------------------------------------------------------------
 
     def show(self, name: str) -> None:
         """Show a buffer on the side that keys change."""
@@ -234,7 +234,7 @@ class Actions:
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        """Whether the overlay or panel of this name is on."""
+        """Return True if the overlay or panel of this name is on."""
         return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
 
     def is_active(self, command: Command) -> bool:
@@ -328,7 +328,7 @@ class Actions:
 
     @property
     def _subject(self) -> Subject:
-        """What a reference is traced of."""
+        """The view whose reference would be traced."""
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
     def darker(self) -> None:
@@ -363,7 +363,7 @@ class Actions:
         """Pick the light whose ring is at a pixel, while the lights' panel is open; else the `mesh` seen there, or nothing.
         density: pixels per window coordinate."""
         editor, session = self.editor, self.session
-        rings = [None if lamp.light.directional else lamp.light.position for lamp in editor.lamps]
+        rings = [None if edited.light.directional else edited.light.position for edited in editor.lights]
         found = nearest_on_screen(session.camera, session.size, rings, pixel, _RING * density)
         light = found if self.panels.lights else None
         if light is not None:
@@ -379,7 +379,7 @@ class Actions:
         if editor.mesh is not None:
             editor.turning = not editor.turning
             self.say("handles turn" if editor.turning else "handles move", topic="handles")
-        elif editor.light is not None and editor.lamps[editor.light].light.spot_target is not None:
+        elif editor.light is not None and editor.lights[editor.light].light.spot_target is not None:
             editor.aiming = not editor.aiming
             self.say("handles aim" if editor.aiming else "handles move", topic="handles")
 
@@ -387,7 +387,7 @@ class Actions:
         """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
         number = self.editor.light
         if self.editor.mesh is None and number is not None and self.panels.lights:
-            name = self.editor.lamps[number].light.name or f"light {number + 1}"
+            name = self.editor.lights[number].light.name or f"light {number + 1}"
             self.editor.delete_light(number)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
         else:
@@ -429,7 +429,7 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_dialog(self) -> None:
-        """Ask for a name to save the scene under."""
+        """Open the dialog that saves the scene."""
         self.panels.save, self.saving = True, "scene"
 
     def film_dialog(self) -> None:
@@ -566,7 +566,7 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_dialog(self) -> None:
-        """Ask for a scene."""
+        """Open the dialog that opens a scene."""
         self.panels.open = True
 
     def open(self, source: str) -> None:
@@ -605,6 +605,6 @@ class Actions:
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:
-    """A file's name that says what it is of and when; none that is there already."""
+    """Return a new file's name with its kind, scene and time."""
     stem = f"{kind}-{scene}-{datetime.now():%Y%m%d-%H%M%S}"
     return next(n for i in range(1000) if not os.path.exists(n := f"{stem}{f'-{i}' if i else ''}{ending}"))

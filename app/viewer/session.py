@@ -101,17 +101,17 @@ class Session(Owner):
 
     @property
     def camera(self) -> Camera:
-        """What is looked through now: the path's camera while it plays, else the free camera."""
+        """The camera of the path while it plays, else the free camera."""
         return self.path_recorder.camera or self.free_camera.camera
 
     @property
     def world_camera(self) -> Camera:
-        """The same in world space."""
+        """The camera in world space."""
         return self.camera.shifted(self.origin) if any(self.origin) else self.camera
 
     @property
     def at_rest(self) -> bool:
-        """Whether another tick would show the same."""
+        """True if another tick would show the same picture."""
         served = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
         sampled = all(
             v.samples >= r.settings.viewer_samples
@@ -142,11 +142,11 @@ class Session(Owner):
         return self.auto_exposure.stops
 
     def _at_rest(self, progress: Progress) -> bool:
-        """Whether a side's cache and picture stay as they are."""
+        """Return True if the cache and the picture of a side stay as they are."""
         return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.fading)
 
     def _refined(self, renderer: Renderer, progress: Progress) -> bool:
-        """Whether a side is refined as far as it is to be."""
+        """Return True if the refinement of a side has ended."""
         aim = renderer.settings.viewer_quality
         known = progress.error is not None and progress.error <= 0.01 * aim
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
@@ -232,12 +232,12 @@ class Session(Owner):
 
     @property
     def compared(self) -> bool:
-        """Whether one picture shows what the two sides differ by."""
+        """True if one picture shows the difference of both sides."""
         return self.options.split != "off" and self.options.compare == "difference"
 
     @property
     def pair(self) -> str:
-        """What is compared, in words."""
+        """The compared presets in words."""
         return " and ".join(renderer.preset for renderer in self.active)
 
     def flip(self) -> None:
@@ -273,7 +273,7 @@ class Session(Owner):
         return renderer.preset, renderer.settings
 
     def source(self, side: int) -> ViewSource:
-        """What a side's buffers are shown of: the last tick's view. Raises InputError before the first tick of a scene."""
+        """Return the last tick's view of a side. Raises InputError before the first tick of a scene."""
         if not self.views:
             raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
@@ -291,7 +291,7 @@ class Session(Owner):
         return self.references.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
-        """What the reference of a view by such settings is of."""
+        """Return the subject of the reference of a view."""
         return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
@@ -325,7 +325,7 @@ class Session(Owner):
             self.held = None
 
     def split(self, way: Split) -> None:
-        """Show one picture, two buffers, or two presets side by side: the present one and paper (beside paper: default)."""
+        """Show one picture, two buffers, or two presets side by side: the present one and paper, or paper and default."""
         options = self.options
         if way == "presets" and len(self.renderers) == 1:
             left = self.renderers[0]
@@ -343,7 +343,7 @@ class Session(Owner):
 
     @property
     def headlamp(self) -> bool:
-        """Whether there is a lamp at the eye."""
+        """True if the headlamp is on."""
         return self.renderers[0].headlamp > 0.0
 
     def _pose(self, ended: bool) -> None:
@@ -356,7 +356,7 @@ class Session(Owner):
                 renderer.pose(scene)
 
     def carry_headlamp(self, on: bool) -> None:
-        """Carry a lamp at the eye, or none: as bright that what the camera looks at is lit as well as the exposure is now for."""
+        """Switch the headlamp on or off. Its brightness fits the exposure at the target of the camera."""
         stops = self.exposure if math.isfinite(self.exposure) else 0.0
         distance = math.dist(self.camera.eye, self.camera.target)
         for renderer in self.renderers:
@@ -433,7 +433,7 @@ class Session(Owner):
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:
-        """Read all shaders again, those of `others` too; raises ShaderError, and all goes on as before, where one is wrong."""
+        """Read all shaders again, those of `others` too; raises ShaderError, and changes nothing, if one is wrong."""
         program.reload([*program.programs_of(self), *others])
         for renderer in self.renderers:
             renderer.renew()
@@ -450,7 +450,7 @@ class Session(Owner):
 
 
 def _filled(progress: Progress) -> bool:
-    """Whether no light is missing in a view, as far as it can be there."""
+    """Return True if a view has all its light."""
     return progress.still or (progress.coverage == 1.0 and progress.surface == 1.0 and not progress.stale)
 
 

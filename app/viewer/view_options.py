@@ -1,4 +1,4 @@
-"""What is shown, what is drawn over it, and which windows of the interface are open: plain values that the interface changes."""
+"""Options of the view, and the open parts of the interface: plain values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOT_SAVED = ("help", "open", "save", "palette", "hidden")  # of Panels
 
 @dataclass
 class ViewOptions:
-    """What is shown, and what is drawn over it."""
+    """The buffers on show, the split, and overlays."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
@@ -51,7 +51,7 @@ class ViewOptions:
 
 @dataclass
 class Panels:
-    """Which windows of the interface are open."""
+    """The open parts of the interface."""
 
     controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
     settings: bool = False

@@ -72,7 +72,7 @@ class Viewer(Owner):
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
-        self._shown: object = None  # what was shown last of that which changes without an event
+        self._shown: object = None  # the last state of all that changes without an event
         self._ending = False  # by a signal: nobody is asked
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
@@ -208,7 +208,7 @@ class Viewer(Owner):
         self.times.stages[stage] = 1e3 * (now() - start)
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
-        """Put picture and interface into the window, and into a file where a screenshot is wanted."""
+        """Put picture and interface into the window, and write the requested screenshot."""
         actions, size, start = self.actions, self.wnd.buffer_size, now()
         wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
         if wanted and not self.session.whole:
@@ -250,7 +250,7 @@ class Viewer(Owner):
 
     @property
     def still(self) -> bool:
-        """Whether another frame would show the same but for what the user does."""
+        """True if another frame would be the same without input."""
         return (self.session.at_rest and not self.controls.active) or not all(self.wnd.buffer_size)
 
     def may_sleep(self) -> bool:
@@ -277,7 +277,7 @@ class Viewer(Owner):
         return bool(self.wnd.is_closing)
 
     def loop(self) -> None:
-        """Draw frames until the window closes, but none while they would show what is there already."""
+        """Draw frames until the window closes; none while they would be the same."""
         timer = Timer()
         timer.start()
         while not self._closing():

@@ -22,7 +22,7 @@ from irrsplat.scene.model import Camera, Scene
 COARSE = (50, 200)  # rows of the pictures that come first, a pass each, about; then all pixels are traced
 SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # of the passes over all pixels: side² samples of each kind, twice; 2048 in all
 KEPT = 4  # views
-_JOIN = 2.0  # seconds that closing waits for a thread that was told to stop
+_JOIN = 2.0  # seconds that closing waits for a stopped thread
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Subject:
-    """What a reference is of: what `camera` sees of `scene` as it is lit, by so many bounces, in a picture of `size` (W, H)."""
+    """A view of `scene` by `camera` in a picture of `size` (W, H), with so many bounces."""
 
     scene: Scene
     camera: Camera
@@ -74,7 +74,7 @@ class Subject:
     bounces: int | str
 
     def same(self, other: Subject) -> bool:
-        """Whether both have one reference; names do not count."""
+        """Return True if both have one reference; names do not count."""
         mine, others = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, other.camera))
         lit, others_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
         view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
@@ -93,7 +93,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What passes over one lattice have found, top row first.
+    """The result of the passes over one lattice, top row first.
 
     halves: (2, rows, columns, 3) float32 W/m², by two independent halves of the `samples`. seen, valid: (rows, columns) bool, as
     `irrsplat.reference.truth.Traced` has them. noise: the standard error of `irradiance` over its mean; None in the
@@ -116,7 +116,7 @@ class Estimate:
 
     @staticmethod
     def after(before: Estimate | None, lattice: Lattice, made: Pass, found: dict[str, np.ndarray]) -> Estimate:
-        """What is known after a pass: the mean of all samples of its lattice. before: what was known."""
+        """Return the estimate after a pass: the mean of all samples of its lattice. before: the one before it."""
         halves, samples = found["halves"], made.samples
         if before is not None and before.lattice == lattice:
             samples += before.samples
@@ -227,7 +227,7 @@ class References(Owner):
 
     @property
     def progress(self) -> str:
-        """How far the present reference has come, in words; empty where none is traced."""
+        """The progress of the present reference in words; "" while none is traced."""
         if not self.on:
             return ""
         tracing = self._tracing
@@ -242,7 +242,7 @@ class References(Owner):
         return next((reference for reference in self.kept if reference.subject.same(subject)), None)
 
     def complete(self, subject: Subject) -> bool:
-        """Whether the reference of this view is there, and gets no better."""
+        """Return True if the reference of this view has all its samples."""
         reference = self.of(subject)
         return reference is not None and reference.complete
 
@@ -274,7 +274,7 @@ class References(Owner):
         if tracing is not None and not tracing.subject.same(subject):
             self.stop()
         elif tracing is not None:
-            ended = not tracing.is_alive()  # asked for first: what it found before it ended is there then
+            ended = not tracing.is_alive()  # before `_take`: a thread that has ended has all its results
             self._take(tracing)
             if ended:
                 self._end(tracing, say)
@@ -291,7 +291,7 @@ class References(Owner):
         self._tracing.start()
 
     def _end(self, tracing: _Tracing, say: Callable[[str], object]) -> None:
-        """A thread has ended: say what has come of it."""
+        """Report the end of a thread."""
         self._tracing = None
         if tracing.error is not None:
             self.on = False

@@ -1,4 +1,4 @@
-"""What the records of the last batch saw: the cells of the gather atlas, a hemisphere each."""
+"""The gather atlas: a cell with the hemisphere of each record of the last batch."""
 
 from __future__ import annotations
 

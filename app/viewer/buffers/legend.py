@@ -1,4 +1,4 @@
-"""What the colours of a picture stand for: the ends of its scale, their unit, and a line of text."""
+"""The legend of a buffer: the ends of its scale, their unit, and a line of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All light that falls on what is seen, of lamps and of all else, in false colours with isolines."""
+"""All light that falls on visible surfaces, in false colours with isolines."""
 
 from __future__ import annotations
 
@@ -50,7 +50,6 @@ class LightBuffer(ShownBuffer):
 
 
 def _words(scale: LightScale) -> str:
-    """How the scale runs, and where its lines are."""
     low, high = scale.ends
     if scale.logarithmic:
         return "logarithmic" + (f"; {STEPS / scale.decades:.3g} lines a decade" if scale.lines else "")

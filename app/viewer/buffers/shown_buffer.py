@@ -1,4 +1,4 @@
-"""What every buffer that the viewer can show has: words, a picture, a legend, and its value at a pixel."""
+"""The base of all buffers on show: title, help, picture, legend, and the value at a pixel."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class ViewSource:
 
     @property
     def inputs(self) -> object:
-        """What all its buffers are made of, for a memo; compared by ==."""
+        """The inputs of all its buffers, for a memo; compared by ==."""
         return Identity(self.view), self.settings, self.exposure
 
     @property
@@ -76,7 +76,7 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours."""
+    """A target or a `region` of it for a buffer, with programs and the table of colours."""
 
     target: Target
     programs: Programs
@@ -85,7 +85,7 @@ class Canvas:
 
     @property
     def area(self) -> Region:
-        """Where tiles stand, whatever part of them the region shows."""
+        """The area of tiles; the region shows a part of it."""
         return 0, 0, *self.target.size
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
@@ -108,7 +108,7 @@ class Canvas:
 
 @dataclass(frozen=True)
 class Values:
-    """Where a buffer's numbers lie, so that those of two sides can be compared.
+    """The numbers of a buffer, for the difference of two sides.
 
     form: what they are of a texel: 0 rgb, 1 r, 2 rgb/a, 3 rgb/a times `albedo`/π, 4 a. full: a great difference, which has the
     full colour. everywhere: whether there are numbers where nothing is seen.
@@ -122,7 +122,7 @@ class Values:
 
     @property
     def channels(self) -> int:
-        """How many numbers a pixel has."""
+        """Numbers per pixel."""
         return 1 if self.form in (1, 4) else 3
 
 
@@ -142,7 +142,7 @@ class ShownBuffer(ABC):
     needs_reference = False  # whether it shows what the path tracer has to find first
 
     def inputs(self, source: ViewSource) -> object:
-        """What it is made of besides the view and the settings, for a memo; compared by ==."""
+        """Return its inputs apart from view and settings, for a memo; compared by ==."""
         return None
 
     def unit_shown(self, source: ViewSource) -> str:
@@ -159,7 +159,7 @@ class ShownBuffer(ABC):
 
     @abstractmethod
     def legend(self, source: ViewSource) -> Legend:
-        """What its colours stand for."""
+        """Return its legend."""
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Its 1 or 3 numbers in `unit` at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""

@@ -1,4 +1,4 @@
-"""What the surface cache holds, looked up at every pixel: irradiance of all bounces but the last."""
+"""The surface cache, looked up at every pixel: irradiance of all bounces but the last."""
 
 from __future__ import annotations
 

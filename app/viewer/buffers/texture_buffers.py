@@ -14,7 +14,7 @@ from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
-_GREAT = 0.25  # of the range of what is shown: a difference that has the full colour
+_GREAT = 0.25  # of the range on show: a difference with the full colour
 
 
 @dataclass(frozen=True)
@@ -231,12 +231,12 @@ def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
 
 
 def exposed(unit: str, source: ViewSource) -> str:
-    """How a legend says unit and exposure."""
+    """Return unit and exposure in words."""
     return f"{unit}, exposed by {source.exposure:+.1f} stops"
 
 
 def exposed_white(unit: str, source: ViewSource) -> str:
-    """The same, of irradiance."""
+    """Return unit and exposure of irradiance in words."""
     return exposed(unit, source) + ", as a white surface sends it out"
 
 

@@ -1,4 +1,4 @@
-"""How tiles of equal size fill a window best: for shadow maps and for the cells of the gather atlas."""
+"""Tiles of equal size in a window: shadow maps, and the cells of the gather atlas."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def tiling(count: int, tile: tuple[float, float], area: Region) -> Tiling:
 
 
 def common(a: Region, b: Region | None) -> Region | None:
-    """Where two regions overlap; None for nowhere. b: None stands for everywhere."""
+    """Return the overlap of two regions; None if there is none. b: None for everywhere."""
     if b is None:
         return a
     low = max(a[0], b[0]), max(a[1], b[1])

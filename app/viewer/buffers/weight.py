@@ -1,4 +1,4 @@
-"""The sum of the records' weights at a pixel, and which pixels ask for a record because it is too small."""
+"""The sum of the records' weights at a pixel, and the pixels that request a record."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class WeightBuffer(TextureBuffer):
 
 
 class AskingBuffer(TextureBuffer):
-    """The pixels that ask for a record, orange over the dim picture; its value is their Σw."""
+    """The pixels that request a record, orange over the dim picture; the value is Σw."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         _draw_asking(canvas, source, source.settings.threshold)

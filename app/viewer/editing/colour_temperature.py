@@ -8,7 +8,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE
 
-COLDEST, HOTTEST = 1500.0, 12_000.0  # kelvin that a lamp's colour is set by
+COLDEST, HOTTEST = 1500.0, 12_000.0  # kelvin, the range of the slider
 _SECOND = 1.438777e-2  # m K, Planck's second radiation constant
 _REC_709 = np.array(  # from CIE XYZ, white D65 (IEC 61966-2-1)
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]

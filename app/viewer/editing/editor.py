@@ -1,4 +1,4 @@
-"""What a user edits: the scene's lights and objects, which of them are picked, and the steps that can be undone."""
+"""The editor of lights and objects: their changes, the selection, undo and redo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, describe, object_name
 from irrsplat.app.viewer.editing.sun_sky import QUICK, SunSky
 from irrsplat.app.viewer.session import Session
@@ -44,7 +44,7 @@ class Editor:
 
     @property
     def changed(self) -> bool:
-        """Whether the scene is no longer as its files have it."""
+        """True if the scene differs from its files."""
         return self.edit != SceneEdit.of(self.loaded)
 
     @property
@@ -61,8 +61,8 @@ class Editor:
         self.session.pose(self._scenes.scene(edit, QUICK if self._quick else ROWS))
         self.edit = edit
         self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
-        if self.light is not None and self.light >= len(edit.lamps):
-            self.light = len(edit.lamps) - 1 if edit.lamps else None
+        if self.light is not None and self.light >= len(edit.lights):
+            self.light = len(edit.lights) - 1 if edit.lights else None
 
     def settle(self) -> None:
         """A moment of rest: what has changed since the last one is one step, and a sky that was made quickly is made as it is."""
@@ -84,7 +84,7 @@ class Editor:
         return self._step(self.future, self.past, back=False)
 
     def _step(self, source: list[SceneEdit], target: list[SceneEdit], back: bool) -> str:
-        """Go on with the last state of `source`; the present one is then the last of `target`."""
+        """Show the last state of `source`, and move the present one to `target`."""
         if not source:
             return ""
         before, after = self.present, source[-1]
@@ -109,13 +109,13 @@ class Editor:
     # ---- lights ----------------------------------------------------------------------------------------------------
 
     @property
-    def lamps(self) -> tuple[Lamp, ...]:
+    def lights(self) -> tuple[LightEdit, ...]:
         """The scene's lights as they are set."""
-        return self.edit.lamps
+        return self.edit.lights
 
-    def set_lamp(self, number: int, lamp: Lamp) -> None:
+    def set_light(self, number: int, edited: LightEdit) -> None:
         """Set a light."""
-        self.apply(self.edit.with_lamp(number, lamp))
+        self.apply(self.edit.with_light(number, edited))
 
     def add_light(self, kind: Kind) -> None:
         """Add a light between the eye and what it looks at, and pick it. It is so bright that this is lit as well as the exposure
@@ -125,7 +125,7 @@ class Editor:
         place = _vector(focus + _NEARER * (eye - focus))
         gain = 2.0 ** -(session.exposure if math.isfinite(session.exposure) else 0.0)
         intensity = math.pi * math.dist(place, _vector(focus)) ** 2 * gain
-        taken = {lamp.light.name for lamp in self.lamps}
+        taken = {edited.light.name for edited in self.lights}
         name = next(n for n in (f"{kind} {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         light = Light(place, (intensity,) * 3, physical=True, name=name)
         if kind == "spot":
@@ -134,12 +134,12 @@ class Editor:
             back = session.camera.axes[2]
             towards = _vector(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
             light = Light(towards, (gain,) * 3, directional=True, name=name)
-        self.apply(replace(self.edit, lamps=(*self.lamps, Lamp.of(light))))
-        self.pick_light(len(self.lamps) - 1)
+        self.apply(replace(self.edit, lights=(*self.lights, LightEdit.of(light))))
+        self.pick_light(len(self.lights) - 1)
 
     def delete_light(self, number: int) -> None:
         """Delete a light."""
-        self.apply(replace(self.edit, lamps=(*self.lamps[:number], *self.lamps[number + 1 :])))
+        self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))
 
     # ---- sky -------------------------------------------------------------------------------------------------------
 
@@ -155,13 +155,13 @@ class Editor:
         edit = self.edit.with_sky(sky, self._scenes.sky(sky, QUICK))
         self.session.pose(self._scenes.scene(edit, QUICK))
         self.edit, self._quick = edit, True
-        if self.light is not None and self.light >= len(edit.lamps):
-            self.light = len(edit.lamps) - 1
+        if self.light is not None and self.light >= len(edit.lights):
+            self.light = len(edit.lights) - 1
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 
     def object(self, number: int) -> ObjectEdit:
-        """What is changed about a mesh."""
+        """Return the changes of a mesh."""
         return self.edit.objects[number]
 
     def set_object(self, number: int, edit: ObjectEdit) -> None:
@@ -175,7 +175,7 @@ class Editor:
             self.mesh = None
 
     def name(self, number: int) -> str:
-        """What a mesh is called."""
+        """Return the name of a mesh."""
         return object_name(self.loaded, number)
 
     @property

@@ -1,4 +1,4 @@
-"""Which mesh a triangle belongs to, and where points are on the screen."""
+"""The mesh of a triangle, and the place of points on the screen."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def triangles_of(scene: Scene, mesh: int) -> tuple[int, int]:
 
 
 def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:
-    """Where a world point is in a picture of `size` (width, height), from the upper left corner; None behind the eye."""
+    """Return the place of a world point in a picture of `size` (width, height), from the upper left; None behind the eye."""
     x, y, z = camera.axes @ (np.asarray(point) - np.asarray(camera.eye))
     if z >= 0.0:
         return None

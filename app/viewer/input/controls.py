@@ -1,4 +1,4 @@
-"""What the window's events do: fly, look, orbit and press keys while they are not for the interface."""
+"""The effects of the window's events: flight, look, orbit and keys, unless they are for the interface."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Controls:
 
     @property
     def active(self) -> bool:
-        """Whether the camera may move in the next frame, though no further event comes."""
+        """True if the camera may move in the next frame without a further event."""
         return bool(self.pressed) or self.looking
 
     def fly(self, dt: float) -> None:

@@ -44,7 +44,7 @@ class Comparison:
         )
 
     def legend(self) -> Legend:
-        """What its colours stand for."""
+        """Return the legend of the difference."""
         session = self.session
         if any(BUFFERS[session.buffer(side)].needs_reference and session.source(side).reference is None for side in (0, 1)):
             return Legend(NO_REFERENCE)
@@ -56,7 +56,7 @@ class Comparison:
 
     @property
     def title(self) -> str:
-        """What is compared, in words."""
+        """The compared buffers and presets in words."""
         words = [BUFFERS[self.session.buffer(side)].title for side in (0, 1)]
         what = words[0] if words[0] == words[1] else f"{words[0]} and {words[1]}"
         return f"difference of {what}, {self.session.pair}"
@@ -80,7 +80,7 @@ class Comparison:
         return self.session.source(side)
 
     def _values(self) -> tuple[Values, Values] | tuple[None, None]:
-        """Where both sides' numbers lie; None where they are not of one kind."""
+        """Return the numbers of both sides; None if they are not of one kind."""
         names = [self.session.buffer(side) for side in (0, 1)]
         left, right = (BUFFERS[name].values(self._source(side)) for side, name in enumerate(names))
         if left is None or right is None or len({BUFFERS[name].unit for name in names}) > 1 or left.channels != right.channels:

@@ -41,11 +41,11 @@ class Display(Owner):
         return (self.buffer_view, self.markers, self.inspector, self.plane_view)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """As `draw`, where the screen does not hold that very picture already."""
+        """Draw as `draw` does, unless the screen already holds that picture."""
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
-            # what they know of a scene that is no longer open
+            # their data of a scene that is no longer open
             for known in (self.inspector, self.markers, self._memo):
                 known.forget()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
@@ -54,7 +54,7 @@ class Display(Owner):
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
-        """What the picture of a side is made of, besides the options."""
+        """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.buffer(side), self.session.source(side)
         cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
         markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
@@ -129,7 +129,7 @@ class Display(Owner):
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
 
     def profile(self, side: int) -> Profile | None:
-        """What a side's buffer shows along the line that is measured along; None where there is none."""
+        """Return the values of a side's buffer along the measured line; None without a line."""
         ends = self.session.line.ends
         if ends is None:
             return None

@@ -1,4 +1,4 @@
-"""What is drawn over a buffer: records as dots, discs and normals, the scene's edges, and the pixels that one record serves."""
+"""Markers over a buffer: records as dots, discs and normals, edges of the scene, and the pixels of one record."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class Markers(Owner):
 
 
 def radius_legend(settings: Settings, scene: Scene, by: By, count: int) -> Legend:
-    """What the colours of `count` records stand for."""
+    """Return the legend of the colours of `count` records."""
     if by == "age":
         return Legend("record number, old to new", "0", str(max(count - 1, 0)), "", colour_map())
     low, high = radius_range(settings, scene)
@@ -155,7 +155,7 @@ def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
 
 
 def _segments(height: int, settings: Settings) -> int:
-    """How many straight pieces a circle is drawn with: n of them are r·(1 - cos(π/n)) ≈ r·π²/2n² pixels off at radius r pixels,
+    """Return the number of straight pieces of a circle: n of them are r·(1 - cos(π/n)) ≈ r·π²/2n² pixels off at radius r pixels,
     half a pixel for n = π·√r."""
     r = (settings.radius_max or 50.0) / 100.0 * height
     return min(max(math.ceil(math.pi * math.sqrt(r)), 12), 64)

@@ -63,7 +63,7 @@ class RecordInspector(Owner):
         return InspectedRecord(number, side, lines, picture, served)
 
     def hemisphere(self, number: int, source: ViewSource) -> moderngl.Texture | None:
-        """What record `number` sees: its cell of the gather atlas, exposed as the source is; None before anything is lit.
+        """Return the hemisphere of record `number` as a texture, exposed as the source is; None before anything is lit.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """

@@ -18,7 +18,7 @@ from irrsplat.settings import Settings
 
 @dataclass(frozen=True)
 class RecordTable:
-    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS says what its columns are.
+    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS describes the columns.
 
     luminance_floor: as buffers.Records has it.
     """
@@ -72,7 +72,7 @@ class RecordTable:
     def describe(
         self, number: int, view: View, settings: Settings, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> list[tuple[str, str]]:
-        """What record `number` holds, a label and a text each, with units. origin: world space, of the records' positions."""
+        """Return the values of record `number`, a label and a text with unit each. origin: of the positions, world space."""
         E, R = self.irradiance[number], float(self.radius[number])
         along, across = self.reach(view.camera, view.gbuffer.position.size, settings)[number]
         lines = [

@@ -1,4 +1,4 @@
-"""What all drawing to the screen needs: the window as a target, programs made on first use, colour maps, single texels."""
+"""Shared parts of all drawing: the window as a target, programs made on first use, colour maps, single texels."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ class ImguiBackend(Owner):
         self._io.add_input_characters_utf8(text)
 
     def mouse_position(self, x: float, y: float) -> None:
-        """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` knows it at once."""
+        """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` is updated at once."""
         self._io.add_mouse_pos_event(x, y)
         imgui.set_current_context(self._context)
         if imgui.get_frame_count():  # before the first frame there is nothing to point at
@@ -157,12 +157,12 @@ class ImguiBackend(Owner):
 
     @property
     def wants_mouse(self) -> bool:
-        """Whether the mouse is for the interface, as the windows were at the last `begin`: leave the camera alone."""
+        """True if the mouse is for the interface, with the windows of the last `begin`."""
         return self._io.want_capture_mouse
 
     @property
     def wants_keyboard(self) -> bool:
-        """Whether the keyboard is for the interface, as of the last `begin`."""
+        """True if the keyboard is for the interface, as of the last `begin`."""
         return self._io.want_capture_keyboard
 
     def owned(self) -> tuple[Resource, ...]:

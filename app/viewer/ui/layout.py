@@ -1,4 +1,4 @@
-"""Where the parts of the interface stand, and the styles that they share."""
+"""The areas of the window, and shared styles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from irrsplat.scene.model import Camera
 
 MARGIN = 8.0  # window coordinates around what stands over the picture
 _PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; at most this share of the window
-_NAMES = 7.5  # width of the names beside widgets, heights of the font
+_NAMES = 7.5  # width of the names of widgets, heights of the font
 _NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets that would be narrower
 _LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)

@@ -1,4 +1,4 @@
-"""The legend of each side in its lower left corner: what is shown, in which colours and units, and the value under the cursor."""
+"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor."""
 
 from __future__ import annotations
 

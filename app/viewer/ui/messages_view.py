@@ -20,7 +20,7 @@ def draw_waiting(text: str) -> None:
 
 
 def draw_messages(messages: Messages, layout: Layout) -> None:
-    """Draw the lines on show beside the side panel; open menus and dialogs stay in front of them."""
+    """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
     _, top, right, _ = layout.area
     place, width = 0.5 * (layout.over + right), right - layout.over - 2.0 * MARGIN
     if messages.errors:

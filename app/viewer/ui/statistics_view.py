@@ -19,8 +19,8 @@ _KEPT = 30  # frames that a stage's row stays after it ran
 
 
 class FrameTimes:
-    """Milliseconds of the last frames. frames: from picture to picture. work: without waiting. stages: the last frame's, by
-    name, beside the core's own."""
+    """Milliseconds of the last frames. frames: from picture to picture. work: without waiting. stages: of the last frame
+    by name, without those of the core."""
 
     def __init__(self) -> None:
         self.frames: deque[float] = deque(maxlen=FRAMES)

@@ -270,12 +270,12 @@ def dim(walker: Walker) -> None:
 
 @task("Move the lamp")
 def move(walker: Walker) -> None:
-    (lamp,) = walker.viewer.actions.editor.lamps
+    (lamp,) = walker.viewer.actions.editor.lights
     before = lamp.light.position
     x, y = walker.seen(before)
     walker.drag((x - 60.0, y), (x - 130.0, y), "drag its red arrow")
     walker.rest()
-    assert walker.viewer.actions.editor.lamps[0].light.position != before
+    assert walker.viewer.actions.editor.lights[0].light.position != before
 
 
 @task("Measure light on the floor, in lux")

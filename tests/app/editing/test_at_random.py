@@ -15,7 +15,7 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
-from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.settings import SettingValues
@@ -59,14 +59,14 @@ def set_object(driver: Driver, draw: Draw) -> None:
 def set_lamps(driver: Driver, draw: Draw) -> None:
     """Add or delete one; or move, heat, dim and switch one."""
     made, chance = editor(driver), draw.random()
-    number = int(draw.integers(max(len(made.lamps), 1)))
-    if not made.lamps or (chance < 0.25 and len(made.lamps) < 4):
+    number = int(draw.integers(max(len(made.lights), 1)))
+    if not made.lights or (chance < 0.25 and len(made.lights) < 4):
         driver.actions.add_light(KINDS[draw.integers(3)])
     elif chance < 0.5:
         made.delete_light(number)
     else:
-        lamp = made.lamps[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
-        made.set_lamp(number, replace(lamp, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
+        lamp = made.lights[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
+        made.set_light(number, replace(lamp, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
 
 
 def move_camera(driver: Driver, draw: Draw) -> None:

@@ -200,7 +200,7 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
     assert driver.session.progress[0].coverage == 1.0
     driver.choose("delete")
     assert len(driver.session.scene.lights) == 3
-    while editor.lamps:
+    while editor.lights:
         editor.delete_light(0)
     assert editor.light is None
     driver.settle()
@@ -227,7 +227,7 @@ def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -
     driver.actions.panels.lights = True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
-    (light,) = editor.lamps
+    (light,) = editor.lights
     assert light.light.color[0] / max(light.loaded.color) == pytest.approx(0.2159, abs=1e-4)
 
 
@@ -240,7 +240,7 @@ def _third(field: Widget) -> tuple[float, float, float, float]:
 def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path) -> None:
     """Before the window closes, and before another scene opens. The answers are cancel, discard, and save."""
     assert not editor.unsaved
-    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=1.0))
     push(driver, "Ctrl+Q")
     driver.frame(2)
     assert not driver.actions.quitting
@@ -253,7 +253,7 @@ def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_pat
     driver.choose("save")
     assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
     driver.actions.quitting = driver.wnd.is_closing = False
-    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=2.0))
+    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=2.0))
     driver.actions.open("furnace")
     driver.frame(3)
     assert driver.session.scene.name == "room"

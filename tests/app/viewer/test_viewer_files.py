@@ -99,7 +99,7 @@ def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -
 def test_f5_asks_before_unsaved_changes_are_lost(driver: Driver, room: Path) -> None:
     """After "cancel" the changes stay; after "discard" the scene is that of the files."""
     editor = driver.actions.editor
-    editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+    editor.set_light(0, replace(editor.lights[0], stops=1.0))
     bright = driver.session.scene.lights[0].color
     rewrite(driver, room, ROOM + "# more\n")
     driver.frame(2)

@@ -77,7 +77,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
             driver.frame()
         session.split("off")
         actions.editor.mesh = 0
-        actions.editor.set_lamp(0, actions.editor.lamps[0].moved((0.2, 0.5, 0.1)))
+        actions.editor.set_light(0, actions.editor.lights[0].moved((0.2, 0.5, 0.1)))
         driver.frame()
         options.inspect = options.points = options.discs = options.sites = options.wire = False
         driver.frame()

@@ -1,4 +1,4 @@
-"""How bright the light in a view is."""
+"""The brightest light in a view."""
 
 from __future__ import annotations
 

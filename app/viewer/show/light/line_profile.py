@@ -1,4 +1,4 @@
-"""What a buffer shows along a line between two points of the scene."""
+"""The values of a buffer along a line between two points of the scene."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
