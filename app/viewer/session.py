@@ -18,6 +18,7 @@ from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
+from irrsplat.app.viewer.show.light.why_dark import Surface
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -83,6 +84,7 @@ class Session(Owner):
         self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.references = PathRecorder(), References(ctx)
         self.line, self.plane = MeasuringLine(), MeasuringPlane()
+        self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
         self._shown: _Subject | None = None  # what the views are of
@@ -429,7 +431,7 @@ class Session(Owner):
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line = AutoExposure(), MeasuringLine()
+            self.auto_exposure, self.line, self.surface = AutoExposure(), MeasuringLine(), None
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:

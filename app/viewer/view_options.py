@@ -45,6 +45,7 @@ class ViewOptions:
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
     plane: bool = False  # whether a horizontal plane is measured
+    why: bool = False  # whether a click on a surface shows where its light comes from
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 

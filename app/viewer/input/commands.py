@@ -98,6 +98,7 @@ _VIEW = (
     Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it, or click both ends"),
+    Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
     Command("View", "Darker", "darker", "LEFT_BRACKET", help="half a stop", section=True),
     Command("View", "Brighter", "brighter", "RIGHT_BRACKET", help="half a stop"),

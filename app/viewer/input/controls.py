@@ -209,6 +209,8 @@ class Controls:
             if clicked and self.pointer is not None:
                 if self.session.options.inspect:
                     self.display.hold(self.pointer)
+                elif self.session.options.why:
+                    self.session.surface = self.display.surface_at(self.pointer)
                 else:
                     self._pick(self.pointer)
             self.pivot, self.dividing = None, False

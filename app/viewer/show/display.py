@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import dist
 
 import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
-from irrsplat.app.viewer.buffers.shown_buffer import Identity
+from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.picking import mesh_of
+from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
+from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
+from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
-from irrsplat.app.viewer.show.screen import Region, clear
+from irrsplat.app.viewer.show.screen import Region, Texels, clear
+from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
 
+_NEAR = 0.02  # depths: a point nearer than this to what its pixel sees is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
 
@@ -153,3 +158,30 @@ class Display(Owner):
         source = self.session.source(self.session.side_at(cursor[0]))
         found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+
+    def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
+        """Return the surface point seen at the cursor, with its normal; None for no surface."""
+        point = self.point_at(cursor)
+        if point is None:
+            return None
+        source = self.session.source(self.session.side_at(cursor[0]))
+        x, y, z = self.buffer_view.texels(source.view.gbuffer.normal, *self.session.place(source.view, *cursor))[:3].tolist()
+        return point, (x, y, z)
+
+    def light_at(self, point: Point) -> float | None:
+        """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""
+        source = self.session.source(0)
+        (width, height), camera = source.view.gbuffer.position.size, source.view.camera
+        place = None if camera is None else on_screen(camera, (width, height), point)
+        if place is None or not (0.0 <= place[0] < width and 0.0 <= place[1] < height):
+            return None
+        pixel, texels = (int(place[0]), int(place[1])), self.buffer_view.texels
+        x, y, z, depth = texels(source.view.gbuffer.position, *pixel).tolist()
+        if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
+            return None
+        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(texels, source, *pixel))
+
+
+def _lux(texels: Texels, source: ViewSource, x: int, y: int) -> float:
+    direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
+    return float(photometric(direct + irradiance_at(texels, source.view, x, y)))

@@ -28,6 +28,7 @@ from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.palette import Palette
 from irrsplat.app.viewer.ui.windows.plane_panel import PlanePanel
 from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
+from irrsplat.app.viewer.ui.windows.why_panel import WhyPanel
 
 
 class Interface:
@@ -38,7 +39,7 @@ class Interface:
         self.menus, self.files = Menus(actions), FileDialogs(actions, native)
         self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
         scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times, self.layout)
-        self.plane_panel = PlanePanel(actions, self.layout)
+        self.plane_panel, self.why_panel = PlanePanel(actions, self.layout), WhyPanel(actions, display, self.layout)
         sections = (
             Section(
                 "object",
@@ -48,6 +49,7 @@ class Interface:
             ),
             self._switched("lights", "lights", self.lights_panel.draw),
             self._switched("objects", "outliner", lambda: draw_outliner(actions)),
+            self._switched("why is it dark here?", "why", self.why_panel.draw),
             self._switched("measuring plane", "plane", self.plane_panel.draw),
             Section("scale of light", lambda: scale_panel.wanted, scale_panel.draw),
             self._switched("settings", "settings", settings.draw),
@@ -81,6 +83,7 @@ class Interface:
         if not panels.hidden:
             self.lights_panel.draw_positions()
             self.plane_panel.draw_values()
+            self.why_panel.draw_lines()
             self.handles.draw()
             self.menus.draw()
             self.menus.draw_context()
