@@ -1,4 +1,4 @@
-"""A film of a path, made by a process of its own while the caller goes on."""
+"""A film of a path, made in a process of its own while the caller continues."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class MeasuredPlane:
 
 
 class MeasuringPlane:
-    """The plane of a session; nothing waits for it. height: metres above the lowest point, as wanted now."""
+    """The plane of a session; nothing waits for it. height: metres above the lowest point, of the next measurement."""
 
     def __init__(self) -> None:
         self.height = USUAL

@@ -26,7 +26,7 @@ class PlaneView(Owner):
         self.program = Program(ctx, "viewer/markers/plane", "viewer/markers/plane")
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the program."""
         return (self.program,)
 
     def draw(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:
