@@ -67,8 +67,7 @@ class Viewer(Owner):
         self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
-        self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
-        self._fitted: Target | None = None  # the picture with the outline, where it does not fill the window
+        self.canvas, self.outlined = self._canvas(wnd.buffer_size), self._canvas(wnd.buffer_size)  # the picture; with the outline
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
@@ -91,16 +90,17 @@ class Viewer(Owner):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
-        fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
         own = self.session, self.display, self.outline, self.actions.film, self.backend
-        return (*own, *self.canvas.textures, self.canvas, *fitted)
+        return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
         return list(programs_of(self.display, self.outline))
 
     def _canvas(self, size: tuple[int, int]) -> Target:
-        return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
+        texture = self.ctx.texture(size, 4)
+        texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # it covers what is below
+        return Target(self.ctx, size, textures=[texture])
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -188,18 +188,9 @@ class Viewer(Owner):
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))
-        _free(self.canvas)
-        self.canvas = self._canvas(size)
-
-    def _fitted_canvas(self) -> Target:
-        """Return the target of the picture that does not fill the window."""
-        if self._fitted is None or self._fitted.size != self.session.size:
-            if self._fitted is not None:
-                _free(self._fitted)
-            self._fitted = self._canvas(self.session.size)
-            self._fitted.textures[0].swizzle = "RGB1"  # it covers what is below
-            self._fitted.textures[0].filter = moderngl.NEAREST, moderngl.NEAREST
-        return self._fitted
+        for canvas in (self.canvas, self.outlined):
+            _free(canvas)
+        self.canvas, self.outlined = self._canvas(size), self._canvas(size)
 
     def _note(self, stage: str, start: float) -> None:
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
@@ -216,20 +207,17 @@ class Viewer(Owner):
             self.display.update(self.canvas, cursor)
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
-        window = Screen(self.wnd.fbo, size)
-        target = self._canvas(size) if wanted == "window" else window
-        fills = self.session.size == size
-        picture = target if fills else self._fitted_canvas()
-        self.copy(self.canvas, picture)
+        self.copy(self.canvas, self.outlined)
         if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(picture, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+            self.outline(self.outlined, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         elif actions.editor.mesh is None:
             self.outline.forget()
         self.controls.restyle()
-        if not fills:
-            target.use()
-            target.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, None if fills else picture.textures[0])
+        window = Screen(self.wnd.fbo, size)
+        target = self._canvas(size) if wanted == "window" else window
+        target.use()
+        target.gl.clear(*GREY[0])
+        self._draw_interface(dt, cursor, self.outlined.textures[0])
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)

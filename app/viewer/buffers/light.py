@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Legend, ShownBuffer, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.meter.light_scale import STEPS, LightScale, false_colours

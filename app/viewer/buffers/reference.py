@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
-from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ShownBuffer, Values, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, ShownBuffer, Values, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white, great_irradiance, irradiance_at
 from irrsplat.app.viewer.buffers.weight import draw_dim_picture
 from irrsplat.app.viewer.show.screen import Texels

@@ -10,15 +10,37 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
+from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class Legend:
+    """The legend of a picture: `text`, and its scale from `low` to `high` in `unit`, as they are printed.
+
+    colours: (N, 3) display colours 0..1 from low to high, None where there is no colour scale. mark: the position 0..1 on the
+    scale of what the text calls the threshold, None for no mark.
+    """
+
+    text: str
+    low: str = ""
+    high: str = ""
+    unit: str = ""
+    colours: np.ndarray | None = None
+    mark: float | None = None
+
+
+def colour_map() -> np.ndarray:
+    """(64, 3) display colours of the viridis map, for the scale of a legend."""
+    return viridis(np.linspace(0.0, 1.0, 64))
+
 
 GROUND = (0.11, 0.11, 0.12)  # display colour where a buffer has nothing to show
 

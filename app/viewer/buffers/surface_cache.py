@@ -5,8 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, ShownBuffer, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white
 from irrsplat.app.viewer.show.screen import Texels
 

@@ -6,10 +6,8 @@ A further buffer is one more entry: of a class in texture_buffers.py where it is
 
 from __future__ import annotations
 
-from irrsplat.app.viewer.buffers.gather_atlas import GatherAtlasBuffer
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
-from irrsplat.app.viewer.buffers.shadow_maps import ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
 from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
@@ -25,6 +23,7 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     VectorBuffer,
     opacity_texture,
 )
+from irrsplat.app.viewer.buffers.tiled_buffers import GatherAtlasBuffer, ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
 from irrsplat.core.buffers import CHANNELS
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, Values, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Legend, ShownBuffer, Values, ViewSource, colour_map, depth_at
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene

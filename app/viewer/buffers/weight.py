@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Legend, ViewSource, colour_map
 from irrsplat.app.viewer.buffers.texture_buffers import TextureBuffer
 from irrsplat.settings import Settings
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
 from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Values, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Values, ViewSource, colour_map
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.screen import clear

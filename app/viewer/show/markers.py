@@ -8,7 +8,7 @@ from typing import Any, Literal
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
+from irrsplat.app.viewer.buffers.shown_buffer import Legend, colour_map
 from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_uniforms
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.geometry import Geometry

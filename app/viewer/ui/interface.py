@@ -21,13 +21,12 @@ from irrsplat.app.viewer.ui.record_view import draw_record
 from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
 from irrsplat.app.viewer.ui.side_panel import Section, SidePanel
 from irrsplat.app.viewer.ui.statistics_view import FrameTimes, StatisticsView
-from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs
+from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs, draw_unsaved
 from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
 from irrsplat.app.viewer.ui.windows.light_scale_panel import LightScalePanel
 from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.palette import Palette
 from irrsplat.app.viewer.ui.windows.plane_panel import PlanePanel
-from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
 from irrsplat.app.viewer.ui.windows.why_panel import WhyPanel
 
 

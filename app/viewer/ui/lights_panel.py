@@ -10,9 +10,8 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
-from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles

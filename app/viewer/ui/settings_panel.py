@@ -1,4 +1,4 @@
-"""The settings, stage by stage: a widget each, made from its declaration."""
+"""The settings, stage by stage: a widget each, made from its declaration, and the reason if it has no effect."""
 
 from __future__ import annotations
 
@@ -7,9 +7,31 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input.idle_settings import why_idle
 from irrsplat.app.viewer.ui.layout import Layout, accent
-from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
+
+_OF_RENDERS = ("samples", "quality", "max_rounds")
+_OF_DERIVATIVES = ("second_order", "radius")
+_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality", "coarse")
+_INDIRECT = ("gather", "splat", "examine")  # stages that are left out without bounces
+_ALWAYS = ("bounces", "seed")
+
+
+def why_idle(name: str, settings: Settings) -> str | None:
+    """Why the setting `name` changes nothing that the viewer shows while the others are as in `settings`; None: it does."""
+    if name in _OF_RENDERS:
+        return "irrsplat render alone goes by it"
+    concerned = SETTINGS[name].stage in _INDIRECT and name not in _ALWAYS
+    if settings.most_bounces == 0 and (concerned or name in _OF_INDIRECT_LIGHT):
+        return "bounces is 0: there is no indirect light"
+    if name in _OF_DERIVATIVES and not settings.gradients:
+        return "gradients is off: records know no derivatives"
+    if name == "warmup" and settings.placement == "tiles":
+        return "placement is tiles: there is no random warm-up"
+    if name == "viewer_quality" and settings.placement == "scan":
+        return "placement is scan: what the paper's order has placed is not refined"
+    return None
+
 
 Value = float | int | bool | str
 

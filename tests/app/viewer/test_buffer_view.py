@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.buffers.shadow_maps import shadow_range
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.tiled_buffers import shadow_range
 from irrsplat.app.viewer.buffers.weight import weight_range
-from irrsplat.app.viewer.show import record_table
+from irrsplat.app.viewer.show import record_inspector as record_table
 from irrsplat.app.viewer.show.record_inspector import RecordInspector
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import CHANNELS

@@ -1,4 +1,4 @@
-"""The dialogs that open and save a scene: the desktop's own, or one line to type into where there is none."""
+"""The dialogs that open and save: the desktop's own, or one line to type into; and the question about unsaved changes."""
 
 from __future__ import annotations
 
@@ -120,3 +120,26 @@ class FileDialogs:
         beside = os.path.join(self._folder, path)
         if actions.attempt(lambda: actions.open(path if os.path.exists(path) or not os.path.exists(beside) else beside)):
             actions.panels.open = False
+
+
+def draw_unsaved(actions: Actions) -> None:
+    """Draw the question while an action waits for its answer; the save dialog takes its place."""
+    if actions.pending is None or actions.panels.save:
+        return
+    view = imgui.get_main_viewport()
+    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
+    shown, opened = imgui.begin("unsaved changes", True, flags)
+    if shown:
+        imgui.text_unformatted(f"{actions.session.scene.name} has changes that no file has.")
+        if imgui.button("save…"):
+            actions.save_dialog()
+        imgui.same_line()
+        if imgui.button("discard"):
+            actions.discard()
+        imgui.same_line()
+        if imgui.button("cancel"):
+            actions.pending = None
+    imgui.end()
+    if not opened:
+        actions.pending = None

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.buffers.legend import Legend
+from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.show.light.plane_view import scale_of
 from irrsplat.app.viewer.ui.layout import WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_scale

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.input.idle_settings import why_idle
+from irrsplat.app.viewer.ui.settings_panel import why_idle
 from irrsplat.settings import SettingValues
 from tests.support.viewing import Driver
 
