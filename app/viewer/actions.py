@@ -183,14 +183,6 @@ class Actions:
         name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         self._keep_bookmarks([*self.bookmarks, replace(self.session.world_camera, name=name)], f"{name} is kept")
 
-    def rename(self, bookmark: Camera, name: str) -> None:
-        """Call a bookmark otherwise; raises InputError for no name, or another one's."""
-        name = " ".join(name.split())
-        if not name or any(b.name == name for b in self.bookmarks if b != bookmark):
-            raise InputError(f"there is a bookmark '{name}' already" if name else "a bookmark needs a name")
-        kept = [replace(b, name=name) if b == bookmark else b for b in self.bookmarks]
-        self._keep_bookmarks(kept, f"{bookmark.name} is now {name}")
-
     def forget(self, bookmark: Camera) -> None:
         """Delete a bookmark."""
         self._keep_bookmarks([b for b in self.bookmarks if b != bookmark], f"{bookmark.name} is gone")

@@ -10,7 +10,6 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.timing import clock
 
 _SECONDS = 5.0  # that a notice is shown
-_FADING = 1.0  # of these, that it fades
 _MOST = 5  # lines at once
 
 
@@ -22,10 +21,6 @@ class Message:
     until: float
     error: bool = False
     topic: str = ""
-
-    def opacity(self, now: float) -> float:
-        """Return the opacity, 0..1, at the time `now` of the clock."""
-        return 1.0 if self.error else min(max((self.until - now) / _FADING, 0.0), 1.0)
 
 
 class Messages:
@@ -58,9 +53,9 @@ class Messages:
 
     @property
     def rests(self) -> float:
-        """The seconds until what is on show begins to fade; 0 while it fades, infinity where nothing will."""
+        """The seconds until a notice goes; infinity without a notice."""
         now = clock.now()
-        return min((max(m.until - _FADING - now, 0.0) for m in self.lines if not m.error), default=math.inf)
+        return min((max(m.until - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
     def close_errors(self) -> None:
         """Drop the errors."""

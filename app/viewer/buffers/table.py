@@ -18,7 +18,6 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     IrradianceBuffer,
     OpacityBuffer,
     RadianceBuffer,
-    ReflectanceBuffer,
     ShareBuffer,
     VectorBuffer,
     opacity_texture,
@@ -49,7 +48,7 @@ BUFFERS: dict[str, ShownBuffer] = {
             note=" within the scene's bounds",
         ),
         VectorBuffer(*_channel("normal"), texture=lambda view: view.gbuffer.lit_normal),
-        ReflectanceBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo),
+        ShareBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo, text="reflectance, sRGB encoded"),
         DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
         AskingBuffer(
             "asking", "requests", "", "pixels that request a record", texture=lambda view: view.splats.weight, components=1

@@ -120,24 +120,17 @@ class IrradianceBuffer(TextureBuffer):
         return Legend(exposed_white(self.unit, source), unit=self.unit)
 
 
-class ReflectanceBuffer(TextureBuffer):
-    """Values 0..1, sRGB encoded."""
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        canvas.picture(source, "unit", self.texture(source.view), grey=False, filters=False)
-
-    def legend(self, source: ViewSource) -> Legend:
-        return Legend("reflectance, sRGB encoded", "0", "1")
-
-
+@dataclass(frozen=True)
 class ShareBuffer(TextureBuffer):
-    """A share 0..1 of each pixel, black to white, sRGB encoded."""
+    """Values 0..1, sRGB encoded. text: of the legend."""
+
+    text: str = "share of the pixel"
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        canvas.picture(source, "unit", self.texture(source.view), grey=True, filters=False)
+        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1, filters=False)
 
     def legend(self, source: ViewSource) -> Legend:
-        return Legend("share of the pixel", "0", "1")
+        return Legend(self.text, "0", "1")
 
 
 class OpacityBuffer(TextureBuffer):

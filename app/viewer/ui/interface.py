@@ -37,7 +37,7 @@ class Interface:
         self.actions, self.layout = actions, Layout()
         self.menus, self.files = Menus(actions), FileDialogs(actions, native)
         self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
-        scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times, self.layout)
+        scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times)
         self.plane_panel, self.why_panel = PlanePanel(actions, self.layout), WhyPanel(actions, display, self.layout)
         sections = (
             Section(

@@ -136,11 +136,6 @@ class Menus:
             if imgui.begin_menu(bookmark.name):
                 if imgui.menu_item("Go to", "", False)[0]:
                     actions.go(bookmark)
-                imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
-                named, name = imgui.input_text("##name", bookmark.name, imgui.InputTextFlags_.enter_returns_true)
-                imgui.set_item_tooltip("another name; Enter takes it")
-                if named and actions.attempt(lambda one=bookmark, name=name: actions.rename(one, name)):  # type: ignore[misc]
-                    imgui.close_current_popup()
                 if imgui.menu_item("Delete", "", False)[0]:
                     actions.forget(bookmark)
                 imgui.end_menu()

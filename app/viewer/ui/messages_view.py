@@ -8,7 +8,6 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Message, Messages
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
-from irrsplat.core.timing import clock
 
 
 def draw_waiting(text: str) -> None:
@@ -29,7 +28,6 @@ def draw_messages(messages: Messages, layout: Layout) -> None:
         top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
         imgui.pop_style_color(2)
     if notices := [line for line in messages.lines if not line.error]:
-        imgui.set_next_window_bg_alpha(0.9 * max(line.opacity(clock.now()) for line in notices))
         _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
 
 
@@ -42,9 +40,7 @@ def _lines(
     imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
     imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
     for line in lines:
-        imgui.push_style_var(imgui.StyleVar_.alpha, max(line.opacity(clock.now()), 0.01))
         imgui.text_wrapped(line.text)
-        imgui.pop_style_var()
     imgui.pop_text_wrap_pos()
     if close is not None and imgui.small_button("close"):
         close()

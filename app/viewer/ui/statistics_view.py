@@ -5,39 +5,38 @@ from __future__ import annotations
 import math
 from collections import deque
 
-import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.ui.layout import Layout, accent
+from irrsplat.app.viewer.ui.layout import accent
 from irrsplat.image.view import Progress
 
-FRAMES = 120  # that are kept
-_PLOT_HEIGHT, _PLOT_MS = 40.0, 100.0  # window coordinates at scale 1; milliseconds that the plot shows at least
 _MEAN = 20  # frames of the mean rate
 _KEPT = 30  # frames that a stage's row stays after it ran
 
 
 class FrameTimes:
-    """Milliseconds of the last frames. frames: from picture to picture. work: without waiting. stages: of the last frame
-    by name, without those of the core."""
+    """Milliseconds of the last frames.
+
+    frames: from picture to picture. work: of the last one, without waiting. stages: of the last one, without those of the core.
+    """
 
     def __init__(self) -> None:
-        self.frames: deque[float] = deque(maxlen=FRAMES)
-        self.work: deque[float] = deque(maxlen=FRAMES)
+        self.frames: deque[float] = deque(maxlen=_MEAN)
+        self.work = 0.0
         self.stages: dict[str, float] = {}
 
     def add(self, frame: float, work: float) -> None:
         """Add a frame, seconds each."""
         self.frames.append(1e3 * frame)
-        self.work.append(1e3 * work)
+        self.work = 1e3 * work
 
 
 class StatisticsView:
     """Draws times and numbers."""
 
-    def __init__(self, actions: Actions, times: FrameTimes, layout: Layout) -> None:
-        self.actions, self.times, self.layout = actions, times, layout
+    def __init__(self, actions: Actions, times: FrameTimes) -> None:
+        self.actions, self.times = actions, times
         self._frames_since: dict[str, int] = {}  # that a stage of the table ran
 
     def draw(self) -> None:
@@ -49,16 +48,10 @@ class StatisticsView:
             self._side(side, progress)
 
     def _rate(self) -> None:
-        frames, work = self.times.frames, self.times.work
-        recent = list(frames)[-_MEAN:]
-        mean, last = sum(recent) / max(len(recent), 1), work[-1] if work else 0.0
-        known = len(recent) == _MEAN  # a mean of fewer frames is no rate
-        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / max(mean, 1e-3):.0f} fps" if known else "starting"
-        imgui.text(f"{rate}, last frame {last:.0f} ms")
-        most = max(max(frames, default=0.0), _PLOT_MS)
-        plot = np.array(work, "f4") if work else np.zeros(1, "f4")
-        size = imgui.get_content_region_avail().x, _PLOT_HEIGHT * self.layout.scale
-        imgui.plot_lines("##ticks", plot, 0, f"0..{most:.0f} ms", 0.0, most, size)
+        frames = self.times.frames
+        mean = max(sum(frames) / max(len(frames), 1), 1e-3)  # of fewer frames it is no rate
+        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / mean:.0f} fps" if len(frames) == _MEAN else "starting"
+        imgui.text(f"{rate}, last frame {self.times.work:.0f} ms")
 
     def _stages(self) -> None:
         """Draw a row for each stage; rows stay a while after the stage ran."""
