@@ -1,4 +1,4 @@
-"""What is edited, as values: where objects stand, colours by temperature, and the scene that comes of it."""
+"""Edits as values: places of objects, colours by temperature, and the edited scene."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Ligh
 
 
 def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
-    """So that renderers do not take it for moved; painted meshes share their triangles, hidden ones lie within what is shown."""
+    """So that renderers do not take it for moved; painted meshes share their triangles, hidden ones lie within the others."""
     made, edit = EditedScene(room), SceneEdit.of(room)
     assert made.scene(edit).meshes is room.meshes and made.scene(edit).lights == room.lights
     moved = edit.with_object(BOX, ObjectEdit(offset=(0.1, 0.0, 0.0)))

@@ -1,4 +1,4 @@
-"""What the viewer reads while it runs: scenes and paths, dropped or read again, and shaders; right and wrong ones."""
+"""Files that the viewer reads while it runs: scenes, paths and shaders, correct and wrong ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def errors(driver: Driver) -> list[str]:
 
 
 def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, copied: Path) -> None:
-    """File and line; mended, F5 reads it again, and the error is gone."""
+    """The error has file and line, and goes once F5 has read a correct file."""
     name = "image/composite.frag"
     file = copied / name
     good = file.read_text()

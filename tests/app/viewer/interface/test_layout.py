@@ -1,4 +1,4 @@
-"""How the interface looks: what is remembered of it, what fits into small and large windows, and which settings it offers."""
+"""The layout of the interface: the picture beside the panel in small and large windows, and the help of settings."""
 
 from __future__ import annotations
 
