@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -13,18 +13,18 @@ import numpy as np
 import platformdirs
 
 import irrsplat
+from irrsplat.app.film.background import FilmInBackground, FilmJob
+from irrsplat.app.film.video import is_film
 from irrsplat.app.viewer import preferences as stored
-from irrsplat.app.viewer.buffers.background_truth import Subject
+from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
-from irrsplat.app.viewer.file_watch import FileWatch
 from irrsplat.app.viewer.input.commands import Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.show.comparison import flip_is_there
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved, scale_of
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -32,7 +32,7 @@ from irrsplat.gpu.program import Program
 from irrsplat.reference.worker import INSTALL, is_installed
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
 _STOPS = 64.0  # the greatest exposure, up and down
@@ -41,7 +41,7 @@ _RING = 12.0  # window coordinates from the middle of a light's ring that a clic
 
 
 class Actions:
-    """What a user does to a session. source: what its scene was loaded from. preferences: how the viewer was left last time.
+    """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
 
     copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders. loading: how scenes are
     read, this one again and others.
@@ -60,18 +60,18 @@ class Actions:
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
-        self.appearance = Appearance.of(preferences.ui)
-        self.close_menus = False  # in the next frame
-        self.restoring_layout = False  # in the next frame
+        self.scale = scale_of(preferences.ui)  # of text and widgets; the monitor has another one
+        self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.file_watch = FileWatch(session.scene.files)
         self.bookmarks = stored.bookmarks(source)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
+        self.saving: Literal["scene", "film"] = "scene"  # what the save dialog is for
+        self.film = FilmInBackground()
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -94,19 +94,19 @@ class Actions:
         return self.session.path_recorder.path is not None
 
     @property
-    def has_snapshot(self) -> bool:
-        """True if a snapshot was kept."""
-        return bool(self.session.snapshots)
+    def film_possible(self) -> bool:
+        """True if there is a path, and no film is being made."""
+        return self.has_path and not self.filming
+
+    @property
+    def filming(self) -> bool:
+        """True if a film is being made."""
+        return self.film.busy
 
     @property
     def is_split(self) -> bool:
         """True if the view has two sides."""
         return self.session.options.split != "off"
-
-    @property
-    def flip_possible(self) -> bool:
-        """True if two sides can be compared by FLIP."""
-        return self.is_split and flip_is_there()
 
     @property
     def reference_possible(self) -> bool:
@@ -122,12 +122,12 @@ class Actions:
         return self.messages.attempt(act)
 
     def save_preferences(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
-        """Keep what is set now for the next time; None, or one line that tells what went wrong."""
+        """Keep what is set now for the next time; None, or one line of what went wrong."""
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
         preferences.ui = saved(self.session.options, self.panels)
-        preferences.ui |= {"appearance": asdict(self.appearance)}
+        preferences.ui |= {"appearance": {"scale": self.scale}}
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -153,7 +153,7 @@ class Actions:
         self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
     def headlamp(self) -> None:
-        """Switch a lamp at the eye on, or off."""
+        """Switch the headlamp on or off."""
         self.session.carry_headlamp(not self.session.headlamp)
         self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
 
@@ -182,14 +182,6 @@ class Actions:
         taken = {b.name for b in self.bookmarks}
         name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         self._keep_bookmarks([*self.bookmarks, replace(self.session.world_camera, name=name)], f"{name} is kept")
-
-    def rename(self, bookmark: Camera, name: str) -> None:
-        """Call a bookmark otherwise; raises InputError for no name, or another one's."""
-        name = " ".join(name.split())
-        if not name or any(b.name == name for b in self.bookmarks if b != bookmark):
-            raise InputError(f"there is a bookmark '{name}' already" if name else "a bookmark needs a name")
-        kept = [replace(b, name=name) if b == bookmark else b for b in self.bookmarks]
-        self._keep_bookmarks(kept, f"{bookmark.name} is now {name}")
 
     def forget(self, bookmark: Camera) -> None:
         """Delete a bookmark."""
@@ -220,12 +212,12 @@ class Actions:
             self.session.path_recorder.play()
 
     def stop(self) -> None:
-        """Stop playing; the flight goes on from there."""
+        """Stop playing; the camera stays there."""
         camera = self.session.path_recorder.stop()
         if camera is not None:
             self.session.free_camera.go(camera)
 
-    # ---- what is shown -----------------------------------------------------------------------------------------------
+    # ---- buffers and sides -----------------------------------------------------------------------------------------------
 
     def show(self, name: str) -> None:
         """Show a buffer on the side that keys change."""
@@ -234,7 +226,7 @@ class Actions:
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        """Whether the overlay or panel of this name is on."""
+        """Return True if the overlay or panel of this name is on."""
         return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
 
     def is_active(self, command: Command) -> bool:
@@ -247,10 +239,9 @@ class Actions:
             "use_split": options.split,
             "compare_by": options.compare if self.is_split else "",
         }
-        switched = {"headlamp": session.headlamp, "light_colours": self.appearance.light}
         if command.action == "toggle" and argument is not None:
             return self.is_on(argument)
-        return argument == now[command.action] if command.action in now else switched.get(command.action, False)
+        return argument == now[command.action] if command.action in now else command.action == "headlamp" and session.headlamp
 
     @property
     def title(self) -> str:
@@ -271,28 +262,21 @@ class Actions:
 
     def split(self) -> None:
         """Split the view the next way."""
-        ways = [way for way in SPLITS if way != "snapshot" or self.session.snapshots]
+        ways = list(SPLITS)
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
-
-    def snapshot(self) -> None:
-        """Keep the picture as it is now."""
-        kept = self.session.keep_snapshot(self.session.side_at(self.session.size[0] * self.side))
-        self.say(f"{kept.name} is kept until the window closes; Tab shows it beside the picture", topic="snapshot")
 
     def compare(self) -> None:
         """Compare both sides the next way; where there is one alone, with the other preset's."""
         session = self.session
         if session.options.split == "off":
             session.split("presets")
-        ways = [way for way in COMPARES if way != "FLIP" or flip_is_there()]
+        ways = list(COMPARES)
         now = session.options.compare
         self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
 
     def compare_by(self, way: Compare) -> None:
         """Compare both sides in this way."""
-        if way == "FLIP" and not flip_is_there():
-            raise InputError(f"FLIP needs the extra reference: {INSTALL}")
         options = self.session.options
         options.compare, options.flipping, options.flipped = way, True, False
         self.say(COMPARES[way], topic="split")
@@ -318,25 +302,25 @@ class Actions:
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def swap_preset(self) -> None:
-        """Switch between the paper's algorithm and ours, on the side that keys change; each is as it was left."""
-        name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
-        self.session.swap_preset(self.side, name)
-        self.say(f"preset {name}", topic="preset")
+        """Switch between the paper's preset and the default one on the side that keys change."""
+        self.use_preset("default" if self.session.settings(self.side)[0] == "paper" else "paper")
 
     def trace(self) -> None:
         """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
         if not self.reference_possible:
-            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="truth")
+            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="reference")
             return
-        self.say(self.session.truths.toggle(self._subject), topic="truth")
+        self.say(self.session.references.toggle(self._subject), topic="reference")
 
-    def collect_truth(self) -> None:
-        """Take what was traced meanwhile, and trace the view on show where that is wanted."""
-        self.attempt(lambda: self.session.truths.update(self._subject, self.say))
+    def collect_references(self) -> None:
+        """Take what was traced and filmed meanwhile; trace the view and measure the plane, if switched on."""
+        self.attempt(lambda: self.film.update(self.say))
+        self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
+        self.attempt(lambda: self.session.references.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:
-        """What a truth is traced of."""
+        """The view whose reference would be traced."""
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
     def darker(self) -> None:
@@ -371,7 +355,7 @@ class Actions:
         """Pick the light whose ring is at a pixel, while the lights' panel is open; else the `mesh` seen there, or nothing.
         density: pixels per window coordinate."""
         editor, session = self.editor, self.session
-        rings = [None if lamp.light.directional else lamp.light.position for lamp in editor.lamps]
+        rings = [None if edited.light.directional else edited.light.position for edited in editor.lights]
         found = nearest_on_screen(session.camera, session.size, rings, pixel, _RING * density)
         light = found if self.panels.lights else None
         if light is not None:
@@ -387,7 +371,7 @@ class Actions:
         if editor.mesh is not None:
             editor.turning = not editor.turning
             self.say("handles turn" if editor.turning else "handles move", topic="handles")
-        elif editor.light is not None and editor.lamps[editor.light].light.spot_target is not None:
+        elif editor.light is not None and editor.lights[editor.light].light.spot_target is not None:
             editor.aiming = not editor.aiming
             self.say("handles aim" if editor.aiming else "handles move", topic="handles")
 
@@ -395,7 +379,7 @@ class Actions:
         """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
         number = self.editor.light
         if self.editor.mesh is None and number is not None and self.panels.lights:
-            name = self.editor.lamps[number].light.name or f"light {number + 1}"
+            name = self.editor.lights[number].light.name or f"light {number + 1}"
             self.editor.delete_light(number)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
         else:
@@ -437,31 +421,42 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_dialog(self) -> None:
-        """Ask for a name to save the scene under."""
-        self.panels.save = True
+        """Open the dialog that saves the scene."""
+        self.panels.save, self.saving = True, "scene"
+
+    def film_dialog(self) -> None:
+        """Open the dialog that names the film of the path."""
+        self.panels.save, self.saving = True, "film"
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
         if self.saved_as:
+            self.saving = "scene"
             self.save(self.saved_as, overwrite=True)
         else:
             self.save_dialog()
 
-    @staticmethod
-    def scene_path(name: str) -> str:
-        """The path of a scene that is saved under this name: it ends in .scene."""
+    def saved_path(self, name: str) -> str:
+        """The path of a scene, or a film, that is saved under this name, with its ending."""
+        if self.saving == "film":
+            return name if is_film(name) else f"{name}.mp4"
         return name if name.endswith(".scene") else f"{name}.scene"
 
     def free_name(self) -> str:
-        """A name for the scene where the program runs that no file has yet."""
+        """A name for the scene, or the film, where the program runs that no file has yet."""
         stem = self.session.scene.name
+        if self.saving == "film":
+            return _stamped("film", stem, ".mp4")
         names = (f"{stem}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, overwrite: bool = False) -> None:
-        """Save the scene as it is now under a name, a `.scene` with its lights and objects beside it. Raises InputError where
-        there is such a file, and it may not be overwritten."""
-        path, scene = Path(self.scene_path(name)), self.session.scene.placed(self.session.origin)
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, or the film of the path.
+        Raises InputError where there is such a file, and it may not be overwritten."""
+        path, scene = Path(self.saved_path(name)), self.session.scene.placed(self.session.origin)
+        if self.saving == "film":
+            self._film(str(path), scene)
+            return
         lost = write_scene(scene, path, overwrite)
         self.editor.saved = self.editor.edit
         self.panels.save, self.saved_as = False, str(path)
@@ -470,6 +465,23 @@ class Actions:
             self.say(lost)
         if self.pending is not None:
             self.discard()
+
+    def _film(self, name: str, scene: Scene) -> None:
+        """Begin a film of the path as `scene` looks now, in pictures of the present size."""
+        path, session = self.session.path_recorder.path, self.session
+        if path is None:
+            raise InputError("there is no path to film; R records one")
+        renderer = session.renderers[0]
+        values = overrides(renderer.preset, renderer.settings)
+        if np.isfinite(session.exposure):
+            values["exposure"] = session.exposure
+        self.film.begin(name, FilmJob(scene, path.shifted(session.origin), session.size, renderer.preset, values))
+        self.panels.save = False
+
+    def cancel_film(self) -> None:
+        """Stop making the film; nothing of it stays."""
+        self.film.release()
+        self.say("the film is given up; nothing of it was kept", topic="film")
 
     # ---- unsaved changes ---------------------------------------------------------------------------------------------
 
@@ -500,17 +512,9 @@ class Actions:
         self.session.held = None
         self.editor.pick_light(None)
         panels = self.panels
-        panels.help = panels.about = panels.log = panels.open = panels.save = panels.palette = False
+        panels.help = panels.open = panels.save = panels.palette = False
         self.pending = None
         self.messages.close()
-
-    def light_colours(self) -> None:
-        """Switch between light and dark colours of the interface."""
-        self.appearance.light = not self.appearance.light
-
-    def restore_layout(self) -> None:
-        """Put all panels where they stand at first."""
-        self.restoring_layout = True
 
     def fullscreen(self) -> None:
         """Switch to fullscreen or back."""
@@ -518,13 +522,17 @@ class Actions:
 
     def enlarge(self, scale: float) -> None:
         """Make text and widgets `scale` times as large, within SCALES."""
-        self.appearance.scale = min(max(scale, SCALES[0]), SCALES[1])
+        self.scale = min(max(scale, SCALES[0]), SCALES[1])
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or given up."""
         self._unless_unsaved(self._quit)
 
     def _quit(self) -> None:
+        if self.filming and not self.film.warned:
+            self.film.warned = True
+            self.say(f"{self.film.progress}; Quit again gives it up", topic="film")
+            return
         self.quitting = True
 
     def screenshot(self) -> None:
@@ -550,7 +558,7 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_dialog(self) -> None:
-        """Ask for a scene."""
+        """Open the dialog that opens a scene."""
         self.panels.open = True
 
     def open(self, source: str) -> None:
@@ -572,7 +580,7 @@ class Actions:
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
-        self.editor, self.file_watch = Editor(self.session), FileWatch(scene.files)
+        self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.say(notice)
@@ -581,22 +589,14 @@ class Actions:
         """Read shaders and scene again, the scene once unsaved changes are saved or given up; the camera stays. Where one of them
         is wrong, the last good ones go on."""
         self.session.reload_shaders(*self._other_programs())
-        self._unless_unsaved(lambda: self._reload("shaders and scene are read again"))
+        self._unless_unsaved(self._reload)
 
-    def reload_changed_files(self) -> None:
-        """Load the scene again where one of its files has changed, once unsaved changes are saved or given up."""
-        if self.pending is not None or not self.file_watch.changed():
-            return
-        if self.editor.unsaved:
-            self.say("the files of the scene have changed")
-        self._unless_unsaved(lambda: self.attempt(lambda: self._reload("the scene has changed, and is read again")))
-
-    def _reload(self, said: str) -> None:
+    def _reload(self) -> None:
         self._load(self.source, keep_camera=True)
-        self.say(said)
+        self.say("shaders and scene are read again")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:
-    """A file's name that says what it is of and when; none that is there already."""
+    """Return a new file's name with its kind, scene and time."""
     stem = f"{kind}-{scene}-{datetime.now():%Y%m%d-%H%M%S}"
     return next(n for i in range(1000) if not os.path.exists(n := f"{stem}{f'-{i}' if i else ''}{ending}"))

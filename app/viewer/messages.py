@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
 
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.timing import clock
 
 _SECONDS = 5.0  # that a notice is shown
-_FADING = 1.0  # of these, that it fades
-_KEPT = 200  # lines of the log
 _MOST = 5  # lines at once
 
 
@@ -26,20 +22,15 @@ class Message:
     error: bool = False
     topic: str = ""
 
-    def opacity(self, now: float) -> float:
-        """Return the opacity, 0..1, at the time `now` of the clock."""
-        return 1.0 if self.error else min(max((self.until - now) / _FADING, 0.0), 1.0)
-
 
 class Messages:
-    """The lines on show, the newest last. log: all lines that there were, with the time of day, at most the last 200.
+    """The lines on show, the newest last.
 
     version: a number that is another one whenever what is on show is.
     """
 
     def __init__(self) -> None:
         self.lines: list[Message] = []
-        self.log: deque[tuple[str, Message]] = deque(maxlen=_KEPT)
         self.version = 0
 
     @property
@@ -51,11 +42,7 @@ class Messages:
         """Show a line, in place of an equal one and of the last one with the same `topic`."""
         line = " ".join(str(text).split())
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
-        said = Message(line, clock.now() + _SECONDS, error, topic)
-        self.lines = [*others[1 - _MOST :], said]
-        if topic and self.log and self.log[-1][1].topic == topic:  # as many steps of one thing as there may be, one line
-            self.log.pop()
-        self.log.append((f"{datetime.now():%H:%M:%S}", said))
+        self.lines = [*others[1 - _MOST :], Message(line, clock.now() + _SECONDS, error, topic)]
         self.version += 1
 
     def expire(self) -> None:
@@ -66,9 +53,9 @@ class Messages:
 
     @property
     def rests(self) -> float:
-        """The seconds until what is on show begins to fade; 0 while it fades, infinity where nothing will."""
+        """The seconds until a notice goes; infinity without a notice."""
         now = clock.now()
-        return min((max(m.until - _FADING - now, 0.0) for m in self.lines if not m.error), default=math.inf)
+        return min((max(m.until - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
     def close_errors(self) -> None:
         """Drop the errors."""

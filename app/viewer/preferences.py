@@ -28,7 +28,7 @@ _CHOICES, _BOOKMARKS = "viewer.json", "bookmarks.json"
 
 @dataclass
 class Preferences:
-    """How the viewer was left last time.
+    """The choices of the user.
 
     size: of the window, pixels. values: the settings that differ from the preset. ui: what else is on, plain JSON.
 
@@ -59,7 +59,7 @@ def folder() -> Path:
 
 
 def load() -> tuple[Preferences, list[str]]:
-    """What was saved last, and notices, one line each, of what is wrong in either file and was dropped; never raises.
+    """Return the saved preferences, and a one-line notice for each wrong entry of either file; never raise.
 
     A file that is damaged or of another version is renamed to ``….broken``, and defaults are used. A missing one gives no notice.
     """
@@ -94,7 +94,7 @@ def set_bookmarks(scene_path: str, cameras: Sequence[Camera]) -> str | None:
 
 
 def _peek(name: str, notices: list[str]) -> dict[str, Any]:
-    """What a file holds, {} where it cannot be read; `notices` says why."""
+    """Return the content of a file; {} and a notice if it cannot be read."""
     try:
         data, said = _read(folder() / name)
     except IrrsplatError as error:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Unpack, cast
 
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Subject, Truth, Truths
+from irrsplat.app.viewer.buffers.background_reference import References, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
-from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work
+from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
+from irrsplat.app.viewer.show.light.why_dark import Surface
 from irrsplat.app.viewer.show.screen import Region
-from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.timing.clock import now
@@ -39,7 +39,6 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
 _FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
-_MOST_PARKED = 2_000_000  # triangles of a scene that is kept on the GPU once more for a preset that is not on show
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,6 @@ class Session(Owner):
         self.renderers = [
             Renderer(scene, size, preset, ctx=ctx, tile_size=0, **(values or {}))
         ]  # of the left side; of the right one too
-        self.parked: Renderer | None = None  # of the preset that was left last, with its records
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
@@ -84,22 +82,17 @@ class Session(Owner):
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
-        self.remaining = RemainingTime()
-        self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
-        self.line = MeasuringLine()
+        self.path_recorder, self.references = PathRecorder(), References(ctx)
+        self.line, self.plane = MeasuringLine(), MeasuringPlane()
+        self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
-        self.snapshots: list[Snapshot] = []
-        self.pinned: Snapshot | None = None  # the one that a split shows
         self._shown: _Subject | None = None  # what the views are of
         self._stepping = False
-        self._clock = 0.0  # seconds of ticks
-        self._gathered = 0  # records, by all ticks
         self._flip_seconds = 0.0  # that the side on show has been there
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees: all that is on the GPU but the context."""
-        return (*self.renderers, self.parked, self.truths, self.brightest_light, *self.snapshots)
+        return (*self.renderers, self.references, self.brightest_light, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -110,17 +103,17 @@ class Session(Owner):
 
     @property
     def camera(self) -> Camera:
-        """What is looked through now: the path's camera while it plays, else the free camera."""
+        """The camera of the path while it plays, else the free camera."""
         return self.path_recorder.camera or self.free_camera.camera
 
     @property
     def world_camera(self) -> Camera:
-        """The same in world space."""
+        """The camera in world space."""
         return self.camera.shifted(self.origin) if any(self.origin) else self.camera
 
     @property
     def at_rest(self) -> bool:
-        """Whether another tick would show the same."""
+        """True if another tick would show the same picture."""
         served = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
         sampled = all(
             v.samples >= r.settings.viewer_samples
@@ -151,11 +144,11 @@ class Session(Owner):
         return self.auto_exposure.stops
 
     def _at_rest(self, progress: Progress) -> bool:
-        """Whether a side's cache and picture stay as they are."""
+        """Return True if the cache and the picture of a side stay as they are."""
         return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.fading)
 
     def _refined(self, renderer: Renderer, progress: Progress) -> bool:
-        """Whether a side is refined as far as it is to be."""
+        """Return True if the refinement of a side has ended."""
         aim = renderer.settings.viewer_quality
         known = progress.error is not None and progress.error <= 0.01 * aim
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
@@ -171,7 +164,7 @@ class Session(Owner):
         if played is not None:
             self.free_camera.go(played)
         self._pose(ended=played is not None)
-        before, subject = self._centres, self._subject
+        subject = self._subject
         kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
         kept = kept and (self.whole or not self.moving)  # the next view of a moving camera may have another size
         try:
@@ -189,7 +182,6 @@ class Session(Owner):
         self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not all(_filled(p) for p in self.progress))
         if "light" in self.options.buffers:
             self.brightest_light.look(self.renderers[0], self.views[0])
-        self._estimate(dt, moved=not before or before[0].camera != self._centres[0].camera)
         return True
 
     def _advance(self, side: int, seconds: float) -> tuple[View, View, Progress]:
@@ -221,20 +213,6 @@ class Session(Owner):
         aimed = any_camera or all(view.camera == self.camera for view in self.views)
         return bool(self.views) and aimed and self._subject == self._shown
 
-    def _estimate(self, dt: float, moved: bool) -> None:
-        """Note how far the views have come, for the estimate of the time that is left. moved: they are not those of before."""
-        progress = self.progress
-        self._clock += dt
-        self._gathered += sum(p.new + p.renewed for p in progress)
-        if moved or self.options.frozen:
-            self.remaining.reset()
-        if self.options.frozen:
-            return
-        # once all bounces are in the surface cache, every record is gathered again
-        waiting = sum(p.stale if p.surface == 1.0 else p.records for p in progress)
-        unserved = max(0.0 if p.still or p.full else 1.0 - p.coverage for p in progress)
-        self.remaining.add(self._clock, Work(unserved, max(1.0 - p.surface for p in progress), waiting, self._gathered))
-
     # ---- sides -----------------------------------------------------------------------------------------------------
 
     def sides(self) -> Iterator[tuple[int, Region | None]]:
@@ -250,22 +228,19 @@ class Session(Owner):
     def side_at(self, x: float) -> int:
         """The side at `x`, pixels from the left; 0 where both are in one picture."""
         options = self.options
-        if options.split == "off" or options.compare in ("difference", "FLIP"):
+        if options.split == "off" or options.compare == "difference":
             return 0
         return int(options.flipped if options.compare == "flip" else x >= round(options.divider * self.size[0]))
 
     @property
     def compared(self) -> bool:
-        """Whether one picture shows what the two sides differ by."""
-        return self.options.split != "off" and self.options.compare in ("difference", "FLIP")
+        """True if one picture shows the difference of both sides."""
+        return self.options.split != "off" and self.options.compare == "difference"
 
     @property
     def pair(self) -> str:
-        """What is compared, in words."""
-        left = self.active[0].preset
-        if (snapshot := self.snapshot(1)) is not None:
-            return f"{left} and {snapshot.name}"
-        return " and ".join(r.preset for r in self.active) if self.options.split == "presets" else left
+        """The compared presets in words."""
+        return " and ".join(renderer.preset for renderer in self.active)
 
     def flip(self) -> None:
         """Show the other side in place of the one on show, and go on by hand."""
@@ -283,15 +258,11 @@ class Session(Owner):
             self._flip_seconds, options.flipped = self._flip_seconds % _FLIP, not options.flipped
 
     def buffer(self, side: int) -> str:
-        """The name of the buffer that a side shows; of a snapshot there is the picture alone."""
-        return self.options.buffers[side] if self.snapshot(side) is None else "image"
-
-    def snapshot(self, side: int) -> Snapshot | None:
-        """The snapshot that a side shows; None for one that shows the scene."""
-        return self.pinned if side == 1 and self.options.split == "snapshot" else None
+        """Return the name of the buffer that a side shows."""
+        return self.options.buffers[side]
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
-        """The pixel of a view that the window's pixel (x, y) shows: a snapshot may have another size."""
+        """The pixel of a view that the window's pixel (x, y) shows: views of a moving camera may be smaller."""
         return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
 
     def renderer(self, side: int) -> Renderer:
@@ -304,27 +275,25 @@ class Session(Owner):
         return renderer.preset, renderer.settings
 
     def source(self, side: int) -> ViewSource:
-        """What a side's buffers are shown of: the last tick's view. Raises InputError before the first tick of a scene."""
-        if (snapshot := self.snapshot(side)) is not None:
-            return ViewSource(self.renderers[0], snapshot.view, self.exposure, origin=self.origin)
+        """Return the last tick's view of a side. Raises InputError before the first tick of a scene."""
         if not self.views:
             raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         renderer, view = self.renderers[i], self.views[i]
-        truth = self.truth(view.camera, renderer.settings)
-        return ViewSource(renderer, view, self.exposure, truth, self.light_scale, self.origin)
+        reference = self.reference(view.camera, renderer.settings)
+        return ViewSource(renderer, view, self.exposure, reference, self.light_scale, self.origin)
 
     @property
     def light_scale(self) -> LightScale:
         """The scale of false colours on both sides, its upper end known."""
         return self.options.light_scale.up_to(self.brightest_light.found)
 
-    def truth(self, camera: Camera, settings: Settings) -> Truth | None:
-        """The traced truth of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.truths.of(self.subject(camera, settings))
+    def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
+        """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
+        return self.references.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
-        """What the truth of a view by such settings is of."""
+        """Return the subject of the reference of a view."""
         return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
@@ -347,48 +316,10 @@ class Session(Owner):
         self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
-        """Set a side to the preset `name`; one that was left is parked with its records, and comes back with them."""
-        if name != self.renderer(side).preset:
-            self._change_renderer(side, name)
+        """Set a side to the preset `name`."""
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
         self._release_lost_record()
-
-    def swap_preset(self, side: int, name: str) -> None:
-        """Go on with the preset `name` on a side as it was left: with its settings and its records, which are there at once."""
-        if not self._change_renderer(side, name):
-            self.use_preset(side, name)
-
-    def _change_renderer(self, side: int, name: str) -> bool:
-        """Park a side's renderer, and go on with the parked one or a new one; whether that has the preset `name` and is from
-        earlier. Nothing changes where there is no room for two."""
-        index, leaving = min(side, len(self.active) - 1), self.renderer(side)
-        shared = _values(leaving.settings, _SHARED)
-        coming, self.parked = self.parked, None
-        known = coming is not None and coming.preset == name and _brought_up(coming, leaving)
-        if coming is not None and not known:
-            coming.release()
-        try:
-            if coming is None or not known:
-                if leaving.scene.triangles > _MOST_PARKED:
-                    return False
-                coming = Renderer(self.scene, self.size, name, ctx=self.ctx, tile_size=0, **shared)
-                _brought_up(coming, leaving)
-            coming.change(coming.settings.with_values(shared))
-            coming.carry_headlamp(leaving.headlamp)
-        except (IrrsplatError, MemoryError, moderngl.Error):  # no room for two: it is changed in place
-            return False
-        self.renderers[index], self.parked = coming, leaving
-        self.views, self.progress = [], []  # the renderer that they are of may be freed before the next tick
-        if self.held is not None and self.renderer(self.held[0]) is coming:
-            self.held = None
-        return known
-
-    def unpark(self) -> None:
-        """Free the renderer that is not on show."""
-        if self.parked is not None:
-            self.parked.release()
-        self.parked = None
 
     def _release_lost_record(self) -> None:
         """Hold a record no longer once it is gone."""
@@ -396,13 +327,8 @@ class Session(Owner):
             self.held = None
 
     def split(self, way: Split) -> None:
-        """One picture, two buffers, two presets side by side (the left one's, and paper; beside paper: default), or a snapshot on
-        the right. Raises InputError where there is none."""
+        """Show one picture, two buffers, or two presets side by side: the present one and paper, or paper and default."""
         options = self.options
-        if way == "snapshot" and self.pinned is None:
-            if not self.snapshots:
-                raise InputError("there is no snapshot yet; K keeps one")
-            self.pinned = self.snapshots[-1]
         if way == "presets" and len(self.renderers) == 1:
             left = self.renderers[0]
             other = "default" if left.preset == "paper" else "paper"
@@ -417,33 +343,9 @@ class Session(Owner):
             options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
         options.split, self.held = way, None
 
-    def keep_snapshot(self, side: int) -> Snapshot:
-        """Keep the picture of a side as it is now. Raises InputError where there are too many already."""
-        if len(self.snapshots) >= MOST:
-            raise InputError(f"there are {MOST} snapshots already; delete one first")
-        self.draw_whole()
-        taken = {snapshot.name for snapshot in self.snapshots}
-        name = next(n for n in (f"snapshot {i}" for i in range(1, MOST + 1)) if n not in taken)
-        self.snapshots.append(Snapshot.of(self.source(0 if self.snapshot(side) is not None else side).view, name))
-        return self.snapshots[-1]
-
-    def pin(self, snapshot: Snapshot) -> None:
-        """Show a snapshot on the right side."""
-        self.pinned = snapshot
-        self.split("snapshot")
-
-    def forget_snapshot(self, snapshot: Snapshot) -> None:
-        """Keep a snapshot no longer."""
-        self.snapshots.remove(snapshot)
-        if self.pinned is snapshot:
-            self.pinned = None
-            if self.options.split == "snapshot":
-                self.split("off")
-        snapshot.release()
-
     @property
     def headlamp(self) -> bool:
-        """Whether there is a lamp at the eye."""
+        """True if the headlamp is on."""
         return self.renderers[0].headlamp > 0.0
 
     def _pose(self, ended: bool) -> None:
@@ -456,7 +358,7 @@ class Session(Owner):
                 renderer.pose(scene)
 
     def carry_headlamp(self, on: bool) -> None:
-        """Carry a lamp at the eye, or none: as bright that what the camera looks at is lit as well as the exposure is now for."""
+        """Switch the headlamp on or off. Its brightness fits the exposure at the target of the camera."""
         stops = self.exposure if math.isfinite(self.exposure) else 0.0
         distance = math.dist(self.camera.eye, self.camera.target)
         for renderer in self.renderers:
@@ -517,7 +419,6 @@ class Session(Owner):
             raise
         for renderer in self.renderers:
             renderer.release()
-        self.unpark()
         self.renderers, self.scene = made, scene
         before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal, scene.up)
         moved, self.origin = np.subtract(self.origin, origin), origin
@@ -530,13 +431,13 @@ class Session(Owner):
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line = AutoExposure(), MeasuringLine()
+            self.auto_exposure, self.line, self.surface = AutoExposure(), MeasuringLine(), None
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:
-        """Read all shaders again, those of `others` too; raises ShaderError, and all goes on as before, where one is wrong."""
+        """Read all shaders again, those of `others` too; raises ShaderError, and changes nothing, if one is wrong."""
         program.reload([*program.programs_of(self), *others])
-        for renderer in (*self.renderers, *([self.parked] if self.parked is not None else [])):
+        for renderer in self.renderers:
             renderer.renew()
 
     def clear(self) -> None:
@@ -551,24 +452,8 @@ class Session(Owner):
 
 
 def _filled(progress: Progress) -> bool:
-    """Whether no light is missing in a view, as far as it can be there."""
+    """Return True if a view has all its light."""
     return progress.still or (progress.coverage == 1.0 and progress.surface == 1.0 and not progress.stale)
-
-
-def _brought_up(parked: Renderer, shown: Renderer) -> bool:
-    """Whether a parked renderer now has the size, the lights, the sky and the meshes of the one on show; not where other things
-    differ."""
-    now, then = shown.scene, parked.scene
-    apart = ("lights", "meshes", "sky", "sky_gradient", "environment", "own_sky")
-    if any(getattr(now, f.name) != getattr(then, f.name) for f in fields(Scene) if f.name not in apart):
-        return False
-    try:
-        parked.resize(shown.size)
-        if now.lights != then.lights or now.meshes is not then.meshes or now.sky_parts != then.sky_parts:
-            parked.pose(now)
-    except IrrsplatError:
-        return False
-    return True
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:

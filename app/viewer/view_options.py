@@ -1,36 +1,34 @@
-"""What is shown, what is drawn over it, and which windows of the interface are open: plain values that the interface changes."""
+"""Options of the view, and the open parts of the interface: plain values."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, fields
-from typing import Literal
+from typing import Literal, cast
 
 from irrsplat.meter.light_scale import LightScale
 
-Split = Literal["off", "buffers", "presets", "snapshot"]
+Split = Literal["off", "buffers", "presets"]
 SPLITS: dict[Split, str] = {  # and their titles
     "off": "one picture",
     "buffers": "two buffers",
     "presets": "two presets",
-    "snapshot": "a snapshot on the right",
 }
 
-Compare = Literal["divided", "flip", "difference", "FLIP"]
+Compare = Literal["divided", "flip", "difference"]
 COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
     "divided": "side by side",
     "flip": "one after the other",
     "difference": "difference",
-    "FLIP": "FLIP: what an eye sees of it",
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
 _SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
-_NOT_SAVED = ("help", "about", "log", "open", "save", "palette", "hidden")  # of Panels
+_NOT_SAVED = ("help", "open", "save", "palette", "hidden")  # of Panels
 
 
 @dataclass
 class ViewOptions:
-    """What is shown, and what is drawn over it."""
+    """The buffers on show, the split, and overlays."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
@@ -46,47 +44,34 @@ class ViewOptions:
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
+    plane: bool = False  # whether a horizontal plane is measured
+    why: bool = False  # whether a click on a surface shows where its light comes from
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 
 
 @dataclass
 class Panels:
-    """Which windows of the interface are open."""
+    """The open parts of the interface."""
 
     controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
     settings: bool = False
-    expert: bool = False  # whether the settings' panel shows all of them
     lights: bool = False
+    outliner: bool = False
     hud: bool = False
     help: bool = False
-    about: bool = False
-    log: bool = False
     open: bool = False
     save: bool = False
     palette: bool = False
     hidden: bool = False
 
 
-@dataclass
-class Appearance:
-    """How the interface looks. scale: of text and widgets, beside the monitor's. windows: imgui's notes on where they stand."""
-
-    scale: float = 1.0
-    light: bool = False
-    windows: str = ""
-
-    @staticmethod
-    def of(choices: dict[str, object]) -> Appearance:
-        """That of an earlier session, as `asdict` gives it under "appearance"; what cannot be is left out."""
-        kept, made = choices.get("appearance"), Appearance()
-        if isinstance(kept, dict):
-            scale, light, windows = (kept.get(name) for name in ("scale", "light", "windows"))
-            if isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]:
-                made.scale = float(scale)
-            made.light = light is True
-            made.windows = windows if isinstance(windows, str) and windows.isascii() else ""
-        return made
+def scale_of(choices: dict[str, object]) -> float:
+    """Return the scale of the interface from an earlier session; 1 if there is none within SCALES."""
+    kept = choices.get("appearance")
+    scale = kept.get("scale") if isinstance(kept, dict) else None
+    valid = isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]
+    return float(cast(float, scale)) if valid else 1.0
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

@@ -20,10 +20,10 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
-from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.ui.messages_view import draw_waiting
+from irrsplat.app.viewer.ui.statistics_view import FrameTimes
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
@@ -40,7 +40,7 @@ _PASSES, _INSTANT = 2, 1e-4  # passes of the interface that follow an event at o
 _AWAKE = (
     1.0  # seconds after an event in which frames go on: tooltips come late, and windows take their size from the frame before
 )
-_LOOK = 0.5  # seconds after which it looks for what comes without an event: a changed file, a finished truth
+_LOOK = 0.5  # seconds after which it looks for what comes without an event: a traced reference
 _LEAST = 0.2  # of the budget is the core's, however slow everything else is
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of what everything else takes
 
@@ -61,19 +61,17 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.outline = Outline(wnd.ctx)
-        self.backend = ImguiBackend(wnd.ctx)
+        self.backend = ImguiBackend()
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.backend, self.times, native=not wnd.headless)
+        self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
-        self.backend.windows = self.actions.appearance.windows
-        self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
-        self._fitted: Target | None = None  # the picture with the outline, where it does not fill the window
+        self.canvas, self.outlined = self._canvas(wnd.buffer_size), self._canvas(wnd.buffer_size)  # the picture; with the outline
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
-        self._shown: object = None  # what was shown last of that which changes without an event
+        self._shown: object = None  # the last state of all that changes without an event
         self._ending = False  # by a signal: nobody is asked
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
@@ -92,24 +90,17 @@ class Viewer(Owner):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees: all but the window."""
-        fitted: tuple[Resource, ...] = () if self._fitted is None else (*self._fitted.textures, self._fitted)
-        return (
-            self.session,
-            self.display,
-            *self.canvas.textures,
-            self.canvas,
-            *fitted,
-            self.outline,
-            self.backend,
-        )
+        own = self.session, self.display, self.outline, self.actions.film, self.backend
+        return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.backend.program, *programs_of(self.display, self.outline)]
+        return list(programs_of(self.display, self.outline))
 
     def _canvas(self, size: tuple[int, int]) -> Target:
-        return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
+        texture = self.ctx.texture(size, 4)
+        texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # it covers what is below
+        return Target(self.ctx, size, textures=[texture])
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -122,8 +113,7 @@ class Viewer(Owner):
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
-        actions.reload_changed_files()
-        actions.collect_truth()
+        actions.collect_references()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
         if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
@@ -198,18 +188,9 @@ class Viewer(Owner):
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))
-        _free(self.canvas)
-        self.canvas = self._canvas(size)
-
-    def _fitted_canvas(self) -> Target:
-        """Return the target of the picture that does not fill the window."""
-        if self._fitted is None or self._fitted.size != self.session.size:
-            if self._fitted is not None:
-                _free(self._fitted)
-            self._fitted = self._canvas(self.session.size)
-            self._fitted.textures[0].swizzle = "RGB1"  # it covers what is below
-            self._fitted.textures[0].filter = moderngl.NEAREST, moderngl.NEAREST
-        return self._fitted
+        for canvas in (self.canvas, self.outlined):
+            _free(canvas)
+        self.canvas, self.outlined = self._canvas(size), self._canvas(size)
 
     def _note(self, stage: str, start: float) -> None:
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
@@ -218,7 +199,7 @@ class Viewer(Owner):
         self.times.stages[stage] = 1e3 * (now() - start)
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
-        """Put picture and interface into the window, and into a file where a screenshot is wanted."""
+        """Put picture and interface into the window, and write the requested screenshot."""
         actions, size, start = self.actions, self.wnd.buffer_size, now()
         wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
         if wanted and not self.session.whole:
@@ -226,20 +207,17 @@ class Viewer(Owner):
             self.display.update(self.canvas, cursor)
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
-        window = Screen(self.wnd.fbo, size)
-        target = self._canvas(size) if wanted == "window" else window
-        fills = self.session.size == size
-        picture = target if fills else self._fitted_canvas()
-        self.copy(self.canvas, picture)
+        self.copy(self.canvas, self.outlined)
         if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(picture, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+            self.outline(self.outlined, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         elif actions.editor.mesh is None:
             self.outline.forget()
         self.controls.restyle()
-        if not fills:
-            target.use()
-            target.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, None if fills else picture.textures[0])
+        window = Screen(self.wnd.fbo, size)
+        target = self._canvas(size) if wanted == "window" else window
+        target.use()
+        target.gl.clear(*GREY[0])
+        self._draw_interface(dt, cursor, self.outlined.textures[0])
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)
@@ -260,7 +238,7 @@ class Viewer(Owner):
 
     @property
     def still(self) -> bool:
-        """Whether another frame would show the same but for what the user does."""
+        """True if another frame would be the same without input."""
         return (self.session.at_rest and not self.controls.active) or not all(self.wnd.buffer_size)
 
     def may_sleep(self) -> bool:
@@ -268,13 +246,13 @@ class Viewer(Owner):
         no message comes or goes."""
         if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
-        self.actions.reload_changed_files()
-        self.actions.collect_truth()
+        self.actions.collect_references()
         messages = self.actions.messages
         messages.expire()
-        truths = self.session.truths
-        traced = truths.version, None if truths.traced is None else round(100.0 * truths.traced)
-        shown = messages.version, traced, self.wnd.buffer_size
+        references = self.session.references
+        traced = references.version, None if references.traced is None else round(100.0 * references.traced)
+        plane = self.session.plane.share if self.session.options.plane else None
+        shown = messages.version, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 
@@ -287,7 +265,7 @@ class Viewer(Owner):
         return bool(self.wnd.is_closing)
 
     def loop(self) -> None:
-        """Draw frames until the window closes, but none while they would show what is there already."""
+        """Draw frames until the window closes; none while they would be the same."""
         timer = Timer()
         timer.start()
         while not self._closing():
@@ -315,7 +293,6 @@ class Viewer(Owner):
         problem = None
         if remember:
             fullscreen = self.wnd.fullscreen
-            self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
@@ -338,7 +315,7 @@ def _free(canvas: Target) -> None:
 
 def announce(wnd: BaseWindow, scene: Scene) -> None:
     """Show what the window waits for until its first frame, which of a large scene takes a while, on a grey."""
-    backend = ImguiBackend(wnd.ctx, Desktop(wnd).scale / wnd.pixel_ratio)
+    backend = ImguiBackend(Desktop(wnd).scale / wnd.pixel_ratio)
     wnd.title = f"{scene.name} – {TITLE}"
     for _ in range(2):  # imgui knows the size of what it shows from the frame before
         wnd.fbo.clear(*GREY[0])

@@ -104,7 +104,7 @@ class _Event:
 
 
 class Desktop:
-    """What moderngl-window leaves out of glfw: clipboard, dropped files, focus, the monitor's scale, waiting for events.
+    """Clipboard, dropped files, focus, the monitor's scale and waiting for events, which moderngl-window lacks.
 
     On a headless window no events come, and the clipboard is `text`.
     """
@@ -137,7 +137,7 @@ class Desktop:
 
     @property
     def scale(self) -> float:
-        """How much larger than on a plain monitor text and widgets are drawn, 1 or more."""
+        """The scale of text and widgets on this monitor, 1 or more."""
         if self._window is None:
             return 1.0
         import glfw

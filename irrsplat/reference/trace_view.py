@@ -12,11 +12,12 @@ from functools import partial
 import mitsuba as mi
 import numpy as np
 
+from irrsplat.core.timing.other_process import Report
 from irrsplat.reference.camera_view import Visible
 from irrsplat.reference.caster import camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
-from irrsplat.reference.worker import Pass, Report, serve
+from irrsplat.reference.worker import Pass, serve
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'

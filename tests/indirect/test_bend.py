@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.record_table import read
+from irrsplat.app.viewer.show.record_inspector import read
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
 from tests.support.worlds import Gathered, Lit, floor, material, polygon_vector, quad, scene, sites

@@ -93,7 +93,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     actions.toggle("frozen")
     moves: tuple[Any, ...] = (
         lambda: session.change(0, blend=0.7),
-        lambda: actions.editor.set_lamp(0, replace(actions.editor.lamps[0], stops=1.0)),
+        lambda: actions.editor.set_light(0, replace(actions.editor.lights[0], stops=1.0)),
         lambda: actions.go(replace(session.camera, fov=44.0)),
     )
     for act in moves:

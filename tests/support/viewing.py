@@ -16,8 +16,8 @@ from moderngl_window.context.base import KeyModifiers
 
 import irrsplat
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.buffers import background_truth
-from irrsplat.app.viewer.buffers.background_truth import Truth
+from irrsplat.app.viewer.buffers import background_reference
+from irrsplat.app.viewer.buffers.background_reference import TracedReference
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.editing.editor import Editor
@@ -27,7 +27,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.screen import Region
-from irrsplat.app.viewer.view_options import Appearance, Panels, ViewOptions
+from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.gpu import context
@@ -339,20 +339,16 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        session.unpark()
-        for snapshot in list(session.snapshots):
-            session.forget_snapshot(snapshot)
         actions.pending, actions.editor.saved = None, actions.editor.edit  # without a question
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
         actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
         actions.messages.lines.clear()
-        actions.appearance, actions.saved_as = Appearance(), ""
-        self.viewer.interface.layout.restore()
+        actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
-        session.truths.release()
+        session.references.release()
         session.carry_headlamp(False)
         actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False
         speed = session.scene.diagonal / 6.0
@@ -455,8 +451,8 @@ class Tracer:
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
         monkeypatch.setattr(Actions, "reference_possible", True)
-        monkeypatch.setattr(background_truth, "COARSE", (30, 50))
-        monkeypatch.setattr(background_truth, "SIDES", (2, 2))
+        monkeypatch.setattr(background_reference, "COARSE", (30, 50))
+        monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
     def refine(
         self,
@@ -499,17 +495,17 @@ class Tracer:
         """Render frames until a thread traces the view on show, and wait for its early passes."""
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.truths._tracing) is not None:
+            if (thread := driver.session.references._tracing) is not None:
                 with self._change:
                     assert self._change.wait_for(lambda: thread in self._waiting, SAFETY)
                 return driver.frame()
         pytest.fail("no tracing after 20 frames")
 
-    def wait(self, driver: Driver) -> Truth:
+    def wait(self, driver: Driver) -> TracedReference:
         """Return the reference of the early passes, once the viewer shows it."""
         self.begin(driver)
         driver.frame()
-        found = driver.session.source(0).truth
+        found = driver.session.source(0).reference
         assert found is not None and found.estimate.passes == self.early
         return found
 
@@ -518,10 +514,10 @@ class Tracer:
         self.go.set()
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.truths._tracing) is not None:
+            if (thread := driver.session.references._tracing) is not None:
                 thread.join(SAFETY)
-            found = driver.session.source(0).truth
-            if found is not None and found.complete and driver.session.truths.traced is None:
+            found = driver.session.source(0).reference
+            if found is not None and found.complete and driver.session.references.traced is None:
                 return driver.frame()
         pytest.fail("no truth after 20 frames")
 

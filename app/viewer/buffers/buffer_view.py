@@ -7,8 +7,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.tiles import NO_MARGINS, Margins
-from irrsplat.app.viewer.show.screen import Programs, Region, Texels, colours
+from irrsplat.app.viewer.show.screen import Programs, Region, TexelReader, colours
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 
@@ -19,21 +18,18 @@ class BufferView(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.programs = Programs(ctx)
         self.colours = colours(ctx)
-        self.texels = Texels(ctx)
+        self.texels = TexelReader(ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
         return (self.programs, self.colours, self.texels)
 
-    def draw(
-        self, target: Target, name: str, source: ViewSource, region: Region | None = None, margins: Margins = NO_MARGINS
-    ) -> None:
-        """Draw the buffer `name`, in `region` of the target alone (None: all of it); its tiles, if any, within `margins`."""
-        BUFFERS[name].draw(self.canvas(target, region, margins), source)
+    def draw(self, target: Target, name: str, source: ViewSource, region: Region | None = None) -> None:
+        """Draw the buffer `name` in `region` of the target (None: all of it)."""
+        BUFFERS[name].draw(self.canvas(target, region), source)
 
-    def canvas(self, target: Target, region: Region | None = None, margins: Margins = NO_MARGINS) -> Canvas:
-        """A target (or a region of it) for buffers to draw on."""
-        return Canvas(target, self.programs, self.colours, region, margins)
+    def canvas(self, target: Target, region: Region | None = None) -> Canvas:
+        """Return a target (or a region of it) for buffers to draw on."""
+        return Canvas(target, self.programs, self.colours, region)
 
     def value(self, name: str, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """The 1 or 3 numbers of the buffer `name` at pixel (x, y) of the view, (0, 0) the upper left one; None for none.

@@ -1,11 +1,10 @@
-"""All light that falls on what is seen, of lamps and of all else, in false colours with isolines."""
+"""All light that falls on visible surfaces, in false colours with isolines."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Legend, ShownBuffer, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.meter.light_scale import STEPS, LightScale, false_colours
@@ -15,15 +14,12 @@ class LightBuffer(ShownBuffer):
     """Irradiance or illuminance by the scale that the user has set, whatever the surface reflects."""
 
     def inputs(self, source: ViewSource) -> object:
-        """The scale."""
         return source.light_scale
 
     def unit_shown(self, source: ViewSource) -> str:
-        """That of the scale."""
         return source.light_scale.shown_unit
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw every pixel's light, and a line where it passes from one step of the scale to the next."""
         scale, colours = source.light_scale, false_colours()
         low, high = scale.ends
         canvas.picture(
@@ -40,7 +36,6 @@ class LightBuffer(ShownBuffer):
         )
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """One number in the scale's unit."""
         if not depth_at(texels, source, x, y):
             return None
         direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
@@ -48,14 +43,12 @@ class LightBuffer(ShownBuffer):
         return np.array([total @ source.light_scale.weights], np.float32)
 
     def legend(self, source: ViewSource) -> Legend:
-        """The ends, and where lines run."""
         scale = source.light_scale
         low, high = scale.ends
         return Legend(_words(scale), f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())
 
 
 def _words(scale: LightScale) -> str:
-    """How the scale runs, and where its lines are."""
     low, high = scale.ends
     if scale.logarithmic:
         return "logarithmic" + (f"; {STEPS / scale.decades:.3g} lines a decade" if scale.lines else "")

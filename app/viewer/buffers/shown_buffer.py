@@ -1,4 +1,4 @@
-"""What every buffer that the viewer can show has: words, a picture, a legend, and its value at a pixel."""
+"""The base of all buffers on show: title, help, picture, legend, and the value at a pixel."""
 
 from __future__ import annotations
 
@@ -9,17 +9,38 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Truth
-from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.tiles import Margins
+from irrsplat.app.viewer.buffers.background_reference import TracedReference
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
+from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class Legend:
+    """The legend of a picture: `text`, and its scale from `low` to `high` in `unit`, as they are printed.
+
+    colours: (N, 3) display colours 0..1 from low to high, None where there is no colour scale. mark: the position 0..1 on the
+    scale of what the text calls the threshold, None for no mark.
+    """
+
+    text: str
+    low: str = ""
+    high: str = ""
+    unit: str = ""
+    colours: np.ndarray | None = None
+    mark: float | None = None
+
+
+def colour_map() -> np.ndarray:
+    """(64, 3) display colours of the viridis map, for the scale of a legend."""
+    return viridis(np.linspace(0.0, 1.0, 64))
+
 
 GROUND = (0.11, 0.11, 0.12)  # display colour where a buffer has nothing to show
 
@@ -41,16 +62,16 @@ class Identity:
 
 @dataclass(frozen=True)
 class ViewSource:
-    """One side of the window, which buffers are shown of: a renderer's view, exposed by `exposure` stops.
+    """A renderer's view on one side of the window, exposed by `exposure` stops.
 
-    truth: the path-traced truth of this very view, where there is one. light_scale: of false colours, its upper end known.
-    origin: world space, what the view's positions are relative to.
+    reference: path-traced, of this view; None for none. light_scale: of false colours, with a known upper end.
+    origin: world space; the view's positions are relative to it.
     """
 
     renderer: Renderer
     view: View
     exposure: float
-    truth: Truth | None = None
+    reference: TracedReference | None = None
     light_scale: LightScale = LightScale()  # it is frozen
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -66,7 +87,7 @@ class ViewSource:
 
     @property
     def inputs(self) -> object:
-        """What all its buffers are made of, for a memo; compared by ==."""
+        """The inputs of all its buffers, for a memo; compared by ==."""
         return Identity(self.view), self.settings, self.exposure
 
     @property
@@ -77,21 +98,17 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours.
-
-    margins: what tiles leave free.
-    """
+    """A target or a `region` of it for a buffer, with programs and the table of colours."""
 
     target: Target
     programs: Programs
     colours: moderngl.Texture
     region: Region | None = None
-    margins: Margins = Margins()
 
     @property
     def area(self) -> Region:
-        """Where tiles stand, whatever part of them the region shows."""
-        return self.margins.area(self.target.size)
+        """The area of tiles; the region shows a part of it."""
+        return 0, 0, *self.target.size
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
@@ -113,7 +130,7 @@ class Canvas:
 
 @dataclass(frozen=True)
 class Values:
-    """Where a buffer's numbers lie, so that those of two sides can be compared.
+    """The numbers of a buffer, for the difference of two sides.
 
     form: what they are of a texel: 0 rgb, 1 r, 2 rgb/a, 3 rgb/a times `albedo`/π, 4 a. full: a great difference, which has the
     full colour. everywhere: whether there are numbers where nothing is seen.
@@ -127,7 +144,7 @@ class Values:
 
     @property
     def channels(self) -> int:
-        """How many numbers a pixel has."""
+        """Numbers per pixel."""
         return 1 if self.form in (1, 4) else 3
 
 
@@ -144,10 +161,10 @@ class ShownBuffer(ABC):
     help: str
 
     in_view = True  # whether its pixels are those of the view, so that records and edges can be marked over it
-    needs_truth = False  # whether it shows what the path tracer has to find first
+    needs_reference = False  # whether it shows what the path tracer has to find first
 
     def inputs(self, source: ViewSource) -> object:
-        """What it is made of besides the view and the settings, for a memo; compared by ==."""
+        """Return its inputs apart from view and settings, for a memo; compared by ==."""
         return None
 
     def unit_shown(self, source: ViewSource) -> str:
@@ -164,7 +181,7 @@ class ShownBuffer(ABC):
 
     @abstractmethod
     def legend(self, source: ViewSource) -> Legend:
-        """What its colours stand for."""
+        """Return its legend."""
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Its 1 or 3 numbers in `unit` at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""

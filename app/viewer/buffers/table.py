@@ -6,9 +6,8 @@ A further buffer is one more entry: of a class in texture_buffers.py where it is
 
 from __future__ import annotations
 
-from irrsplat.app.viewer.buffers.gather_atlas import GatherAtlasBuffer
 from irrsplat.app.viewer.buffers.light import LightBuffer
-from irrsplat.app.viewer.buffers.shadow_maps import ShadowMapsBuffer
+from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
 from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
@@ -19,12 +18,11 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     IrradianceBuffer,
     OpacityBuffer,
     RadianceBuffer,
-    ReflectanceBuffer,
     ShareBuffer,
     VectorBuffer,
     opacity_texture,
 )
-from irrsplat.app.viewer.buffers.truth import ErrorBuffer, ReferenceBuffer
+from irrsplat.app.viewer.buffers.tiled_buffers import GatherAtlasBuffer, ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
 from irrsplat.core.buffers import CHANNELS
 
@@ -50,15 +48,10 @@ BUFFERS: dict[str, ShownBuffer] = {
             note=" within the scene's bounds",
         ),
         VectorBuffer(*_channel("normal"), texture=lambda view: view.gbuffer.lit_normal),
-        ReflectanceBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo),
+        ShareBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo, text="reflectance, sRGB encoded"),
         DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
         AskingBuffer(
-            "asking",
-            "requests",
-            "",
-            "pixels that request a record",
-            texture=lambda view: view.splats.weight,
-            components=1,
+            "asking", "requests", "", "pixels that request a record", texture=lambda view: view.splats.weight, components=1
         ),
         ShadowMapsBuffer(
             "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"

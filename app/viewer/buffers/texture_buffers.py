@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, Values, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Legend, ShownBuffer, Values, ViewSource, colour_map, depth_at
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
-_GREAT = 0.25  # of the range of what is shown: a difference that has the full colour
+_GREAT = 0.25  # of the range on show: a difference with the full colour
 
 
 @dataclass(frozen=True)
@@ -29,19 +28,16 @@ class TextureBuffer(ShownBuffer):
     everywhere: bool = False
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """The texel; None where nothing is seen, unless the buffer has a value everywhere."""
         depth = depth_at(texels, source, x, y)
         if depth is None or (depth == 0.0 and not self.everywhere):
             return None
         return texels(self.texture(source.view), x, y)[: self.components]
 
     def values(self, source: ViewSource) -> Values | None:
-        """The texels themselves."""
         form = 0 if self.components == 3 else 1
         return Values(self.texture(source.view), form, self.great(source), self.everywhere)
 
     def great(self, source: ViewSource) -> float:
-        """A great difference of two such values, in their unit."""
         return _GREAT
 
 
@@ -50,7 +46,6 @@ class RadianceBuffer(TextureBuffer):
     """Radiance, exposed and tone-mapped as the picture is."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the texture itself."""
         self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=True)
 
     def draw_radiance(self, canvas: Canvas, source: ViewSource, radiance: moderngl.Texture, covers_unseen: bool) -> None:
@@ -60,11 +55,9 @@ class RadianceBuffer(TextureBuffer):
         canvas.picture(source, "radiance", radiance, covers_unseen=covers_unseen, gain=source.gain, **behind)
 
     def legend(self, source: ViewSource) -> Legend:
-        """Unit and exposure."""
         return Legend(exposed(self.unit, source), unit=self.unit)
 
     def great(self, source: ViewSource) -> float:
-        """So much of what is shown white."""
         return _GREAT / source.gain
 
 
@@ -72,7 +65,6 @@ class ImageBuffer(RadianceBuffer):
     """The picture, before its backdrop."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw it, over the backdrop where that is no light."""
         view = source.view
         lower, upper = view.backdrop.ends
         plain = view.backdrop.kind == "sky"
@@ -83,7 +75,6 @@ class EmissionBuffer(RadianceBuffer):
     """Emitted radiance: the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """The texture of a single sample holds nothing where the backdrop is seen."""
         self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=source.view.emission is not None)
 
 
@@ -91,7 +82,6 @@ class IndirectBuffer(RadianceBuffer):
     """Indirect radiance: the mean of a pixel's samples, or, of the one at its centre, albedo/π times the irradiance there."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the mean, or the product."""
         view = source.view
         if view.indirect is not None:
             super().draw(canvas, source)
@@ -99,7 +89,6 @@ class IndirectBuffer(RadianceBuffer):
             canvas.picture(source, "indirect", view.sums, albedo=view.gbuffer.albedo, gain=source.gain)
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """W/(m² sr), three channels."""
         view = source.view
         if view.indirect is not None:
             return super().value(texels, source, x, y)
@@ -109,7 +98,6 @@ class IndirectBuffer(RadianceBuffer):
         return indirect
 
     def values(self, source: ViewSource) -> Values | None:
-        """The mean, or the factors of the product."""
         view = source.view
         if view.indirect is not None:
             return super().values(source)
@@ -120,60 +108,42 @@ class IrradianceBuffer(TextureBuffer):
     """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw every pixel's own texel."""
         draw_irradiance(canvas, source, self.texture(source.view))
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """W/m², three channels."""
         return irradiance_at(texels, source.view, x, y) if depth_at(texels, source, x, y) else None
 
     def values(self, source: ViewSource) -> Values | None:
-        """The quotients of its texels."""
         return Values(self.texture(source.view), 2, great_irradiance(source))
 
     def legend(self, source: ViewSource) -> Legend:
-        """Unit and exposure."""
         return Legend(exposed_white(self.unit, source), unit=self.unit)
 
 
-class ReflectanceBuffer(TextureBuffer):
-    """Values 0..1, sRGB encoded."""
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the texture itself."""
-        canvas.picture(source, "unit", self.texture(source.view), grey=False, filters=False)
-
-    def legend(self, source: ViewSource) -> Legend:
-        """From 0 to 1."""
-        return Legend("reflectance, sRGB encoded", "0", "1")
-
-
+@dataclass(frozen=True)
 class ShareBuffer(TextureBuffer):
-    """A share 0..1 of each pixel, black to white, sRGB encoded."""
+    """Values 0..1, sRGB encoded. text: of the legend."""
+
+    text: str = "share of the pixel"
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the texture itself."""
-        canvas.picture(source, "unit", self.texture(source.view), grey=True, filters=False)
+        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1, filters=False)
 
     def legend(self, source: ViewSource) -> Legend:
-        """From 0 to 1."""
-        return Legend("share of the pixel", "0", "1")
+        return Legend(self.text, "0", "1")
 
 
 class OpacityBuffer(TextureBuffer):
     """The opacity of the nearest filter, else 1 where a surface is seen."""
 
     def values(self, source: ViewSource) -> Values | None:
-        """None: where there are filters, one texture does not hold them all."""
         return None
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw it, sRGB encoded."""
         filters = source.view.gbuffer.filters is not None
         canvas.picture(source, "unit", self.texture(source.view), grey=True, filters=filters)
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """0..1; 0 where nothing is seen."""
         depth, filters = depth_at(texels, source, x, y), source.view.gbuffer.filters
         if depth is None:
             return None
@@ -181,7 +151,6 @@ class OpacityBuffer(TextureBuffer):
         return filtered if filtered[0] > 0.0 else np.array([depth > 0.0], "f4")
 
     def legend(self, source: ViewSource) -> Legend:
-        """From 0 to 1."""
         return Legend("opacity, sRGB encoded", "0", "1")
 
 
@@ -199,12 +168,10 @@ class VectorBuffer(TextureBuffer):
     note: str = ""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the texture between the ends; an axis without extent is black."""
         low, high = self.ends(source.scene)
         canvas.picture(source, "range", self.texture(source.view), low=low, high=np.where(high > low, high, low + 1.0))
 
     def legend(self, source: ViewSource) -> Legend:
-        """The ends; of unit vectors they are the same on all axes."""
         axes, unit = (1, "") if self.unit == "1" else (3, self.unit)
         far = any(source.origin) and axes == 3
         ends = self.ends(source.scene) + source.origin if far else self.ends(source.scene)
@@ -212,7 +179,6 @@ class VectorBuffer(TextureBuffer):
         return Legend("x y z as red, green, blue" + self.note, low, high, unit)
 
     def great(self, source: ViewSource) -> float:
-        """So much of the longest axis."""
         low, high = self.ends(source.scene)
         return _GREAT * float(np.max(high - low)) or 1.0
 
@@ -221,32 +187,24 @@ class DepthBuffer(TextureBuffer):
     """The distance along the view axis, which the position's texels hold as their fourth component."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw by the colour map."""
         low, high = depth_range(source.scene, source.view.camera)
         canvas.picture(source, "depth", self.texture(source.view), low=low, high=high)
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """Metres, infinity where nothing is seen."""
         depth = depth_at(texels, source, x, y)
         return None if depth is None else np.array([depth or np.inf], "f4")
 
     def values(self, source: ViewSource) -> Values | None:
-        """The fourth component of its texels."""
         low, high = depth_range(source.scene, source.view.camera)
         return Values(self.texture(source.view), 4, _GREAT * (high - low))
 
     def legend(self, source: ViewSource) -> Legend:
-        """The range of depths that the scene's bounds allow."""
         low, high = depth_range(source.scene, source.view.camera)
         return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", self.unit, colour_map())
 
 
 def draw_irradiance(
-    canvas: Canvas,
-    source: ViewSource,
-    sums: moderngl.Texture,
-    stride: int = 1,
-    margin: tuple[int, int] = (0, 0),
+    canvas: Canvas, source: ViewSource, sums: moderngl.Texture, stride: int = 1, margin: tuple[int, int] = (0, 0)
 ) -> None:
     """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it. stride, margin: of cells of pixels, as Lattice has them."""
     canvas.picture(source, "irradiance", sums, gain=source.gain, stride=stride, margin=margin)
@@ -265,12 +223,12 @@ def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
 
 
 def exposed(unit: str, source: ViewSource) -> str:
-    """How a legend says unit and exposure."""
+    """Return unit and exposure in words."""
     return f"{unit}, exposed by {source.exposure:+.1f} stops"
 
 
 def exposed_white(unit: str, source: ViewSource) -> str:
-    """The same, of irradiance."""
+    """Return unit and exposure of irradiance in words."""
     return exposed(unit, source) + ", as a white surface sends it out"
 
 

@@ -1,11 +1,10 @@
-"""The sum of the records' weights at a pixel, and which pixels ask for a record because it is too small."""
+"""The sum of the records' weights at a pixel, and the pixels that request a record."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Legend, ViewSource, colour_map
 from irrsplat.app.viewer.buffers.texture_buffers import TextureBuffer
 from irrsplat.settings import Settings
 
@@ -17,16 +16,13 @@ class WeightBuffer(TextureBuffer):
     """Σw on a logarithmic scale, with the contour of the threshold."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw by the colour map, the contour in black and white."""
         low, high = weight_range(source.settings)
         canvas.picture(source, "weight", self.texture(source.view), low=low, high=high, threshold=source.settings.threshold)
 
     def great(self, source: ViewSource) -> float:
-        """Five times the least weight that a record has."""
         return 5.0 / source.settings.a
 
     def legend(self, source: ViewSource) -> Legend:
-        """The range, with a mark at the threshold."""
         low, high = weight_range(source.settings)
         threshold = source.settings.threshold
         mark = float(np.log(threshold / low) / np.log(high / low)) if threshold > 0.0 else None
@@ -35,18 +31,15 @@ class WeightBuffer(TextureBuffer):
 
 
 class AskingBuffer(TextureBuffer):
-    """The pixels that ask for a record, orange over the dim picture; its value is their Σw."""
+    """The pixels that request a record, orange over the dim picture; the value is Σw."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw what the examination finds."""
         _draw_asking(canvas, source, source.settings.threshold)
 
     def great(self, source: ViewSource) -> float:
-        """As of weights."""
         return 5.0 / source.settings.a
 
     def legend(self, source: ViewSource) -> Legend:
-        """What makes a pixel ask."""
         settings = source.settings
         contradiction = f", or whose records differ by {100.0 * settings.spread:.3g} %" if settings.spread else ""
         return Legend(f"orange: pixels with Σw below {settings.threshold:.3g}{contradiction}")

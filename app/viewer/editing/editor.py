@@ -1,4 +1,4 @@
-"""What a user edits: the scene's lights and objects, which of them are picked, and the steps that can be undone."""
+"""The editor of lights and objects: their changes, the selection, undo and redo."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Literal, cast
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.history import History
-from irrsplat.app.viewer.editing.lamps import Lamp, Vector
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, EditedScene, ObjectEdit, SceneEdit, describe, object_name
+from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, describe, object_name
 from irrsplat.app.viewer.editing.sun_sky import QUICK, SunSky
 from irrsplat.app.viewer.session import Session
 from irrsplat.scene.model import Light
@@ -18,6 +17,7 @@ from irrsplat.sky.cie import ROWS
 
 Kind = Literal["point", "spot", "directional"]
 KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
+_MOST = 300  # states to undo
 _NEARER = 0.3  # of the way from what is looked at to the eye: where a new light is put
 _CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
 
@@ -33,7 +33,7 @@ class Editor:
     def __init__(self, session: Session) -> None:
         self.session, self.loaded = session, session.scene
         self.edit = self.saved = SceneEdit.of(session.scene)  # saved: as a file has it
-        self.history = History(self.edit)
+        self.present, self.past, self.future = self.edit, list[SceneEdit](), list[SceneEdit]()  # states to undo and redo
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
@@ -44,7 +44,7 @@ class Editor:
 
     @property
     def changed(self) -> bool:
-        """Whether the scene is no longer as its files have it."""
+        """True if the scene differs from its files."""
         return self.edit != SceneEdit.of(self.loaded)
 
     @property
@@ -61,61 +61,61 @@ class Editor:
         self.session.pose(self._scenes.scene(edit, QUICK if self._quick else ROWS))
         self.edit = edit
         self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
-        if self.light is not None and self.light >= len(edit.lamps):
-            self.light = len(edit.lamps) - 1 if edit.lamps else None
+        if self.light is not None and self.light >= len(edit.lights):
+            self.light = len(edit.lights) - 1 if edit.lights else None
 
     def settle(self) -> None:
         """A moment of rest: what has changed since the last one is one step, and a sky that was made quickly is made as it is."""
         if self._quick:
             self.session.pose(self._scenes.scene(self.edit))
             self._quick = False
-        self.history = self.history.then(self.edit)
+        if self.edit != self.present:
+            self.past, self.future = [*self.past, self.present][-_MOST:], []
+            self.present = self.edit
 
     def undo(self) -> str:
-        """Go back a step; what it had done, in a few words, "" where there is none."""
+        """Undo a step; return it in a few words, "" if there is none."""
         self.settle()
-        return self._go(self.history.undone(), back=True)
+        return self._step(self.past, self.future, back=True)
 
     def redo(self) -> str:
-        """Do again what was undone last; what that is, in a few words, "" where there is nothing."""
+        """Redo the step that was undone last; return it in a few words, "" if there is none."""
         self.settle()
-        return self._go(self.history.redone(), back=False)
+        return self._step(self.future, self.past, back=False)
 
-    def _go(self, history: History[SceneEdit], back: bool) -> str:
-        before = self.edit
-        if history.present == before:
+    def _step(self, source: list[SceneEdit], target: list[SceneEdit], back: bool) -> str:
+        """Show the last state of `source`, and move the present one to `target`."""
+        if not source:
             return ""
-        self.apply(history.present)
-        self.history = history
-        return self._words(history.present, before) if back else self._words(before, history.present)
-
-    def _words(self, before: SceneEdit, after: SceneEdit) -> str:
-        return describe(before, after, self.loaded)
+        before, after = self.present, source[-1]
+        self.apply(after)
+        self.present = source.pop()
+        target.append(before)
+        return describe(after, before, self.loaded) if back else describe(before, after, self.loaded)
 
     @property
     def undoes(self) -> str:
-        """What `undo` takes back, in a few words; "" for nothing."""
-        if self.edit != self.history.present:
-            return self._words(self.history.present, self.edit)
-        return self._words(self.history.past[-1], self.edit) if self.history.past else ""
+        """The step that `undo` would undo, in a few words; "" for none."""
+        before = self.present if self.edit != self.present else self.past[-1] if self.past else self.edit
+        return "" if before == self.edit else describe(before, self.edit, self.loaded)
 
     @property
     def redoes(self) -> str:
-        """What `redo` does again, in a few words; "" for nothing."""
-        if self.edit != self.history.present or not self.history.future:
+        """The step that `redo` would redo, in a few words; "" for none."""
+        if self.edit != self.present or not self.future:
             return ""
-        return self._words(self.edit, self.history.future[0])
+        return describe(self.edit, self.future[-1], self.loaded)
 
     # ---- lights ----------------------------------------------------------------------------------------------------
 
     @property
-    def lamps(self) -> tuple[Lamp, ...]:
+    def lights(self) -> tuple[LightEdit, ...]:
         """The scene's lights as they are set."""
-        return self.edit.lamps
+        return self.edit.lights
 
-    def set_lamp(self, number: int, lamp: Lamp) -> None:
+    def set_light(self, number: int, edited: LightEdit) -> None:
         """Set a light."""
-        self.apply(self.edit.with_lamp(number, lamp))
+        self.apply(self.edit.with_light(number, edited))
 
     def add_light(self, kind: Kind) -> None:
         """Add a light between the eye and what it looks at, and pick it. It is so bright that this is lit as well as the exposure
@@ -125,7 +125,7 @@ class Editor:
         place = _vector(focus + _NEARER * (eye - focus))
         gain = 2.0 ** -(session.exposure if math.isfinite(session.exposure) else 0.0)
         intensity = math.pi * math.dist(place, _vector(focus)) ** 2 * gain
-        taken = {lamp.light.name for lamp in self.lamps}
+        taken = {edited.light.name for edited in self.lights}
         name = next(n for n in (f"{kind} {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         light = Light(place, (intensity,) * 3, physical=True, name=name)
         if kind == "spot":
@@ -134,12 +134,12 @@ class Editor:
             back = session.camera.axes[2]
             towards = _vector(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
             light = Light(towards, (gain,) * 3, directional=True, name=name)
-        self.apply(replace(self.edit, lamps=(*self.lamps, Lamp.of(light))))
-        self.pick_light(len(self.lamps) - 1)
+        self.apply(replace(self.edit, lights=(*self.lights, LightEdit.of(light))))
+        self.pick_light(len(self.lights) - 1)
 
     def delete_light(self, number: int) -> None:
         """Delete a light."""
-        self.apply(replace(self.edit, lamps=(*self.lamps[:number], *self.lamps[number + 1 :])))
+        self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))
 
     # ---- sky -------------------------------------------------------------------------------------------------------
 
@@ -155,22 +155,18 @@ class Editor:
         edit = self.edit.with_sky(sky, self._scenes.sky(sky, QUICK))
         self.session.pose(self._scenes.scene(edit, QUICK))
         self.edit, self._quick = edit, True
-        if self.light is not None and self.light >= len(edit.lamps):
-            self.light = len(edit.lamps) - 1
+        if self.light is not None and self.light >= len(edit.lights):
+            self.light = len(edit.lights) - 1
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 
     def object(self, number: int) -> ObjectEdit:
-        """What is changed about a mesh."""
+        """Return the changes of a mesh."""
         return self.edit.objects[number]
 
     def set_object(self, number: int, edit: ObjectEdit) -> None:
         """Change a mesh. Raises InputError for a material by which it would be drawn otherwise."""
         self.apply(self.edit.with_object(number, edit))
-
-    def reset_object(self, number: int) -> None:
-        """Put a mesh back to what the files say."""
-        self.set_object(number, AS_LOADED)
 
     def hide(self, number: int, hidden: bool = True) -> None:
         """Hide a mesh, or show it again."""
@@ -179,7 +175,7 @@ class Editor:
             self.mesh = None
 
     def name(self, number: int) -> str:
-        """What a mesh is called."""
+        """Return the name of a mesh."""
         return object_name(self.loaded, number)
 
     @property

@@ -1,4 +1,4 @@
-"""Which mesh a triangle belongs to, and where points are on the screen."""
+"""The mesh of a triangle, and the place of points on the screen."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from irrsplat.scene.model import Camera, Scene
 
 def mesh_of(scene: Scene, triangle: int) -> int | None:
     """The number of the mesh that has this triangle of the scene, as they are numbered for drawing; None for none."""
-    if triangle < 0:
-        return None
-    numbers = order(scene)
-    ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers])
-    at = int(np.searchsorted(ends, triangle, side="right"))
-    return numbers[at] if at < len(numbers) else None
+    mesh = int(meshes_of(scene, np.array([triangle]))[0])
+    return None if mesh < 0 else mesh
+
+
+def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
+    """Return (N,) the numbers of the meshes that have these triangles (N,), as for mesh_of; -1 for none."""
+    numbers = np.array([*order(scene), -1])
+    ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers[:-1]])
+    found: np.ndarray = np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
+    return found
 
 
 def triangles_of(scene: Scene, mesh: int) -> tuple[int, int]:
@@ -26,7 +30,7 @@ def triangles_of(scene: Scene, mesh: int) -> tuple[int, int]:
 
 
 def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:
-    """Where a world point is in a picture of `size` (width, height), from the upper left corner; None behind the eye."""
+    """Return the place of a world point in a picture of `size` (width, height), from the upper left; None behind the eye."""
     x, y, z = camera.axes @ (np.asarray(point) - np.asarray(camera.eye))
     if z >= 0.0:
         return None

@@ -1,4 +1,4 @@
-"""What a user has changed in a scene, as a value: lights, and where objects stand, how they look, and which are hidden."""
+"""The changes of a scene as a value: lights, and places, materials and visibility of objects."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
 from irrsplat.app.viewer.editing.sun_sky import SunSky, is_sun_of, sun_of, with_sky
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
@@ -20,7 +20,7 @@ _POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one
 
 @dataclass(frozen=True)
 class ObjectEdit:
-    """What is changed about a mesh.
+    """The changes of a mesh.
 
     offset: metres that it has gone. turn: degrees about the world's x, then y, then z, through the middle of its bounding box.
     albedo, emission: in place of those of its material; None: its own.
@@ -41,7 +41,7 @@ class ObjectEdit:
 
     @property
     def stays(self) -> bool:
-        """Whether it stands where it was loaded."""
+        """True if it is at its original place."""
         return not any(self.offset) and not any(self.turn)
 
 
@@ -52,38 +52,38 @@ AS_LOADED = ObjectEdit()
 class SceneEdit:
     """A scene's lights, what is changed about each of its meshes, and its sky; None: as it was loaded."""
 
-    lamps: tuple[Lamp, ...]
+    lights: tuple[LightEdit, ...]
     objects: tuple[ObjectEdit, ...]
     sky: SunSky | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> SceneEdit:
-        """Nothing is changed yet."""
-        lamps = tuple(Lamp.of(light, is_sun_of(light, scene.environment)) for light in scene.lights)
-        return cls(lamps, (AS_LOADED,) * len(scene.meshes))
+        """Return the edit without changes."""
+        lights = tuple(LightEdit.of(light, is_sun_of(light, scene.environment)) for light in scene.lights)
+        return cls(lights, (AS_LOADED,) * len(scene.meshes))
 
     def with_sky(self, sky: SunSky, environment: Environment | None) -> SceneEdit:
         """Return the edit under another sky with this environment. Its sun takes the place of the old one.
 
         The old sun is the light of the sky before, or else the brightest directional light.
         """
-        before = next((lamp for lamp in self.lamps if lamp.of_sky), None)
+        before = next((edited for edited in self.lights if edited.of_sky), None)
         if before is None:
-            directional = [lamp for lamp in self.lamps if lamp.light.directional]
-            before = max(directional, key=lambda lamp: sum(lamp.emitted.color), default=None)
+            directional = [edited for edited in self.lights if edited.light.directional]
+            before = max(directional, key=lambda edited: sum(edited.emitted.color), default=None)
         light = sun_of(environment, None if before is None else before.light)
         if before is None:
-            return replace(self, sky=sky, lamps=(*self.lamps, Lamp.of(light, of_sky=True)))
+            return replace(self, sky=sky, lights=(*self.lights, LightEdit.of(light, of_sky=True)))
         sun = replace(before, light=light, loaded=light, kelvin=None, of_sky=True, stops=before.stops if before.of_sky else 0.0)
-        lamps = tuple(sun if lamp is before else lamp for lamp in self.lamps if lamp is before or not lamp.of_sky)
-        return replace(self, sky=sky, lamps=lamps)
+        lights = tuple(sun if edited is before else edited for edited in self.lights if edited is before or not edited.of_sky)
+        return replace(self, sky=sky, lights=lights)
 
-    def with_lamp(self, number: int, lamp: Lamp) -> SceneEdit:
-        """With another lamp of this number."""
-        return replace(self, lamps=(*self.lamps[:number], lamp, *self.lamps[number + 1 :]))
+    def with_light(self, number: int, edited: LightEdit) -> SceneEdit:
+        """Return the edit with another light of this number."""
+        return replace(self, lights=(*self.lights[:number], edited, *self.lights[number + 1 :]))
 
     def with_object(self, number: int, edit: ObjectEdit) -> SceneEdit:
-        """With another change of the mesh of this number."""
+        """Return the edit with another change of the mesh of this number."""
         return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
 
 
@@ -137,7 +137,7 @@ class EditedScene:
         go beyond what 32-bit floats hold."""
         if edit.objects != self._last[0]:
             self._last = edit.objects, self._meshes(edit.objects)
-        scene = replace(self.loaded, lights=tuple(lamp.emitted for lamp in edit.lamps), meshes=self._last[1])
+        scene = replace(self.loaded, lights=tuple(edited.emitted for edited in edit.lights), meshes=self._last[1])
         return scene if edit.sky is None else with_sky(scene, self.sky(edit.sky, rows))
 
     def _meshes(self, edits: tuple[ObjectEdit, ...]) -> tuple[Mesh, ...]:
@@ -178,21 +178,21 @@ class EditedScene:
 
 
 def describe(before: SceneEdit, after: SceneEdit, scene: Scene) -> str:
-    """What a step from one edit to another does, in a few words."""
+    """Return the step from one edit to another in a few words."""
     if before.sky != after.sky:
         return "the sun's place and time" if before.sky is not None and after.sky is not None else "the sky"
-    if len(after.lamps) != len(before.lamps):
-        return "add a light" if len(after.lamps) > len(before.lamps) else "delete a light"
-    for number, (a, b) in enumerate(zip(before.lamps, after.lamps, strict=True)):
+    if len(after.lights) != len(before.lights):
+        return "add a light" if len(after.lights) > len(before.lights) else "delete a light"
+    for number, (a, b) in enumerate(zip(before.lights, after.lights, strict=True)):
         if a != b:
-            return f"{b.light.name or f'light {number + 1}'}: {_lamp_words(a, b)}"
+            return f"{b.light.name or f'light {number + 1}'}: {_light_words(a, b)}"
     for number, (old, new) in enumerate(zip(before.objects, after.objects, strict=True)):
         if old != new:
             return f"{object_name(scene, number)}: {_object_words(old, new)}"
     return "nothing"
 
 
-def _lamp_words(a: Lamp, b: Lamp) -> str:
+def _light_words(a: LightEdit, b: LightEdit) -> str:
     if a.on != b.on:
         return "on" if b.on else "off"
     if a.stops != b.stops:
@@ -215,5 +215,5 @@ def _object_words(a: ObjectEdit, b: ObjectEdit) -> str:
 
 
 def object_name(scene: Scene, number: int) -> str:
-    """What the mesh of this number is called."""
+    """Return the name of the mesh of this number."""
     return scene.meshes[number].name or f"mesh {number + 1}"

@@ -70,7 +70,7 @@ class SunSky:
 
     @property
     def line(self) -> str:
-        """What stands after `sky` in a `.scene` for it."""
+        """The words after `sky` in a `.scene`."""
         place = f"{self.latitude!r} {self.longitude!r} {self.when.isoformat(timespec='minutes')}"
         words = ["cie", self.kind, "at", place, "ground", repr(self.ground)]
         words += ["turbidity", repr(self.turbidity)] if self.kind in ("clear", "intermediate") else []
@@ -103,5 +103,5 @@ def sun_of(environment: Environment | None, before: Light | None) -> Light:
 
 
 def is_sun_of(light: Light, environment: Environment | None) -> bool:
-    """Whether a light is one of a sky's suns."""
+    """Return True if a light is one of a sky's suns."""
     return environment is not None and light in sun_lights(environment)

@@ -63,6 +63,8 @@ _FILE = (
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot_bare", "F12", help="a PNG in the pictures folder", section=True),
     Command("File", "Save window", "screenshot", "F12", ctrl=True, help="the same with the interface"),
+    Command("File", "Save film…", "film_dialog", help="of the recorded flight or the opened path", enabled="film_possible"),
+    Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
@@ -96,6 +98,8 @@ _VIEW = (
     Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it, or click both ends"),
+    Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
+    Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
     Command("View", "Darker", "darker", "LEFT_BRACKET", help="half a stop", section=True),
     Command("View", "Brighter", "brighter", "RIGHT_BRACKET", help="half a stop"),
     Command("View", "Automatic exposure", "auto_exposure", "BACKSLASH"),
@@ -109,26 +113,23 @@ _RENDER = (
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
+    *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
+    Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
     *(
-        Command("Compare", title.capitalize(), "use_split", argument=way, enabled="has_snapshot" if way == "snapshot" else "")
-        for way, title in SPLITS.items()
-    ),
-    Command("Compare", "Next split", "split", "TAB", help="two buffers, two presets, a snapshot"),
-    *(
-        Command(
-            "Compare",
-            title[0].upper() + title[1:],
-            "compare_by",
-            argument=way,
-            enabled="flip_possible" if way == "FLIP" else "is_split",
-            section=way == "divided",
-        )
+        Command("Compare", title[0].upper() + title[1:], "compare_by", argument=way, enabled="is_split", section=way == "divided")
         for way, title in COMPARES.items()
     ),
     Command("Compare", "Next comparison", "compare", "J"),
     Command("Compare", "Other side", "flip", "SPACE"),
-    Command("Compare", "Keep snapshot", "snapshot", "K", section=True),
-    Command("Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", enabled="reference_possible"),
+    Command(
+        "Compare",
+        "Path-trace the reference",
+        "trace",
+        "Y",
+        help="of this view; again: stop",
+        enabled="reference_possible",
+        section=True,
+    ),
 )
 _WINDOW = (
     Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
@@ -136,15 +137,12 @@ _WINDOW = (
     Command("Window", "Lights", "toggle", "F4", "lights"),
     Command("Window", "Times and numbers", "toggle", "F6", "hud"),
     Command("Window", "Interface", "toggle", "F2", "hidden", help="hide or show all of it"),
-    Command("Window", "Messages", "toggle", argument="log"),
+    Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
     Command("Window", "Fullscreen", "fullscreen", "F11", section=True),
-    Command("Window", "Light colours", "light_colours"),
-    Command("Window", "Standard layout", "restore_layout", help="of the panels"),
 )
 _HELP = (
     Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),
     Command("Help", "Keys", "toggle", "F1", "help"),
-    Command("Help", "About irrsplat", "toggle", argument="about"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)

@@ -1,4 +1,4 @@
-"""What the window's events do: fly, look, orbit and press keys while they are not for the interface."""
+"""The effects of the window's events: flight, look, orbit and keys, unless they are for the interface."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Controls:
 
     @property
     def active(self) -> bool:
-        """Whether the camera may move in the next frame, though no further event comes."""
+        """True if the camera may move in the next frame without a further event."""
         return bool(self.pressed) or self.looking
 
     def fly(self, dt: float) -> None:
@@ -149,6 +149,7 @@ class Controls:
         """The mouse moved, with or without a button down."""
         if self.looking:
             if not self._skip:  # the first motion of a captured mouse is a jump
+                self.travelled += abs(dx) + abs(dy)
                 self.session.free_camera.look(dx, dy, self._per_pixel)
             self._skip = False
             return
@@ -198,19 +199,28 @@ class Controls:
     def mouse_released(self, x: float, y: float, button: int) -> None:
         """A mouse button went up."""
         self.backend.mouse_button(button, False)
-        if button == RIGHT:
+        if button == RIGHT and self.looking:
             self._capture(False)
+            if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
+                self._pick(self.pointer)
+                self.actions.context_menu = self.actions.selected
         if button == LEFT:
             clicked = self.pivot is not None and self.travelled <= _CLICK and self.pointer is not None
             if clicked and self.pointer is not None:
                 if self.session.options.inspect:
                     self.display.hold(self.pointer)
+                elif self.session.options.why:
+                    self.session.surface = self.display.surface_at(self.pointer)
                 else:
-                    self.actions.pick(self.pointer, self.display.mesh_at(self.pointer), self.wnd.pixel_ratio)
+                    self._pick(self.pointer)
             self.pivot, self.dividing = None, False
             if self.drawing:
                 self.session.line.release()
             self.drawing = False
+
+    def _pick(self, pixel: tuple[int, int]) -> None:
+        """Select the object or the light at a pixel."""
+        self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
 
     def _draw_line(self, begin: bool) -> None:
         """Put an end of the line to measure along where the mouse is: the first one, or where it is dragged to."""
@@ -257,6 +267,7 @@ class Controls:
         self.restyle()
 
     def restyle(self) -> None:
-        """Make the interface look as it is to; between frames."""
-        appearance = self.actions.appearance
-        self.backend.restyle(self.monitor_scale * appearance.scale, appearance.light)
+        """Scale text and widgets by the monitor and by the user's choice; between frames."""
+        scale = self.monitor_scale * self.actions.scale
+        if scale != self.backend.scale:
+            self.backend.resize_scale(scale)

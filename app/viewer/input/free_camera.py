@@ -1,4 +1,4 @@
-"""How the camera moves in the viewer: looking, flying, orbiting and dollying, in plain numpy, without a window."""
+"""The free camera: look, flight, orbit and dolly."""
 
 from __future__ import annotations
 

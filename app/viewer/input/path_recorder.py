@@ -37,7 +37,7 @@ class PathRecorder:
         return None if self.path is None or self.frame is None else self.path.camera(self.frame)
 
     def fits(self, scene: Scene) -> bool:
-        """Whether the scene has all that the path moves."""
+        """Return True if the scene has all objects that the path moves."""
         try:
             if self.path is not None:
                 self.path.motions.check(scene, self.path.frames)
@@ -47,7 +47,7 @@ class PathRecorder:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it neither plays nor records."""
+        """True if it neither plays nor records."""
         return self.playing is None and self.recording is None
 
     def tick(self, dt: float, camera: Camera) -> Camera | None:

@@ -1,4 +1,4 @@
-"""The exposure of what is shown: as the settings say, or following the picture as an eye adapts."""
+"""The exposure: that of the settings, or adapted to the picture over time."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class AutoExposure:
 
     @property
     def settled(self) -> bool:
-        """Whether it would stay as it is while the picture does."""
+        """True if it is constant for a constant picture."""
         return self._meter is None and abs(self.stops - self._goal) <= _NEAR
 
     def tick(self, renderer: Renderer, view: View, dt: float, filling: bool = False) -> None:
@@ -82,7 +82,7 @@ class AutoExposure:
         self._inputs, self._blend = inputs, blend
 
     def _read(self, meter: CompositePass) -> None:
-        """Take what was measured as the goal; 0 says that nothing is lit."""
+        """Take the measurement as the goal; 0 stands for an unlit picture."""
         found = meter.metered()
         if found != 0.0:
             self._goal, self._lit = min(max(found, -_MOST), _MOST), True

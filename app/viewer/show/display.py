@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import dist
 
 import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
-from irrsplat.app.viewer.buffers.shown_buffer import Identity
+from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.tiles import Margins
-from irrsplat.app.viewer.editing.picking import mesh_of
+from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
+from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
-from irrsplat.app.viewer.show.light.line_profile import LineProfile, Profile
+from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
+from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
+from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
-from irrsplat.app.viewer.show.screen import Region, clear
-from irrsplat.app.viewer.show.whereabouts import Whereabouts
+from irrsplat.app.viewer.show.screen import Region, Texels, clear
+from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
 
+_NEAR = 0.02  # depths: a point nearer than this to what its pixel sees is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
 
@@ -33,47 +37,33 @@ class Display(Owner):
         self.session = session
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
-        self.whereabouts = Whereabouts(session.ctx)
         self.comparison = Comparison(session, self.buffer_view)
-        self.line_profile = LineProfile(session.ctx)
+        self.plane_view = PlaneView(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
-        self.margins = Margins()  # that tiles leave free for the interface
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector, self.whereabouts, self.comparison, self.line_profile)
+        return (self.buffer_view, self.markers, self.inspector, self.plane_view)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """As `draw`, where the screen does not hold that very picture already."""
+        """Draw as `draw` does, unless the screen already holds that picture."""
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
-            # what they know of a scene that is no longer open
-            for known in (self.inspector, self.whereabouts, self.comparison, self.markers, self._memo):
+            # their data of a scene that is no longer open
+            for known in (self.inspector, self.markers, self._memo):
                 known.forget()
-        self.comparison.update()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
-        sides = [self._inputs(side) for side in shown], session.compared and self.comparison.inputs
-        inputs = sides, replace(options, buffers=[]), session.held, options.inspect and cursor, Identity(screen)
+        sides, kept = [self._inputs(side) for side in shown], (session.held, Identity(session.plane.measured))
+        inputs = sides, replace(options, buffers=[]), kept, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
-    @property
-    def lost(self) -> bool:
-        """Whether the camera has left the scene and sees nothing of it, or only backs; the first camera never has."""
-        session = self.session
-        if not session.views:
-            return False
-        source = session.source(0)
-        return self.whereabouts.lost(source, source.view.camera == session.free_camera.first)
-
     def _inputs(self, side: int) -> object:
-        """What the picture of a side is made of, besides the options."""
+        """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.buffer(side), self.session.source(side)
         cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
         markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
-        margins = Margins() if BUFFERS[name].in_view else self.margins
-        return name, source.inputs, BUFFERS[name].inputs(source), markers, margins
+        return name, source.inputs, BUFFERS[name].inputs(source), markers
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
@@ -93,25 +83,23 @@ class Display(Owner):
         options, source = self.session.options, self.session.source(side)
         buffer, view, markers = self.session.buffer(side), source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
-        self.buffer_view.draw(screen, buffer, source, region, self.margins)
-        if not BUFFERS[buffer].in_view or self.session.snapshot(side) is not None:
+        self.buffer_view.draw(screen, buffer, source, region)
+        if not BUFFERS[buffer].in_view:
             return
         if options.wire:
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
+        if options.plane and (measured := self.session.plane.measured) is not None:
+            self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
         by: By = "age" if options.by_age else "radius"
-        for wanted, draw in (
-            (options.discs, markers.discs),
-            (options.normals, markers.normals),
-            (options.points, markers.points),
-        ):
-            if wanted:
-                draw(screen, view, renderer.cache.records, settings=settings, scene=scene, by=by, region=region)
+        for kind in ("discs", "normals", "points"):
+            if getattr(options, kind):
+                markers.records(kind, screen, view, renderer.cache.records, settings, scene, by, region)
         if options.sites:
             markers.sites(screen, view, renderer.scheduler.gatherer.surface_now, exposure=source.exposure, region=region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held
-        side = held[0] if held is not None else self._scene_at(cursor) if cursor is not None else 0
+        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
         source = session.source(side)
         number = source.renderer.cache.number_of(held[1]) if held is not None else None
         if number is None and cursor is not None:
@@ -120,7 +108,7 @@ class Display(Owner):
             return None
         settings, records = source.settings, source.renderer.cache.records
         region = dict(session.sides()).get(side)
-        served = self.markers.serves(screen, source.view, records, number, settings=settings, region=region)
+        served = self.markers.contributes(screen, source.view, records, number, settings, region)
         return self.inspector.inspect(number, side, source, served)
 
     def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
@@ -129,14 +117,9 @@ class Display(Owner):
         place = self.session.place(source.view, *cursor)
         return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *place)
 
-    def _scene_at(self, cursor: tuple[int, int]) -> int:
-        """The side under the cursor; over a snapshot, which has no scene, the other one."""
-        side = self.session.side_at(cursor[0])
-        return side if self.session.snapshot(side) is None else 0
-
     def hold(self, cursor: tuple[int, int]) -> None:
         """Hold the record under the cursor; where one is held, let go of it instead."""
-        session, side = self.session, self._scene_at(cursor)
+        session, side = self.session, self.session.side_at(cursor[0])
         number = self._record_at(side, cursor) if session.held is None else None
         session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
 
@@ -145,24 +128,24 @@ class Display(Owner):
         cursor, is another."""
         name, source = self.session.buffer(side), self.session.source(side)
         if self.session.compared:
-            both = self._inputs(0), self._inputs(1), self.session.options.compare, self.comparison.inputs, cursor
+            both = self._inputs(0), self._inputs(1), cursor
             return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
 
     def profile(self, side: int) -> Profile | None:
-        """What a side's buffer shows along the line that is measured along; None where there is none."""
+        """Return the values of a side's buffer along the measured line; None without a line."""
         ends = self.session.line.ends
-        if ends is None or self.session.snapshot(side) is not None:
+        if ends is None:
             return None
         name, source = self.session.buffer(side), self.session.source(side)
-        return self._memo.get("profile", (self._inputs(side), ends), lambda: self.line_profile.measure(name, source, *ends))
+        return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
-        """The number of the mesh that is seen at the cursor, over a snapshot by the scene; None where there is none."""
+        """The number of the mesh that is seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self._scene_at(cursor))
+        source = self.session.source(self.session.side_at(cursor[0]))
         gbuffer, texels, place = source.view.gbuffer, self.buffer_view.texels, self.session.place(source.view, *cursor)
         if texels(gbuffer.position, *place)[3] <= 0.0:
             return None
@@ -172,6 +155,33 @@ class Display(Owner):
         """The world point seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self._scene_at(cursor))
+        source = self.session.source(self.session.side_at(cursor[0]))
         found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+
+    def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
+        """Return the surface point seen at the cursor, with its normal; None for no surface."""
+        point = self.point_at(cursor)
+        if point is None:
+            return None
+        source = self.session.source(self.session.side_at(cursor[0]))
+        x, y, z = self.buffer_view.texels(source.view.gbuffer.normal, *self.session.place(source.view, *cursor))[:3].tolist()
+        return point, (x, y, z)
+
+    def light_at(self, point: Point) -> float | None:
+        """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""
+        source = self.session.source(0)
+        (width, height), camera = source.view.gbuffer.position.size, source.view.camera
+        place = None if camera is None else on_screen(camera, (width, height), point)
+        if place is None or not (0.0 <= place[0] < width and 0.0 <= place[1] < height):
+            return None
+        pixel, texels = (int(place[0]), int(place[1])), self.buffer_view.texels
+        x, y, z, depth = texels(source.view.gbuffer.position, *pixel).tolist()
+        if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
+            return None
+        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(texels, source, *pixel))
+
+
+def _lux(texels: Texels, source: ViewSource, x: int, y: int) -> float:
+    direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
+    return float(photometric(direct + irradiance_at(texels, source.view, x, y)))

@@ -26,11 +26,9 @@ class Outline(Owner):
         self._made, self._memo = Workshop(), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
         return (self.line, self._made)
 
     def forget(self) -> None:
-        """Keep nothing of the scene whose mesh was outlined."""
         self._made.clear()
         self._memo.forget()
 

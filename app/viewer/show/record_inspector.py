@@ -1,23 +1,111 @@
-"""The record under the cursor: what it holds, which pixels it serves, and the hemisphere that it saw."""
+"""The record under the cursor: its values, its pixels, and its hemisphere."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
-from irrsplat.app.viewer.buffers.gather_atlas import draw_atlas
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.show.record_table import RecordTable, read
+from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
+from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.core.buffers import Records
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
+from irrsplat.core.record_layout import COLUMNS
 from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
+from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
+from irrsplat.records.weight import own_radii, record_distance, record_weight, view_radius
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class RecordTable:
+    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS describes the columns.
+
+    luminance_floor: as buffers.Records has it.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    irradiance: np.ndarray
+    radius: np.ndarray
+    gradient: np.ndarray
+    axis: np.ndarray
+    curvature: np.ndarray
+    max_radius: np.ndarray
+    limit: np.ndarray
+    luminance_floor: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def slope(self) -> np.ndarray:
+        """(N,) |∇E| of luminance in W/m³."""
+        slope: np.ndarray = np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
+        return slope
+
+    def reach(self, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
+        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of a view of `size` (width, height) and the
+        settings, as shaders/records/view_radius.glsl has them."""
+        radii = own_radii(vars(self), self.luminance_floor, settings)
+        distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
+        return view_radius(radii * self.limit[:, None], distance[:, None], camera, size, settings)
+
+    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
+        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
+        radii, apart = self.reach(camera, size, settings) / settings.a, p - self.position
+        distance = record_distance(apart, self.axis, radii)
+        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
+        counts = w > 1.0 / settings.a
+        return np.where(counts, w, 0.0)
+
+    def pick(self, texels: Texels, view: View, settings: Settings, x: int, y: int) -> int | None:
+        """The number of the record that weighs most at pixel (x, y) of the view, (0, 0) the upper left one; None for none."""
+        position = view.gbuffer.position
+        if not len(self) or not (0 <= x < position.width and 0 <= y < position.height):
+            return None
+        here = texels(position, x, y)
+        if here[3] == 0.0:
+            return None
+        w = self.weights(here[:3], texels(view.gbuffer.normal, x, y)[:3], view.camera, view.gbuffer.position.size, settings)
+        best = int(np.argmax(w))
+        return best if w[best] > 0.0 else None
+
+    def describe(
+        self, number: int, view: View, settings: Settings, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> list[tuple[str, str]]:
+        """Return the values of record `number`, a label and a text with unit each. origin: of the positions, world space."""
+        E, R = self.irradiance[number], float(self.radius[number])
+        along, across = self.reach(view.camera, view.gbuffer.position.size, settings)[number]
+        lines = [
+            ("record", f"{number} of {len(self)}"),
+            ("position", " ".join(f"{v:.3f}" for v in self.position[number].astype(float) + origin) + " m"),
+            ("normal", " ".join(f"{v:.3f}" for v in self.normal[number])),
+            ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
+            ("luminance", f"{float(E @ LUMINANCE):.3g} W/m²"),
+            ("R", f"{R:.3g} m"),
+            ("a·R", f"{settings.a * R:.3g} m, here {along:.3g} by {across:.3g} m"),
+        ]
+        if settings.gradients:
+            lines.append(("|grad E|", f"{float(self.slope()[number]):.3g} W/m³"))
+        if self.axis[number].any():
+            lines.append(("curvature", " and ".join(f"{v:.3g}" for v in self.curvature[number]) + " of E per m²"))
+        return lines
+
+
+def read(records: Records) -> RecordTable:
+    """The records of the GPU. Waits until what is being drawn is done, so it is for a click, or for a cache that has changed."""
+    names = [field.name for field in fields(RecordTable) if field.name in COLUMNS]
+    return RecordTable(**records.read(*names), luminance_floor=records.luminance_floor)
 
 
 @dataclass(frozen=True)
@@ -41,11 +129,9 @@ class RecordInspector(Owner):
         self.gather_pass: Gather | None = None  # the last one used
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
         return (self._made,)
 
     def forget(self) -> None:
-        """Let go of what was made for the renderers so far, which would stay in memory with their scenes."""
         self._made.clear()
         self._memo.forget()
         self.gather_pass = None
@@ -65,7 +151,7 @@ class RecordInspector(Owner):
         return InspectedRecord(number, side, lines, picture, served)
 
     def hemisphere(self, number: int, source: ViewSource) -> moderngl.Texture | None:
-        """What record `number` sees: its cell of the gather atlas, exposed as the source is; None before anything is lit.
+        """Return the hemisphere of record `number` as a texture, exposed as the source is; None before anything is lit.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """

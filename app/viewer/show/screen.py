@@ -1,8 +1,8 @@
-"""What all drawing to the screen needs: the window as a target, programs made on first use, colour maps, single texels."""
+"""Shared parts of all drawing: the window as a target, programs made on first use, colour maps, single texels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import moderngl
 import numpy as np
@@ -15,7 +15,7 @@ from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
-__all__ = ["Programs", "Region", "Screen", "Texels", "clear", "colours", "scale", "view_uniforms"]
+__all__ = ["Programs", "Region", "Screen", "TexelReader", "Texels", "clear", "colours", "scale", "view_uniforms"]
 
 _COLOURS = 1024  # of each table
 
@@ -28,11 +28,9 @@ class Programs(Owner):
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
         return (self._made,)
 
     def forget(self) -> None:
-        """Free all of them, and with them the geometry of scenes that they have drawn."""
         self._made.clear()
 
     def __call__(self, fragment: str, vertex: str = "lib/fullscreen", defines: Mapping[str, object] | None = None) -> Program:
@@ -73,7 +71,10 @@ def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> Uniforms:
     }
 
 
-class Texels(Owner):
+Texels = Callable[[moderngl.Texture, int, int], np.ndarray]  # the components of a texel, float32; (0, 0) is the upper left one
+
+
+class TexelReader(Owner):
     """Reads single texels through a target of one pixel, so that no whole texture is copied from the GPU."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -81,11 +82,10 @@ class Texels(Owner):
         self.target = Target(ctx, (1, 1), (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
         return (self.program, self.target)
 
     def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-        """The components of one texel, float32; (0, 0) is the upper left one. ValueError where there is none."""
+        """Return the components of one texel. Raises ValueError outside of the texture."""
         if not (0 <= x < texture.width and 0 <= y < texture.height):
             raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
         self.program(self.target, values=texture, place=(x, texture.height - 1 - y))

@@ -1,4 +1,4 @@
-"""The interface over the picture: all its windows, in their order."""
+"""The interface over the picture: all its parts, in their order."""
 
 from __future__ import annotations
 
@@ -9,44 +9,61 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.controls_panel import ControlsPanel
 from irrsplat.app.viewer.ui.editing.handles import Handles
 from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel
-from irrsplat.app.viewer.ui.frame_times import FrameTimes
-from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
+from irrsplat.app.viewer.ui.editing.outliner import draw_outliner
 from irrsplat.app.viewer.ui.layout import Box, Layout
 from irrsplat.app.viewer.ui.legends import Legends
 from irrsplat.app.viewer.ui.lights_panel import LightsPanel
 from irrsplat.app.viewer.ui.menus import Menus
-from irrsplat.app.viewer.ui.messages_view import draw_lost, draw_messages
-from irrsplat.app.viewer.ui.record_view import RecordView
+from irrsplat.app.viewer.ui.messages_view import draw_messages
+from irrsplat.app.viewer.ui.record_view import draw_record
 from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
-from irrsplat.app.viewer.ui.statistics_view import StatisticsView
-from irrsplat.app.viewer.ui.windows.about import draw_about
-from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs
+from irrsplat.app.viewer.ui.side_panel import Section, SidePanel
+from irrsplat.app.viewer.ui.statistics_view import FrameTimes, StatisticsView
+from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs, draw_unsaved
 from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
 from irrsplat.app.viewer.ui.windows.light_scale_panel import LightScalePanel
 from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
-from irrsplat.app.viewer.ui.windows.message_log import draw_log
 from irrsplat.app.viewer.ui.windows.palette import Palette
-from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
+from irrsplat.app.viewer.ui.windows.plane_panel import PlanePanel
+from irrsplat.app.viewer.ui.windows.why_panel import WhyPanel
 
 
 class Interface:
     """The windows that are open; call `draw` between the backend's `begin` and `draw`. native: the desktop's dialogs may open."""
 
-    def __init__(self, actions: Actions, display: Display, backend: ImguiBackend, times: FrameTimes, native: bool) -> None:
-        self.actions, self.display, self.layout = actions, display, Layout()
-        self.menus, self.files = Menus(actions, self.layout), FileDialogs(actions, native)
-        self.settings_panel, self.lights_panel = SettingsPanel(actions, self.layout), LightsPanel(actions, self.layout)
-        self.controls = ControlsPanel(actions, self.settings_panel, self.layout)
-        self.palette = Palette(actions, self.settings_panel.show)
-        self.light_scale_panel = LightScalePanel(actions, self.layout)
-        self.handles, self.object_panel = Handles(actions, self.layout), ObjectPanel(actions, self.layout)
-        self.statistics = StatisticsView(actions, times, self.layout)
+    def __init__(self, actions: Actions, display: Display, times: FrameTimes, native: bool) -> None:
+        self.actions, self.layout = actions, Layout()
+        self.menus, self.files = Menus(actions), FileDialogs(actions, native)
+        self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
+        scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times)
+        self.plane_panel, self.why_panel = PlanePanel(actions, self.layout), WhyPanel(actions, display, self.layout)
+        sections = (
+            Section(
+                "object",
+                lambda: actions.editor.mesh is not None,
+                ObjectPanel(actions, self.layout).draw,
+                lambda: actions.editor.pick_mesh(None),
+            ),
+            self._switched("lights", "lights", self.lights_panel.draw),
+            self._switched("objects", "outliner", lambda: draw_outliner(actions)),
+            self._switched("why is it dark here?", "why", self.why_panel.draw),
+            self._switched("measuring plane", "plane", self.plane_panel.draw),
+            Section("scale of light", lambda: scale_panel.wanted, scale_panel.draw),
+            self._switched("settings", "settings", settings.draw),
+            self._switched("times and numbers", "hud", statistics.draw),
+        )
+        self.side_panel = SidePanel(actions, settings, self.layout, sections)
+        self.palette = Palette(actions, settings.show)
+        self.handles = Handles(actions, self.layout)
         self.legends = Legends(actions, display, self.layout)
         self.line_plot = LinePlot(actions, display, self.layout)
-        self.record = RecordView(actions, backend, self.layout)
+
+    def _switched(self, title: str, panel: str, draw: Callable[[], None]) -> Section:
+        """Return the section that an action opens and closes."""
+        actions = self.actions
+        return Section(title, lambda: actions.is_on(panel), draw, lambda: actions.toggle(panel))
 
     def draw(
         self,
@@ -59,30 +76,22 @@ class Interface:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         paint: puts the picture below all else."""
         actions, panels = self.actions, self.actions.panels
-        if actions.restoring_layout:
-            actions.restoring_layout = False
-            self.layout.restore()
-        self.layout.start(scale, panels.hidden, panels.controls)
+        self.layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
             paint(self.layout.picture)
         if not panels.hidden:
             self.lights_panel.draw_positions()
+            self.plane_panel.draw_values()
+            self.why_panel.draw_lines()
             self.handles.draw()
             self.menus.draw()
-            self.controls.draw()
-            self.settings_panel.draw()
-            self.lights_panel.draw()
-            self.light_scale_panel.draw()
-            self.object_panel.draw()
-            self.statistics.draw()
+            self.menus.draw_context()
+            self.side_panel.draw()
             self.legends.draw(cursor)
-            self.record.draw(inspected)
+            if inspected is not None:
+                draw_record(inspected, actions.session.held is not None, self.layout)
             self.line_plot.draw()
-            if self.display.lost:
-                draw_lost(self.layout)
             draw_key_sheet(actions, scale)
-            draw_about(actions)
-            draw_log(actions)
             self.files.draw()
             self.palette.draw(scale)
         else:
@@ -90,10 +99,8 @@ class Interface:
         draw_unsaved(actions)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
-        self.display.margins = self.layout.margins(panels.settings, panels.hud, panels.hidden)
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
-            numbers = panels.hud and not panels.hidden
-            draw_messages(actions.messages, self.layout, numbers, typing=actions.typing)
+            draw_messages(actions.messages, self.layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

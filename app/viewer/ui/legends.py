@@ -1,20 +1,20 @@
-"""The legend of each side in its lower left corner: what is shown, in which colours and units, and the value under the cursor."""
+"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor."""
 
 from __future__ import annotations
 
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.buffers.legend import Legend
+from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.markers import By, radius_legend
-from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout, in_unit
 from irrsplat.app.viewer.ui.statistics_view import draw_tracing
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
 _BAR_WIDTH = 160.0  # of a colour scale
-_MOST, _LEAST = 0.4, 3.0  # of the height: a longer one scrolls; and what it has at least, heights of the font
+_MOST = 0.4  # of the picture's height
 
 
 class Legends:
@@ -22,44 +22,33 @@ class Legends:
 
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.display, self.layout = actions, display, layout
-        self._heights: dict[int, float] = {}  # that they would take, by their sides
 
     def draw(self, cursor: tuple[int, int] | None) -> None:
         """Draw them all. cursor: the pixel under the mouse."""
-        session = self.actions.session
+        session, layout = self.actions.session, self.layout
+        layout.legend_height = 0.0
         if not session.views:
             return
-        view, taken = imgui.get_main_viewport(), 0.0
-        density = session.size[0] / max(self.layout.picture_size[0], 1.0)  # pixels per window coordinate
-        first, top, last, bottom = self.layout.area
+        density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
+        first, top, last, bottom = layout.area
         for side, region in session.sides():
-            x, width = (region[0] / density, region[2] / density) if region else (0.0, self.layout.picture_size[0])
-            x += self.layout.picture[0]
-            left, right = min(max(x, first), last), max(min(x + width, last), first)
+            x, width = (region[0] / density, region[2] / density) if region else (0.0, layout.picture_size[0])
+            left, right = (min(max(end + layout.picture[0], first), last) for end in (x, x + width))
             imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
             imgui.set_next_window_bg_alpha(0.72)
-            most = max(_MOST * (bottom - top), _LEAST * imgui.get_font_size())
-            imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x, most))
-            # one that is too long takes the mouse, so that it can be scrolled; others let it through to the picture
-            scrolls = self._heights.get(side, 0.0) > most + 1.0
-            imgui.begin(f"legend {side}", None, PLAIN & ~NO_SCROLLBAR if scrolls else PLAIN | imgui.WindowFlags_.no_inputs)
-            room = max(right - left - 4.0 * MARGIN, 60.0)
-            imgui.push_text_wrap_pos(min(room, _TEXT_WIDTH * self.layout.scale))
+            imgui.set_next_window_size_constraints((0.0, 0.0), (last - first, max(_MOST * (bottom - top), imgui.get_font_size())))
+            imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
+            imgui.push_text_wrap_pos(min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale))
             self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None)
             imgui.pop_text_wrap_pos()
-            style = imgui.get_style()
-            self._heights[side] = imgui.get_cursor_pos().y - style.item_spacing.y + style.window_padding.y
-            taken = max(taken, imgui.get_window_height())
-            if side == 0:
-                self.layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
+            layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
             imgui.end()
-        self.layout.legend_height = taken + 2.0 * MARGIN + view.size.y - bottom
 
     def _value(self, side: int, cursor: tuple[int, int]) -> str:
-        """The value at a pixel, in its unit; empty where there is none."""
+        """Return the value at a pixel in its unit; "" if there is none."""
         session, value = self.actions.session, self.display.value(side, cursor)
-        buffer, flip = BUFFERS[session.buffer(side)], session.compared and session.options.compare == "FLIP"
-        unit = "1" if flip else buffer.unit_shown(session.source(side))
+        buffer = BUFFERS[session.buffer(side)]
+        unit = buffer.unit_shown(session.source(side))
         if value is not None and buffer.name == "position" and any(session.origin) and not session.compared:
             return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
         return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
@@ -69,27 +58,24 @@ class Legends:
         options, source = session.options, session.source(side)
         buffer = BUFFERS[session.buffer(side)]
         if session.compared:
-            comparison = self.display.comparison
-            imgui.text_wrapped(comparison.title)
-            _draw(comparison.legend(), scale)
+            imgui.text_wrapped(self.display.comparison.title)
+            draw_scale(self.display.comparison.legend(), scale)
         else:
             who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
-            snapshot = session.snapshot(side)
-            of = f"  {snapshot.name}" if snapshot is not None else ""
-            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else of
+            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
             imgui.text(who + buffer.title + preset)
-            _draw(buffer.legend(source), scale)
-        if buffer.needs_truth:
+            draw_scale(buffer.legend(source), scale)
+        if buffer.needs_reference:
             draw_tracing(self.actions)
-        if (options.points or options.discs or options.normals) and not session.compared and session.snapshot(side) is None:
+        if (options.points or options.discs or options.normals) and not session.compared:
             by: By = "age" if options.by_age else "radius"
-            _draw(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
+            draw_scale(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:
             imgui.text(value)
 
 
-def _draw(legend: Legend, scale: float) -> None:
+def draw_scale(legend: Legend, scale: float) -> None:
     """Draw a colour scale with its ends, and the text."""
     if legend.colours is not None:
         imgui.text(legend.low)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,17 +10,18 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
-from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
+from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
+from irrsplat.app.viewer.ui.editing.output_slider import edit_output
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
-from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
-_SIZE = 284.0, 256.0  # about, of the panel; window coordinates at scale 1
-_OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
+_OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
+_DIMMEST = 2.0**-8  # of its full output that a slider dims a light to
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
@@ -30,89 +32,72 @@ class LightsPanel:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel where it is open."""
+        """Draw the panel."""
         actions, editor = self.actions, self.actions.editor
-        if not actions.panels.lights:
-            return
-        self.layout.place_panel("lights", *_SIZE, numbers=actions.panels.hud)
-        shown, opened = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
-        self.layout.keep_inside("lights")
-        actions.panels.lights = bool(opened)
-        if shown:
-            if not editor.lamps:
-                imgui.text_disabled("no lights: emissive surfaces and\nthe sky light the scene")
-            for i, lamp in enumerate(editor.lamps):
-                title = lamp.light.name or f"light {i + 1}"
-                if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == editor.light)[0]:
-                    editor.pick_light(i)
-            for kind in KINDS:
-                if imgui.small_button(f"add {kind}"):
-                    actions.add_light(kind)
-                imgui.set_item_tooltip("where the camera looks")
-                imgui.same_line()
-            imgui.new_line()
-            if editor.light is not None:
-                imgui.separator()
-                self._edit(editor.light)
-            draw_sky(actions, 1.4 * WIDGET_WIDTH * self.layout.scale)
-        imgui.end()
-
-    def _width(self) -> None:
-        imgui.set_next_item_width(1.4 * WIDGET_WIDTH * self.layout.scale)
+        if not editor.lights:
+            imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
+        for i, edited in enumerate(editor.lights):
+            title = edited.light.name or f"light {i + 1}"
+            if imgui.selectable(f"{title}  ({edited.light.kind})##{i}", i == editor.light)[0]:
+                editor.pick_light(i)
+        for kind in KINDS:
+            if imgui.small_button(f"add {kind}"):
+                actions.add_light(kind)
+            imgui.set_item_tooltip("where the camera looks")
+            imgui.same_line()
+        imgui.new_line()
+        if editor.light is not None:
+            imgui.separator()
+            self._edit(editor.light)
+        draw_sky(actions, self.layout.label)
 
     def _edit(self, number: int) -> None:
-        """Draw the widgets of a lamp, and set it by them."""
+        """Draw the widgets of a light, and apply their changes."""
         actions, editor = self.actions, self.actions.editor
-        before = editor.lamps[number]
+        before = editor.lights[number]
         if before.light.photometry is not None:
-            lumens, candela = before.emitted.output
-            imgui.text_disabled(f"{Path(before.light.photometry.path).name}\n{lumens:,.0f} lm, at most {candela:,.0f} cd")
+            imgui.text_disabled(Path(before.light.photometry.path).name)
         changed, on = imgui.checkbox("on", before.on)
-        lamp = replace(before, on=on) if changed else before
-        self._width()
-        changed, stops = imgui.slider_float("stops", lamp.stops, -8.0, 8.0, "%+.2f")
-        imgui.set_item_tooltip("brighter or dimmer than in the file")
-        lamp = replace(lamp, stops=stops) if changed else lamp
-        lamp = self._placed(lamp)
-        lamp = self._coloured(lamp)
-        if not lamp.light.directional:
+        edited = replace(before, on=on) if changed else before
+        for unit, full in light_units(edited.light).items():
+            output = edit_output(self.layout, unit, full * 2.0**edited.stops, full * _DIMMEST, full / _DIMMEST)
+            edited = replace(edited, stops=math.log2(output / full)) if output and full else edited
+        edited = self._placed(edited)
+        edited = self._coloured(edited)
+        if not edited.light.directional:
             if imgui.button("to camera"):
-                lamp = lamp.moved(actions.session.camera.eye)
+                edited = edited.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("reset"):
-            lamp = Lamp.of(lamp.loaded, lamp.of_sky)
+            edited = LightEdit.of(edited.loaded, edited.of_sky)
         imgui.same_line()
         if imgui.button("delete"):
             actions.attempt(lambda: editor.delete_light(number))
-        elif lamp != before:
-            actions.attempt(lambda: editor.set_lamp(number, lamp))
+        elif edited != before:
+            actions.attempt(lambda: editor.set_light(number, edited))
 
-    def _placed(self, lamp: Lamp) -> Lamp:
-        """The lamp, with what the widgets of its place, aim and cone have changed."""
-        session, editor, light = self.actions.session, self.actions.editor, lamp.light
+    def _placed(self, edited: LightEdit) -> LightEdit:
+        """Return the light after the widgets of place, aim and cone."""
+        session, editor, light = self.actions.session, self.actions.editor, edited.light
         step = session.scene.diagonal / 500.0 if not light.directional else 0.01
-        self._width()
         label = "towards" if light.directional else "position"
-        moved, place = self._dragged(label, light.position, step, light.directional)
+        moved, place = self._dragged(self.layout.label(label), light.position, step, light.directional)
         if moved and (any(place) or not light.directional) and place != light.spot_target:
-            lamp = lamp.moved(place)
+            edited = edited.moved(place)
         if light.spot_target is None:
-            return lamp
-        self._width()
-        moved, aim = self._dragged("aims at", light.spot_target, step)
-        if moved and aim != tuple(lamp.light.position):
-            lamp = lamp.aimed(aim)
+            return edited
+        moved, aim = self._dragged(self.layout.label("aims at"), light.spot_target, step)
+        if moved and aim != tuple(edited.light.position):
+            edited = edited.aimed(aim)
         editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
-            return lamp
+            return edited
         cutoff, inner = light.spot_cutoff, light.spot_inner
-        self._width()
-        wider, cutoff = imgui.slider_float("cone", cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
+        wider, cutoff = imgui.slider_float(self.layout.label("cone"), cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
         imgui.set_item_tooltip("half angle of the cone, where the light ends")
-        self._width()
-        softer, inner = imgui.slider_float("inner cone", inner, 0.0, cutoff, "%.1f°")
+        softer, inner = imgui.slider_float(self.layout.label("inner cone"), inner, 0.0, cutoff, "%.1f°")
         imgui.set_item_tooltip("half angle of full intensity")
-        return lamp.coned(cutoff, inner) if wider or softer else lamp
+        return edited.coned(cutoff, inner) if wider or softer else edited
 
     def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
         """Draw the widget of a place or a direction; whether it has changed, and what it is now. Far from 0 0 0, where a widget's
@@ -122,18 +107,16 @@ class LightsPanel:
             imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), self.actions.session.origin)))
         return moved, (x, y, z)
 
-    def _coloured(self, lamp: Lamp) -> Lamp:
-        """The lamp, with what the widgets of its colour have changed."""
-        brightest = max(*lamp.loaded.color, 1e-30)  # as loaded, so that black is no dead end
-        self._width()
-        changed, tint = edit_colour("colour", [c / brightest for c in lamp.light.color])
+    def _coloured(self, edited: LightEdit) -> LightEdit:
+        """Return the light after the widgets of its colour."""
+        brightest = max(*edited.loaded.color, 1e-30)  # as loaded, so that black is no dead end
+        changed, tint = edit_colour(self.layout.label("colour"), [c / brightest for c in edited.light.color])
         if changed:
-            lamp = lamp.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
-        self._width()
-        text = "%.0f K" if lamp.kelvin is not None else "own colour"
-        changed, kelvin = imgui.slider_float("kelvin", lamp.kelvin or _WHITE, COLDEST, HOTTEST, text)
+            edited = edited.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
+        text = "%.0f K" if edited.kelvin is not None else "own colour"
+        changed, kelvin = imgui.slider_float(self.layout.label("kelvin"), edited.kelvin or _WHITE, COLDEST, HOTTEST, text)
         imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
-        return lamp.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(lamp.light.color) else lamp
+        return edited.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(edited.light.color) else edited
 
     def draw_positions(self) -> None:
         """Draw a ring where each light is, while the panel is open; the one picked is filled."""
@@ -141,11 +124,11 @@ class LightsPanel:
         if not self.actions.panels.lights:
             return
         draw = imgui.get_background_draw_list()
-        for i, lamp in enumerate(editor.lamps):
-            place = None if lamp.light.directional else self.layout.seen(session.camera, lamp.light.position)
+        for i, edited in enumerate(editor.lights):
+            place = None if edited.light.directional else self.layout.seen(session.camera, edited.light.position)
             if place is None:
                 continue
-            colour = imgui.get_color_u32(AMBER if lamp.on else _OFF)
+            colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
             draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
             draw.add_circle(place, 9.0, colour, 0, 2.0)
             if i == editor.light:

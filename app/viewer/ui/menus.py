@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 from imgui_bundle import imgui
 
+from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
-from irrsplat.app.viewer.show.comparison import flip_is_there
-from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.app.viewer.view_options import SCALES
 from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 
+_CONTEXT = ("delete", "hide_object", "turn_handles", "frame_selected", "undo")  # actions on what is selected
 _TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
 _NAME_WIDTH = 8.0  # of a bookmark's name and of a slider, heights of the font
 
@@ -22,16 +22,16 @@ _NAME_WIDTH = 8.0  # of a bookmark's name and of a slider, heights of the font
 class Menus:
     """Draws the menu bar."""
 
-    def __init__(self, actions: Actions, layout: Layout) -> None:
-        self.actions, self.layout = actions, layout
+    def __init__(self, actions: Actions) -> None:
+        self.actions = actions
         self._scale = 0.0  # of the interface, while its slider is dragged
         self._before: dict[str, Callable[[], None]] = {  # what the table cannot list, above the entry of an action
             "save_again": self._scenes,
             "add_light point": self._hidden_objects,
             "home": self._cameras,
             "copy_line": self._bookmarks,
-            "trace": self._snapshots,
-            "light_colours": self._size,
+            "fullscreen": self._size,
+            "toggle help": self._version,
         }
 
     def draw(self) -> None:
@@ -54,9 +54,23 @@ class Menus:
                     self._submenu("View/Camera")
                 self._entries(title)
                 imgui.end_menu()
-        self.actions.close_menus = False
         imgui.text_disabled(f"  {self.actions.title}")
         imgui.end_main_menu_bar()
+
+    def draw_context(self) -> None:
+        """Draw the menu that a right click on an object or a light opens."""
+        actions = self.actions
+        if actions.context_menu:
+            imgui.open_popup("context")
+            actions.context_menu = False
+        if imgui.begin_popup("context"):
+            if actions.close_menus:
+                imgui.close_current_popup()
+            for command in COMMANDS:
+                if command.action in _CONTEXT:
+                    self._entry(command)
+            imgui.end_popup()
+        actions.close_menus = False
 
     def _submenu(self, menu: str) -> None:
         if imgui.begin_menu(menu.split("/")[1]):
@@ -84,8 +98,7 @@ class Menus:
         name = f"{title}##{command.menu}"
         if imgui.menu_item(name, command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
-        enabled = command.enabled
-        missing = (enabled == "flip_possible" and not flip_is_there()) or (enabled == "reference_possible" and not possible)
+        missing = command.enabled == "reference_possible" and not possible
         if command.help or missing:
             imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
 
@@ -123,30 +136,17 @@ class Menus:
             if imgui.begin_menu(bookmark.name):
                 if imgui.menu_item("Go to", "", False)[0]:
                     actions.go(bookmark)
-                imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
-                named, name = imgui.input_text("##name", bookmark.name, imgui.InputTextFlags_.enter_returns_true)
-                imgui.set_item_tooltip("another name; Enter takes it")
-                if named and actions.attempt(lambda one=bookmark, name=name: actions.rename(one, name)):  # type: ignore[misc]
-                    imgui.close_current_popup()
                 if imgui.menu_item("Delete", "", False)[0]:
                     actions.forget(bookmark)
                 imgui.end_menu()
 
-    def _snapshots(self) -> None:
-        session = self.actions.session
-        for snapshot in list(session.snapshots):
-            if imgui.begin_menu(snapshot.name):
-                if imgui.menu_item("Show on the right", "", session.pinned is snapshot)[0]:
-                    session.pin(snapshot)
-                if imgui.menu_item("Delete", "", False)[0]:
-                    session.forget_snapshot(snapshot)
-                imgui.end_menu()
-
     def _size(self) -> None:
         imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
-        _, self._scale = imgui.slider_float(
-            "Size of the interface", self._scale or self.actions.appearance.scale, *SCALES, "%.2f"
-        )
+        _, self._scale = imgui.slider_float("Size of the interface", self._scale or self.actions.scale, *SCALES, "%.2f")
         if not imgui.is_item_active():  # while it is dragged, it would move away from under the mouse
             self.actions.enlarge(self._scale)
             self._scale = 0.0
+
+    def _version(self) -> None:
+        about = self.actions.session.renderers[0].about
+        imgui.text_disabled(f"irrsplat {version()}\nOpenGL {about['version']}\n{about['renderer']}")

@@ -1,4 +1,4 @@
-"""Messages at the top, clear of what else stands there; errors are red, and have a button that closes them."""
+"""Messages at the top of the picture; errors are red, and have a button that closes them."""
 
 from __future__ import annotations
 
@@ -7,63 +7,40 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Message, Messages
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout, accent
-from irrsplat.core.timing import clock
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
 
 
 def draw_waiting(text: str) -> None:
-    """Draw a line in the middle of the window: what it waits for."""
-    view = imgui.get_main_viewport()
-    imgui.set_next_window_pos((0.5 * view.size.x, 0.5 * view.size.y), imgui.Cond_.always, (0.5, 0.5))
+    """Draw a line in the middle of the window."""
+    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.begin("waiting", None, PLAIN | imgui.WindowFlags_.no_inputs)
     imgui.text_unformatted(text)
     imgui.end()
 
 
-def draw_lost(layout: Layout) -> None:
-    """Draw the way back in the middle of the lower edge, for a camera outside of the scene."""
-    left, _, right, bottom = layout.area
-    imgui.set_next_window_pos((0.5 * (left + right), bottom - MARGIN), imgui.Cond_.always, (0.5, 1.0))
-    imgui.begin("lost", None, PLAIN | imgui.WindowFlags_.no_inputs)
-    imgui.text_colored(accent(), "the camera is outside of the scene; Home leads back")
-    imgui.end()
-
-
-def draw_messages(messages: Messages, layout: Layout, numbers: bool, typing: bool) -> None:
-    """Draw the lines on show, in front of all panels where there is no room beside them. numbers: whether those are on show.
-    typing: a dialog is open that takes text, and stays in front."""
-    (left, right), top = layout.free_span(numbers), layout.area[1]
-    place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
+def draw_messages(messages: Messages, layout: Layout) -> None:
+    """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
+    _, top, right, _ = layout.area
+    place, width = 0.5 * (layout.over + right), right - layout.over - 2.0 * MARGIN
     if messages.errors:
         imgui.push_style_color(imgui.Col_.window_bg, RED)
         imgui.push_style_color(imgui.Col_.text, WHITE)
-        top += _lines("errors", messages.errors, (place, top), width, PLAIN, typing, messages.close_errors)
+        top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
         imgui.pop_style_color(2)
     if notices := [line for line in messages.lines if not line.error]:
-        imgui.set_next_window_bg_alpha(0.9 * max(line.opacity(clock.now()) for line in notices))
-        _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs, typing)
+        _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
 
 
 def _lines(
-    name: str,
-    lines: list[Message],
-    place: tuple[float, float],
-    width: float,
-    flags: int,
-    typing: bool,
-    close: Callable[[], None] | None = None,
+    name: str, lines: list[Message], place: tuple[float, float], width: float, flags: int, close: Callable[[], None] | None = None
 ) -> float:
     """Draw lines in a window of their own, centred at a place; return its height. close: what its button does."""
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0.0))
-    imgui.set_next_window_size_constraints((0.0, 0.0), (width, imgui.get_main_viewport().size.y))
-    imgui.begin(name, None, flags)
-    if not typing:
-        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+    imgui.set_next_window_size_constraints((0.0, 0.0), (max(width, 1.0), imgui.get_main_viewport().size.y))
+    imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
     imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
     for line in lines:
-        imgui.push_style_var(imgui.StyleVar_.alpha, max(line.opacity(clock.now()), 0.01))
         imgui.text_wrapped(line.text)
-        imgui.pop_style_var()
     imgui.pop_text_wrap_pos()
     if close is not None and imgui.small_button("close"):
         close()

@@ -1,4 +1,4 @@
-"""The panel of all settings, stage by stage: a widget each, made from its declaration."""
+"""The settings, stage by stage: a widget each, made from its declaration, and the reason if it has no effect."""
 
 from __future__ import annotations
 
@@ -7,13 +7,35 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.input.idle_settings import BASIC, why_idle
-from irrsplat.app.viewer.ui.layout import PANEL_WIDTH, Layout, accent
-from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
+from irrsplat.app.viewer.ui.layout import Layout, accent
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
+
+_OF_RENDERS = ("samples", "quality", "max_rounds")
+_OF_DERIVATIVES = ("second_order", "radius")
+_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality", "coarse")
+_INDIRECT = ("gather", "splat", "examine")  # stages that are left out without bounces
+_ALWAYS = ("bounces", "seed")
+
+
+def why_idle(name: str, settings: Settings) -> str | None:
+    """Why the setting `name` changes nothing that the viewer shows while the others are as in `settings`; None: it does."""
+    if name in _OF_RENDERS:
+        return "irrsplat render alone goes by it"
+    concerned = SETTINGS[name].stage in _INDIRECT and name not in _ALWAYS
+    if settings.most_bounces == 0 and (concerned or name in _OF_INDIRECT_LIGHT):
+        return "bounces is 0: there is no indirect light"
+    if name in _OF_DERIVATIVES and not settings.gradients:
+        return "gradients is off: records know no derivatives"
+    if name == "warmup" and settings.placement == "tiles":
+        return "placement is tiles: there is no random warm-up"
+    if name == "viewer_quality" and settings.placement == "scan":
+        return "placement is scan: what the paper's order has placed is not refined"
+    return None
+
 
 Value = float | int | bool | str
 
-# where a slider goes, of ranges that are far wider than what is used; other values are typed (Ctrl+click)
+# ends of sliders whose ranges are far wider than usual values; other values are typed (Ctrl+click)
 _SPANS: dict[str, tuple[float, float]] = {
     "adapt": (0.0, 2.0),
     "seed": (0, 100),
@@ -35,73 +57,41 @@ _LOGARITHMIC = {
     *("a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"),
     "texture_memory",
 }
-_STAGES = {  # open at first?
-    "shadow": False,
-    "gbuffer": False,
-    "gather": False,
-    "splat": True,
-    "examine": True,
-    "composite": True,
-    "view": False,
-}
-_WIDTH, _NUMBER = 166.0, 62.0  # of a setting's widgets together, and of its number; window coordinates at scale 1
-_IDLE = 0.45  # opacity of settings that change nothing
+_STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")
+_OPEN = ("splat", "examine", "composite")  # stages that are unfolded at first
+_IDLE = 0.45  # opacity of settings without effect
 _TOOLTIP = 28.0  # width of the text, in heights of the font
-_COSTLY = ("shadow", "gather")  # stages whose settings make every record anew
+_COSTLY = ("shadow", "gather")  # stages whose settings make every record anew: a slider changes them when it is released
 
 
 class SettingsPanel:
-    """Draws the settings of the side that panels change; what is being dragged and not yet let go of is kept here."""
+    """Draws the settings of the side that panels change."""
 
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
-        self._drafts: dict[str, float | int] = {}
-        self._typed: tuple[str, float | int] | None = None  # the setting whose number is being typed, and how it stands
-        self.room = 0.0  # for a setting's widgets, where another panel draws some; window coordinates
-        self.stacked = False  # whether names are above their widgets
+        self._draft: tuple[str, float | int] | None = None  # the costly setting whose slider is dragged, and its value there
         self._sought = ""  # the setting that is scrolled to
 
     def show(self, name: str) -> None:
-        """Open the panel with all settings, at the one of this name."""
-        self.actions.panels.settings = self.actions.panels.expert = True
-        self._sought = name
+        """Open the settings at the one of this name."""
+        self.actions.panels.settings, self._sought = True, name
 
     def draw(self) -> None:
-        """Draw it where it is open."""
-        actions = self.actions
-        if not actions.panels.settings:
-            return
-        self.layout.place_panel("settings", PANEL_WIDTH, 0.0, tall=True, numbers=actions.panels.hud)
-        shown, opened = imgui.begin("settings", True)
-        floats = self.layout.keep_inside("settings")
-        self.layout.panel_right = imgui.get_window_pos().x + imgui.get_window_width() if floats else 0.0
-        actions.panels.settings = bool(opened)
-        if shown:
-            if actions.session.options.split == "presets":
+        """Draw all of them."""
+        if not self.actions.panels.controls:
+            if self.actions.session.options.split == "presets":
                 self.draw_sides()
             self.draw_presets()
-            _, actions.panels.expert = imgui.checkbox("expert settings too", actions.panels.expert)
-            for stage, first in _STAGES.items():
-                self._stage(stage, first)
-        imgui.end()
-
-    def _stage(self, stage: str, first: bool) -> None:
-        """Draw the settings of a stage: all of them, or the basic ones and those that differ from the preset."""
-        chosen, settings = self.actions.session.settings(self.actions.side)
-        base, expert = preset(chosen), self.actions.panels.expert
-        shown = [
-            d
-            for d in SETTINGS.values()
-            if d.stage == stage and (expert or d.name in BASIC or getattr(settings, d.name) != getattr(base, d.name))
-        ]
-        if any(d.name == self._sought for d in shown):
-            imgui.set_next_item_open(True)
-        title = stage if expert else f"{stage}##basic"  # each has its own state
-        if shown and imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open if first or not expert else 0):
-            for declaration in shown:
-                self.draw_setting(declaration)
+        for stage in _STAGES:
+            if self._sought and SETTINGS[self._sought].stage == stage:
+                imgui.set_next_item_open(True)
+            if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
+                for declaration in SETTINGS.values():
+                    if declaration.stage == stage:
+                        self.draw_setting(declaration)
 
     def draw_sides(self) -> None:
+        """Draw the choice of the side that panels and keys change."""
         imgui.text("side")
         for side, word in enumerate(("left", "right")):
             imgui.same_line()
@@ -109,26 +99,16 @@ class SettingsPanel:
                 self.actions.side = side
 
     def draw_presets(self) -> None:
+        """Draw the list of presets."""
         actions = self.actions
-        name, settings = actions.session.settings(actions.side)
-        base = preset(name)
-        changed = any(getattr(settings, key) != getattr(base, key) for key in SETTINGS)
-        shown = name + "*" * changed
-        arrow = imgui.get_frame_height() + 2.0 * imgui.get_style().frame_padding.x
-        label = self.label("preset")
-        imgui.set_next_item_width(self.room or max(self._width, imgui.calc_text_size(shown).x + arrow))
-        if imgui.begin_combo(label, shown):
-            for one in PRESETS:
-                if imgui.selectable(one, one == name)[0]:
-                    self._drafts.clear()
-                    actions.attempt(lambda one=one: actions.session.use_preset(actions.side, one))  # type: ignore[misc]
+        chosen, settings = actions.session.settings(actions.side)
+        differs = any(getattr(settings, name) != getattr(preset(chosen), name) for name in SETTINGS)
+        if imgui.begin_combo(self.layout.label("preset"), f"{chosen}{' *' if differs else ''}"):
+            for name in PRESETS:
+                if imgui.selectable(name, name == chosen)[0]:
+                    actions.attempt(lambda name=name: actions.use_preset(name))  # type: ignore[misc]
             imgui.end_combo()
-        imgui.set_item_tooltip("all settings at once (*: some differ); paper: the algorithm as published (M: to it and back)")
-
-    @property
-    def _width(self) -> float:
-        """Of a setting's widgets together, window coordinates."""
-        return self.room or _WIDTH * self.layout.scale
+        imgui.set_item_tooltip("all settings at once (*: some differ); paper: the algorithm as published")
 
     def draw_setting(self, declaration: Declaration) -> None:
         """Draw one line: the widget, its name, and an arrow back to the preset's value where it differs."""
@@ -139,15 +119,12 @@ class SettingsPanel:
         imgui.push_id(d.name)
         if d.name == self._sought:
             imgui.set_scroll_here_y()
-            imgui.set_keyboard_focus_here()
             self._sought = ""
-        if idle is not None:
-            imgui.push_style_var(imgui.StyleVar_.alpha, _IDLE * imgui.get_style().alpha)
+        imgui.push_style_var(imgui.StyleVar_.alpha, imgui.get_style().alpha * (1.0 if idle is None else _IDLE))
         imgui.begin_group()
-        new = self._widget(d, value, base)
+        new = self._widget(d, value)
         imgui.end_group()
-        if idle is not None:
-            imgui.pop_style_var()
+        imgui.pop_style_var()
         if imgui.begin_item_tooltip():
             imgui.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size())
             imgui.text_wrapped(d.help)
@@ -155,7 +132,7 @@ class SettingsPanel:
                 imgui.text_colored(accent(), f"no effect now: {idle}")
             imgui.text_disabled(f"{d.flag}  {d.range}; in preset {chosen}: {_in_words(base)}")
             if d.kind in ("int", "float"):
-                imgui.text_disabled("click the number, or Ctrl+click the slider, to type; double-click: as in the preset")
+                imgui.text_disabled("Ctrl+click: type a number")
             imgui.pop_text_wrap_pos()
             imgui.end_tooltip()
         if value != base:
@@ -168,104 +145,57 @@ class SettingsPanel:
             changed = cast(SettingValues, {d.name: new})
             actions.attempt(lambda: actions.session.change(actions.side, **changed))
 
-    def _widget(self, d: Declaration, value: Value, base: Value) -> Value:
-        """Draw a setting's widget; the value as the user leaves it."""
-        label = self.label(d.name.replace("_", " "))
+    def _widget(self, d: Declaration, value: Value) -> Value:
+        """Draw the widget of a setting; return its value afterwards."""
+        label = self.layout.label(d.name.replace("_", " "))
+        style = imgui.get_style()
+        width = self.layout.widget - imgui.calc_text_size("←").x - 2.0 * style.frame_padding.x - style.item_spacing.x
         if d.kind == "bool":
             return imgui.checkbox(label, bool(value))[1]
-        imgui.set_next_item_width(self._width)
         if d.kind == "choice":
+            imgui.set_next_item_width(width)
             return d.choices[imgui.combo(label, d.choices.index(str(value)), list(d.choices))[1]]
-        return self._number_or_word(d, label, value, base) if d.word else self._slider(d, label, value, base, self._width)
-
-    def label(self, name: str) -> str:
-        """Return the label of a widget; a name above it is drawn here."""
-        if self.stacked:
-            imgui.text_unformatted(name)
-        return f"##{name}" if self.stacked else name
-
-    def _number_or_word(self, d: Declaration, label: str, value: Value, base: Value) -> Value:
-        """Draw a box for the setting's word beside the slider, which shows what the word stands for while it is chosen."""
+        if not d.word:
+            return self._slider(d, label, value, width)
         flipped, automatic = imgui.checkbox(d.word, value == d.word)
         imgui.same_line()
-        width = self._width - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x
+        width = max(width - imgui.get_item_rect_size().x - style.item_spacing.x, imgui.get_font_size())
         resolved = self._resolved(d)
         if flipped:
             return d.word if automatic else round(resolved, 3)
-        if not automatic:
-            return self._slider(d, label, value, base, width)
-        imgui.set_next_item_width(width)
-        imgui.begin_disabled()
-        imgui.slider_float(label, resolved, *_SPANS[d.name], "%.3g")
+        imgui.begin_disabled(automatic)
+        moved = self._slider(d, label, resolved if automatic else value, width)
         imgui.end_disabled()
-        return value
+        return value if automatic else moved
 
-    def _slider(self, d: Declaration, label: str, value: Value, base: Value, width: float) -> Value:
-        """Draw the number, and a slider beside it; one whose change costs much gives its new value only when it is let go of."""
-        gap, wide = imgui.get_style().item_inner_spacing.x, width >= 1.6 * self._number_width
-        if wide:
-            typed = self._number(d, value)
-            if typed is not None:
-                self._drafts.pop(d.name, None)
-                return typed
-            imgui.same_line(0.0, gap)
-        imgui.set_next_item_width(max(width - self._number_width - gap, 20.0) if wide else width)
+    def _slider(self, d: Declaration, label: str, value: Value, width: float) -> Value:
+        """Draw a slider; return its value."""
         low, high = _SPANS.get(d.name, (d.low or 0, d.high or 0))
-        draft = self._drafts.get(d.name, float(value) if d.kind == "float" else int(value))
+        now = self._draft[1] if self._draft is not None and self._draft[0] == d.name else cast(float, value)
         flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
+        imgui.set_next_item_width(width)
+        unit = f" {d.unit.replace('%', '%%')}" if d.unit and not d.word else ""
         if d.kind == "int":
-            moved, draft = imgui.slider_int(label, int(draft), int(low), int(high), "", flags)
+            moved, now = imgui.slider_int(label, int(now), int(low), int(high), f"%d{unit}", flags)
         else:
-            moved, draft = imgui.slider_float(label, float(draft), float(low), float(high), "", flags)
-        active = imgui.is_item_active()
-        if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
-            imgui.internal.clear_active_id()  # else the slider would go on to follow the mouse
-            self._drafts.pop(d.name, None)
-            return base
-        if d.unit:
-            imgui.same_line(0.0, gap)
-            imgui.text_disabled(d.unit)
-        if not moved and d.name not in self._drafts:
-            return value
-        draft = _within(d, draft)
+            moved, now = imgui.slider_float(label, float(now), float(low), float(high), f"%.3g{unit}", flags)
+        now = min(max(float(f"{now:.6g}") if d.kind == "float" else now, d.low or 0), d.high or 0)  # imgui's are float32
         if d.stage not in _COSTLY and d.name != "max_records":
-            return draft
-        self._drafts[d.name] = draft
-        return value if active else self._drafts.pop(d.name)
-
-    @property
-    def _number_width(self) -> float:
-        """Of a setting's number, window coordinates."""
-        return _NUMBER * self.layout.scale
-
-    def _number(self, d: Declaration, value: Value) -> Value | None:
-        """Draw the setting's number to be clicked and typed; the new one once it is entered."""
-        shown = self._drafts.get(d.name, value)
-        imgui.set_next_item_width(self._number_width)
-        typed: float | int
-        if d.kind == "int":
-            edited, typed = imgui.input_int("##number", int(shown), 0, 0)
-        else:
-            edited, typed = imgui.input_float("##number", float(shown), 0.0, 0.0, "%.4g")
-        if edited:
-            self._typed = d.name, typed
-        if not imgui.is_item_deactivated_after_edit() or self._typed is None or self._typed[0] != d.name:
-            return None
-        typed, self._typed = self._typed[1], None
-        return _within(d, typed)
+            return now if moved else value
+        if moved and imgui.is_item_active():
+            self._draft = d.name, now
+        if imgui.is_item_active() or self._draft is None or self._draft[0] != d.name:
+            return now if moved and not imgui.is_item_active() else value
+        self._draft = None
+        return now
 
     def _resolved(self, d: Declaration) -> float:
-        """The number that a setting's word stands for at the moment."""
+        """Return the number that the word of a setting stands for now."""
         session, side = self.actions.session, self.actions.side
         settings = session.settings(side)[1]
         if d.name == "bounces":
             return int(session.renderer(side).scheduler.gatherer.bounces(settings)["bounces"])
         return settings.threshold if d.name == "tolerance" else session.exposure
-
-
-def _within(d: Declaration, value: float | int) -> float | int:
-    """A number of imgui's, which are float32, as the setting takes it."""
-    return min(max(float(f"{value:.6g}") if d.kind == "float" else value, d.low or 0), d.high or 0)
 
 
 def _in_words(value: Value) -> str:

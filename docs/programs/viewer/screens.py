@@ -100,7 +100,7 @@ def buffers(viewer: Viewer) -> None:
     actions = viewer.actions
     actions.panels.controls = False
     settled(viewer)
-    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth and name not in PLAIN):
+    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_reference and name not in PLAIN):
         if name == "asking":  # something must be left to ask for: two rounds only
             actions.clear()
             for _ in range(2):

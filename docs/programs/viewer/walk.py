@@ -261,8 +261,8 @@ def repaint(walker: Walker) -> None:
 def dim(walker: Walker) -> None:
     walker.key("F4")
     walker.click(next(label for label in walker.labels.now if "(" in label and ")" in label))
-    x, y = walker.place("stops")
-    walker.drag((x - 40.0, y), (x - 55.0, y), "drag *stops*")
+    x, y = walker.place("lumen")
+    walker.drag((x - 40.0, y), (x - 55.0, y), "drag *lumen*")
     x, y = walker.place("kelvin")
     walker.drag((x - 20.0, y), (x - 60.0, y), "drag *kelvin*")
     walker.rest()
@@ -270,12 +270,12 @@ def dim(walker: Walker) -> None:
 
 @task("Move the lamp")
 def move(walker: Walker) -> None:
-    (lamp,) = walker.viewer.actions.editor.lamps
+    (lamp,) = walker.viewer.actions.editor.lights
     before = lamp.light.position
     x, y = walker.seen(before)
     walker.drag((x - 60.0, y), (x - 130.0, y), "drag its red arrow")
     walker.rest()
-    assert walker.viewer.actions.editor.lamps[0].light.position != before
+    assert walker.viewer.actions.editor.lights[0].light.position != before
 
 
 @task("Measure light on the floor, in lux")
@@ -298,8 +298,8 @@ def compare(walker: Walker) -> None:
 @task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
-    truths = walker.viewer.actions.session.truths
-    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a reference of some samples")
+    references = walker.viewer.actions.session.references
+    walker.until(lambda: references.traced is None or references.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")

@@ -168,7 +168,7 @@ def test_a_good_file_stays(place: Path, window: Callable[[OnViewer], None], caps
     def relit(shown: viewer.Viewer) -> None:
         shown.frame(0.1)
         editor = shown.actions.editor
-        editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+        editor.set_light(0, replace(editor.lights[0], stops=1.0))
         settle(shown)
 
     assert cli.main([*RENDER, "-o", "a.png"]) == 0

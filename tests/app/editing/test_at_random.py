@@ -15,7 +15,7 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
-from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.settings import SettingValues
@@ -59,14 +59,14 @@ def set_object(driver: Driver, draw: Draw) -> None:
 def set_lamps(driver: Driver, draw: Draw) -> None:
     """Add or delete one; or move, heat, dim and switch one."""
     made, chance = editor(driver), draw.random()
-    number = int(draw.integers(max(len(made.lamps), 1)))
-    if not made.lamps or (chance < 0.25 and len(made.lamps) < 4):
+    number = int(draw.integers(max(len(made.lights), 1)))
+    if not made.lights or (chance < 0.25 and len(made.lights) < 4):
         driver.actions.add_light(KINDS[draw.integers(3)])
     elif chance < 0.5:
         made.delete_light(number)
     else:
-        lamp = made.lamps[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
-        made.set_lamp(number, replace(lamp, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
+        lamp = made.lights[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
+        made.set_light(number, replace(lamp, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
 
 
 def move_camera(driver: Driver, draw: Draw) -> None:
@@ -93,17 +93,15 @@ def press(driver: Driver, draw: Draw) -> None:
 
 def show(driver: Driver, draw: Draw) -> None:
     """Another buffer, window, split, or way to show both sides."""
-    driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_truth])))
+    driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_reference])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
     session = driver.session
-    way = str(draw.choice(["off", "off", "buffers", "presets", "snapshot"]))
-    if way == "snapshot" and not session.snapshots:
-        session.keep_snapshot(0)
+    way = str(draw.choice(["off", "off", "buffers", "presets"]))
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
         session.change(1, **QUICK)
-    driver.actions.compare_by(draw.choice([c for c in COMPARES if c != "FLIP"]))
+    driver.actions.compare_by(draw.choice(list(COMPARES)))
 
 
 # actions and their weights
@@ -124,7 +122,7 @@ def check(driver: Driver, done: list[str]) -> None:
 def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver) -> None:
     """Edits, undone and done again, equal those of a list. After all of them are undone, the scene is the loaded one."""
     driver.resize(SIZES[0])
-    driver.actions.appearance.scale = 0.75
+    driver.actions.scale = 0.75
     driver.session.change(0, **QUICK)
     draw, states, at, edits, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])
@@ -142,7 +140,7 @@ def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver)
                 states, at, edits = [*states[: at + 1], editor(driver).edit], at + 1, edits + 1
         driver.frame(int(draw.integers(2, 5)))
         assert not driver.actions.messages.errors, f"{driver.said} after {done}"
-        assert editor(driver).edit == states[at] == editor(driver).history.present, f"another edit than expected after {done}"
+        assert editor(driver).edit == states[at] == editor(driver).present, f"another edit than expected after {done}"
         if step % CHECKED == CHECKED - 1 or step == EDITS - 1:
             check(driver, done)
     assert edits > EDITS // 8

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.show.light.line_profile import line_profile
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import Driver, push, write_room
 
@@ -50,7 +51,7 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     source, legend = session.source(0), BUFFERS["position"].legend(session.source(0))
     low, high = (np.array([float(v) for v in end.split()]) for end in (legend.low, legend.high))
     assert np.abs(np.stack([low, high]) - scene.bounds).max() < 0.01
-    profile = driver.display.line_profile.measure("position", source, (-0.5, -0.999, 0.2), (0.5, -0.999, 0.2))
+    profile = line_profile("position", source, (-0.5, -0.999, 0.2), (0.5, -0.999, 0.2))
     assert np.nanmax(np.abs(profile.values[:, 1] - (PLACE[1] - 1.0))) < 0.05, "the floor"
 
     said: list[str] = []

@@ -11,9 +11,9 @@ import pytest
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.side_panel import SidePanel
 from irrsplat.core.color import LUMINANCE
-from tests.support.viewing import SIZE, Driver, Widget, push
+from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
 
 WALLS, _, BOX = range(3)
 
@@ -21,8 +21,7 @@ WALLS, _, BOX = range(3)
 @pytest.fixture(autouse=True)
 def panels_beside_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """Place panels outside of this small window, where they cover nothing that is clicked."""
-    monkeypatch.setattr(Layout, "keep_inside", lambda layout, name: True)
-    monkeypatch.setattr(Layout, "_free_place", lambda layout, *taken: (360.0, 30.0))
+    monkeypatch.setattr(SidePanel, "left", 360.0)
 
 
 @pytest.fixture
@@ -79,7 +78,7 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
         push(driver, key)
         assert editor.edit == expected
     assert driver.said.endswith("nothing to redo")
-    assert not driver.session.options.points and driver.session.truths.traced is None, "the keys without Ctrl are others"
+    assert not driver.session.options.points and driver.session.references.traced is None, "the keys without Ctrl are others"
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
@@ -119,6 +118,32 @@ def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Edit
     assert editor.mesh is None
 
 
+def test_a_right_click_opens_a_menu_and_the_list_selects(driver: Driver, editor: Editor) -> None:
+    """Without a drag alone: with one, it is a look around. Each entry is an action of the table."""
+    x, y = box_at(driver)
+    driver.move(x, y)
+    driver.frame()
+    driver.button(True, RIGHT)
+    for _ in range(2):  # the first motion of a captured mouse is a jump
+        driver.move(0.0, 0.0, 40.0, 0.0)
+    driver.button(False, RIGHT)
+    driver.frame(2)
+    assert editor.mesh is None
+    push(driver, "Home")
+    driver.frame(3)
+    driver.click(x, y, RIGHT)
+    assert editor.mesh == BOX
+    driver.choose("Hide")
+    assert editor.hidden == [BOX] and editor.mesh is None
+    driver.actions.panels.outliner = True
+    driver.resize((760, 640), density=0.125)
+    driver.frame(3)
+    driver.choose("show")
+    assert editor.hidden == []
+    driver.choose(editor.name(WALLS))
+    assert editor.mesh == WALLS
+
+
 def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) -> None:
     """The arrow along x points to the right; the camera stays, and there is no hole after it."""
     editor = driver.actions.editor
@@ -131,7 +156,7 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     offset = editor.object(BOX).offset
     assert offset[0] > 0.1 and offset[1:] == pytest.approx((0.0, 0.0), abs=1e-5) and driver.session.camera == camera
     assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "it goes with the mouse"
-    assert editor.mesh == BOX and len(editor.history.past) == 1 and editor.undoes == "box: move"
+    assert editor.mesh == BOX and len(editor.past) == 1 and editor.undoes == "box: move"
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
     driver.actions.undo()
@@ -143,14 +168,14 @@ def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor)
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
-    assert editor.object(BOX).offset[0] > 0.0 and len(editor.history.past) == 1
+    assert editor.object(BOX).offset[0] > 0.0 and len(editor.past) == 1
     driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
     assert editor.object(BOX).turn[1] > 0.0
-    driver.enter(driver.find("emission"), "2")
+    driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     driver.choose("reset")
     assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
-    assert len(editor.history.past) == 4
+    assert len(editor.past) == 4
 
 
 def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Editor) -> None:
@@ -175,7 +200,7 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
     assert driver.session.progress[0].coverage == 1.0
     driver.choose("delete")
     assert len(driver.session.scene.lights) == 3
-    while editor.lamps:
+    while editor.lights:
         editor.delete_light(0)
     assert editor.light is None
     driver.settle()
@@ -202,7 +227,7 @@ def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -
     driver.actions.panels.lights = True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
-    (light,) = editor.lamps
+    (light,) = editor.lights
     assert light.light.color[0] / max(light.loaded.color) == pytest.approx(0.2159, abs=1e-4)
 
 
@@ -215,7 +240,7 @@ def _third(field: Widget) -> tuple[float, float, float, float]:
 def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path) -> None:
     """Before the window closes, and before another scene opens. The answers are cancel, discard, and save."""
     assert not editor.unsaved
-    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=1.0))
     push(driver, "Ctrl+Q")
     driver.frame(2)
     assert not driver.actions.quitting
@@ -228,7 +253,7 @@ def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_pat
     driver.choose("save")
     assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
     driver.actions.quitting = driver.wnd.is_closing = False
-    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=2.0))
+    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=2.0))
     driver.actions.open("furnace")
     driver.frame(3)
     assert driver.session.scene.name == "room"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import irrsplat
-from irrsplat.app.viewer.editing.lamps import Lamp
+from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.editing.sun_sky import SunSky
 from irrsplat.scene.io.text.scene_writer import write_scene
@@ -41,9 +41,9 @@ def test_a_sky_that_is_set_is_the_sky_of_a_file(driver: Driver, tmp_path: Path) 
     for sky in (night, wanted):
         editor.set_sky(sky)
         driver.frame(2)
-    assert len(editor.history.past) == 2 and driver.session.scene.environment is not None
+    assert len(editor.past) == 2 and driver.session.scene.environment is not None
     shown = driver.session.scene.environment.shown
-    (sun,) = (lamp for lamp in editor.lamps if lamp.of_sky)
+    (sun,) = (lamp for lamp in editor.lights if lamp.of_sky)
     assert write_scene(driver.session.scene, tmp_path / "saved.scene") == ""
     again = irrsplat.load(tmp_path / "saved.scene")
     assert [light for light in again.lights if light.name == "sun"] == [sun.light] and again.environment is not None
@@ -61,8 +61,8 @@ def test_the_sun_of_a_date_replaces_the_brightest_directional_light() -> None:
     """A scene with a sun of its own has one sun afterwards, and its other lights."""
     sun, lamp = Light((0.3, 1.0, 0.2), (2.0, 2.0, 2.0), directional=True), Light((0.0, 1.0, 0.0), (5.0, 5.0, 5.0))
     dim = replace(sun, position=(1.0, 0.2, 0.0), color=(0.1, 0.1, 0.1))
-    edit = SceneEdit((Lamp.of(lamp), Lamp.of(dim), Lamp.of(sun)), ())
+    edit = SceneEdit((LightEdit.of(lamp), LightEdit.of(dim), LightEdit.of(sun)), ())
     sky = SunSky(latitude=40.0, longitude=-3.7, minute=10 * 60, day=80)
     made = edit.with_sky(sky, sky.environment((0.0, 1.0, 0.0), rows=96))
-    assert [one.light for one in made.lamps[:2]] == [lamp, dim] and len(made.lamps) == 3
-    assert made.lamps[2].of_sky and made.lamps[2].light.name == "sun"
+    assert [one.light for one in made.lights[:2]] == [lamp, dim] and len(made.lights) == 3
+    assert made.lights[2].of_sky and made.lights[2].light.name == "sun"

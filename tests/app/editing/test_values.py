@@ -1,20 +1,23 @@
-"""What is edited, as values: the history, where objects stand, colours by temperature, and the scene that comes of it."""
+"""Edits as values: places of objects, colours by temperature, and the edited scene."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST, blackbody, tristimulus
-from irrsplat.app.viewer.editing.history import MOST, History
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, tristimulus
+from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
 from irrsplat.core.color import LUMINANCE
+from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Light, Scene
+from tests.support import worlds
 from tests.support.viewing import write_room
 
 BOX = 2  # the room's meshes are its walls, the left one, and a box
@@ -23,21 +26,6 @@ BOX = 2  # the room's meshes are its walls, the left one, and a box
 @pytest.fixture
 def room(tmp_path: Path) -> Scene:
     return irrsplat.load(write_room(tmp_path))
-
-
-def test_a_step_undone_and_done_again_is_the_same_state() -> None:
-    history = History(0)
-    for state in (1, 1, 2, 3):
-        history = history.then(state)
-    assert history == History(3, (0, 1, 2)), "the same state again is no step"
-    back = history.undone().undone()
-    assert back.present == 1 and back.redone().redone() == history and back.redone().undone() == back
-    assert back.then(7) == History(7, (0, 1)), "what was undone is given up"
-    assert History(0).undone() == History(0) == History(0).redone()
-    history = History(-1)
-    for state in range(2 * MOST):
-        history = history.then(state)
-    assert len(history.past) == MOST and history.past[-1] == 2 * MOST - 2
 
 
 def test_angles_say_the_same_turn() -> None:
@@ -64,8 +52,28 @@ def test_hotter_is_bluer_at_the_same_luminance() -> None:
     assert np.array(blackbody(6500.0)) == pytest.approx(1.0, abs=0.06), "about white"
 
 
+@pytest.mark.parametrize(
+    ("light", "unit"),
+    [
+        (Light((0, 1, 0), (3, 2, 1), physical=True), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), attenuation=(0, 0, 2)), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), physical=True, spot_target=(0, 0, 0), spot_cutoff=30, spot_inner=20), "candela"),
+        (Light((0, 1, 0), (3, 2, 1), attenuation=(1, 0.5, 0)), "lux at 1 m"),
+        (Light((0, 1, 0), (3, 2, 1), directional=True), "lux"),
+    ],
+    ids=["point", "quadratic", "spot", "attenuated", "sun"],
+)
+def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Light, unit: str) -> None:
+    """At 1 m, facing the light, candela are lux; a point sends 4π times as many lumens in all directions as candela in each."""
+    with LightMeter(worlds.scene(worlds.floor(), lights=(light,)), ctx=ctx, bounces=0) as meter:
+        lux = meter.measure([(0.0, 0.0, 0.0)], (0.0, 1.0, 0.0)).values("lux")["direct"]
+    units = light_units(light)
+    assert lux == pytest.approx(units[unit], rel=1e-4)
+    assert units.get("lumen", 4 * np.pi * units[unit]) == pytest.approx(4 * np.pi * units[unit])
+
+
 def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
-    """So that renderers do not take it for moved; painted meshes share their triangles, hidden ones lie within what is shown."""
+    """So that renderers do not take it for moved; painted meshes share their triangles, hidden ones lie within the others."""
     made, edit = EditedScene(room), SceneEdit.of(room)
     assert made.scene(edit).meshes is room.meshes and made.scene(edit).lights == room.lights
     moved = edit.with_object(BOX, ObjectEdit(offset=(0.1, 0.0, 0.0)))

@@ -15,8 +15,10 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.film import video
+from irrsplat.app.film import background, video
+from irrsplat.app.film.background import FilmInBackground, FilmJob
 from irrsplat.app.film.kept import KeptFrames
+from irrsplat.scene.camera_path import Path as CameraPath
 from tests.app.film.test_fill import RENDER
 from tests.app.film.test_fill import filled as filled
 from tests.app.film.test_fill import place as place
@@ -141,3 +143,26 @@ def test_resume_skips_pictures_that_are_there(place: Path) -> None:
     (again,) = json.loads((place / "q.json").read_text())["frames"]
     assert again["frame"] == 1 and again["exposure"] == first[0]["exposure"]
     assert (place / "r0.png").read_bytes() == mine and (place / "r1.png").is_file()
+
+
+@pytest.mark.parametrize(("end", "last"), [("whole", "is written"), ("stopped", ""), ("failed", "the film failed (status 1: no")])
+def test_a_film_in_the_background_is_whole_or_absent(
+    end: str, last: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own process makes three frames; stopped or failed, it leaves the folder empty."""
+    film, said, scene = FilmInBackground(), [""], irrsplat.load(place / "room.scene")
+    if end == "failed":
+        monkeypatch.setattr(background, "_MAIN", "raise SystemExit('no memory')")
+    path = CameraPath((scene.camera(),) * 2, 3)
+    film.begin(str(tmp_path / "film.mp4"), FilmJob(scene, path, (33, 24), "preview", {"bounces": 0}))
+    if end == "stopped":
+        film.release()
+    try:
+        while film.busy:
+            film.update(lambda text, topic: said.append(text))
+    except irrsplat.IrrsplatError as error:
+        said.append(str(error))
+    assert last in said[-1] and [path.name for path in tmp_path.iterdir()] == ["film.mp4"] * (end == "whole")
+    if end == "whole":
+        with av.open(tmp_path / "film.mp4") as file:
+            assert [frame.height for frame in file.decode(video=0)] == [24, 24, 24]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.buffers.shadow_maps import shadow_range
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.tiled_buffers import shadow_range
 from irrsplat.app.viewer.buffers.weight import weight_range
-from irrsplat.app.viewer.show import record_table
+from irrsplat.app.viewer.show import record_inspector as record_table
 from irrsplat.app.viewer.show.record_inspector import RecordInspector
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import CHANNELS
@@ -29,7 +29,7 @@ from tests.support.viewing import ShownView, shown_view
 
 SIZE = (97, 61)
 UNTOUCHED = (0.25, 0.5, 0.75)
-TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_truth]
+TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_reference]
 
 
 @pytest.fixture(scope="module")

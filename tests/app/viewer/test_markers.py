@@ -46,8 +46,8 @@ class Stage:
 
     def marks(self, kind: str, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
         """Return those of one of the markers of records."""
-        draw = getattr(self.markers, kind)
-        return self.drawn(lambda target: draw(target, self.view, records, settings=settings, scene=self.renderer.scene))
+        scene, draw = self.renderer.scene, self.markers.records
+        return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, "radius", None))
 
     def edges(self) -> np.ndarray:
         """Return where edges are drawn."""
@@ -153,7 +153,7 @@ def test_a_disc_is_the_circle_of_its_radius(
 
 
 def test_the_wireframe_is_the_visible_edges(stage: Callable[..., Stage]) -> None:
-    """Of a square floor its four sides and one diagonal; a box that stands behind a wall shows nothing of itself."""
+    """A square floor has four sides and one diagonal. A wall hides the edges of the box behind it."""
     c = np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], float)
     t = np.linspace(0.0, 1.0, 500)[:, None]
     at = project(OBLIQUE, np.concatenate([c[a] + t * (c[b] - c[a]) for a, b in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))]))

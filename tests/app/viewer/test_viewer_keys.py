@@ -16,12 +16,13 @@ from irrsplat.app.viewer.input.commands import GROUPS
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
+from irrsplat.settings import preset
 from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
 TOGETHER = "Home", "End", "P"  # with F and R
-OTHER = "B", "F5", "F11", "I", "J", "K", "Y", "\\", *(f"Ctrl+{key}" for key in ("L", "O", "P", "S", "Shift+S"))  # elsewhere
+OTHER = "B", "F5", "F11", "I", "J", "Y", "\\", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
 case = CASES.case
@@ -221,15 +222,13 @@ def split(driver: Driver, shown: str) -> None:
 
 @case("M")
 def swap_preset(driver: Driver, shown: str) -> None:
-    """To the paper's settings, and back to ours as they were left: the picture and its records are there at once."""
-    picture, settings = driver.canvas(), driver.session.settings(0)[1]
+    """To the paper's settings, and back to the default ones."""
+    picture = driver.canvas()
     driver.session.options.frozen = True  # the paper's own settings take a while
     push(driver, shown)
     assert driver.session.settings(0)[0] == "paper" and not np.array_equal(driver.canvas(), picture)
-    driver.session.options.frozen = False
     push(driver, shown)
-    assert driver.session.settings(0) == ("default", settings) and np.array_equal(driver.canvas(), picture)
-    assert driver.session.progress[0].still
+    assert driver.session.settings(0) == ("default", preset("default", exposure=1.0, budget=80.0))
 
 
 @case("Space")

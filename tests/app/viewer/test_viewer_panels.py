@@ -14,7 +14,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import Driver, fresh, push, viewing, write_room
 
-TALL = (460, 1400)  # so that the whole panel fits
+TALL = (760, 1500)  # so that the whole panel fits
 STAGES = ("view", "composite", "examine", "splat", "gather", "gbuffer", "shadow")
 
 
@@ -36,7 +36,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
-    driver.actions.panels.settings = driver.actions.panels.expert = driver.session.options.frozen = True
+    driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in STAGES:
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -159,7 +159,7 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     def light() -> Any:
         return driver.session.scene.lights[0]
 
-    driver.enter(driver.find("stops"), "-1")
+    driver.enter(driver.find("candela"), "268.5")  # of 3 W/sr × 179 lm/W
     driver.settle()
     assert light().color == pytest.approx(np.array(loaded.color) / 2) and light().position == loaded.position
     assert driver.canvas().mean() < canvas.mean()

@@ -1,4 +1,4 @@
-"""How bright the light in a view is."""
+"""The brightest light in a view."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ class BrightestLight(Owner):
         self._view: ref[View] | None = None  # weak: it knows its scene, which may no longer be open
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
         return (self.programs, self.target)
 
     def look(self, renderer: Renderer, view: View) -> None:

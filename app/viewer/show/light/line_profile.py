@@ -1,4 +1,4 @@
-"""What a buffer shows along a line between two points of the scene."""
+"""The values of a buffer along a line between two points of the scene."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.measuring_line import Point
 from irrsplat.app.viewer.show.screen import Texels
-from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
 
 COUNT = 200  # points along a line
 
@@ -44,32 +41,18 @@ class Profile:
         return "\n".join((head, *lines)) + "\n"
 
 
-class LineProfile(Owner):
-    """Reads profiles. At a pixel, the value is what `ShownBuffer.value` finds."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.texels = _LineTexels(ctx)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.texels,)
-
-    def measure(self, name: str, source: ViewSource, start: Point, end: Point) -> Profile:
-        """The profile of the buffer `name` between two points, as the view shows it: what hides the line counts in its place."""
-        buffer, share = BUFFERS[name], np.linspace(0.0, 1.0, COUNT)
-        pixels, inside = _pixels(source, np.array(start) + share[:, None] * np.subtract(end, start))
-        self.texels.place(pixels, source.view.gbuffer.position.size)
-        # the values themselves are no loop over textures: each of these is read once, for all pixels
-        found = [
-            buffer.value(self.texels, source, x, y) if there else None
-            for (x, y), there in zip(pixels.tolist(), inside, strict=True)
-        ]
-        channels = max((len(value) for value in found if value is not None), default=1)
-        values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
-        if name == "position":
-            values = values + source.origin
-        names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
-        return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
+def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:
+    """Return the profile of the buffer `name` between two points; a surface that hides the line counts in its place."""
+    buffer, share = BUFFERS[name], np.linspace(0.0, 1.0, COUNT)
+    places, inside = _pixels(source, np.array(start) + share[:, None] * np.subtract(end, start))
+    read = _whole_textures()
+    found = [buffer.value(read, source, x, y) if seen else None for (x, y), seen in zip(places.tolist(), inside, strict=True)]
+    channels = max((len(value) for value in found if value is not None), default=1)
+    values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
+    if name == "position":
+        values = values + source.origin
+    names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
+    return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
 
 
 def _pixels(source: ViewSource, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,35 +68,16 @@ def _pixels(source: ViewSource, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.where(inside[:, None], pixels, 0.0).astype(int), inside
 
 
-class _LineTexels(Texels):
-    """Reads every texture once at all pixels of a line."""
+def _whole_textures() -> Texels:
+    """Return a reader of texels that reads each texture once, whole."""
+    known: dict[int, np.ndarray] = {}  # by the number of the texture
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        super().__init__(ctx)
-        self.along = Program(ctx, "viewer/texels_along", "lib/fullscreen")
-        self.row = Target(ctx, (COUNT, 1), (4,))
-        self.places = ctx.texture((COUNT, 1), 2, dtype="f4")
-        self._size = (0, 0)
-        self._number: dict[tuple[int, int], int] = {}  # of a pixel
-        self._read: dict[int, np.ndarray] = {}  # texels at all places by the number of the texture
+    def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+        if texture.glo not in known:
+            values = np.frombuffer(texture.read(), "u1" if texture.dtype == "f1" else texture.dtype)
+            values = values.astype(np.float32) / (255.0 if texture.dtype == "f1" else 1.0)
+            known[texture.glo] = values.reshape(texture.height, texture.width, texture.components)[::-1]
+        found: np.ndarray = known[texture.glo][y, x]
+        return found
 
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (*super().owned(), self.along, self.row, self.places)
-
-    def place(self, pixels: np.ndarray, size: tuple[int, int]) -> None:
-        """Read at these pixels (COUNT, 2) from now on, of textures of this `size`."""
-        self._size, self._read = size, {}
-        self._number = {(x, y): i for i, (x, y) in enumerate(pixels.tolist())}
-        self.places.write(np.ascontiguousarray(pixels, "f4").tobytes())
-
-    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-        """The components of one texel, as `Texels` has them; alone where it is none of the line's, such as a cell of a coarse
-        truth."""
-        number = self._number.get((x, y))
-        if number is None or texture.size != self._size:
-            return super().__call__(texture, x, y)
-        if texture.glo not in self._read:
-            self.along(self.row, values=texture, places=self.places)
-            self._read[texture.glo] = self.row.read()[0]
-        return self._read[texture.glo][number, : texture.components]
+    return texel

@@ -1,4 +1,4 @@
-"""A colour field: sRGB as users know it from other programs, linear light for the scene."""
+"""A colour field: sRGB for the user, linear light for the scene."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
@@ -70,7 +70,7 @@ class Handles:
             return matrix
         if editor.light is None or not self.actions.panels.lights:
             return None
-        light = editor.lamps[editor.light].light
+        light = editor.lights[editor.light].light
         if light.directional:
             matrix[:3, :3], matrix[:3, 3] = _axes_of(light.position), self._middle()
             return matrix
@@ -78,11 +78,11 @@ class Handles:
         return matrix
 
     @property
-    def _sun(self) -> Lamp | None:
+    def _sun(self) -> LightEdit | None:
         """The directional light that is picked, and no object; None for none."""
         editor = self.actions.editor
-        lamp = None if editor.light is None or editor.mesh is not None else editor.lamps[editor.light]
-        return lamp if lamp is not None and lamp.light.directional else None
+        edited = None if editor.light is None or editor.mesh is not None else editor.lights[editor.light]
+        return edited if edited is not None and edited.light.directional else None
 
     def _middle(self) -> Vector:
         """Where the handles of a light without a place are: in the middle of the scene, or, where that is not in the picture, at
@@ -121,18 +121,20 @@ class Handles:
                 edit = replace(edit, offset=_vector(self._without_noise(offset, edit.offset)))
             actions.attempt(lambda: editor.set_object(number, edit))
         elif editor.light is not None:
-            light_number, lamp = editor.light, editor.lamps[editor.light]
-            if lamp.light.directional:
-                turned = _turned(lamp, matrix[:3, 2])
-                actions.attempt(lambda: editor.set_lamp(light_number, turned))
+            light_number, edited = editor.light, editor.lights[editor.light]
+            if edited.light.directional:
+                turned = _turned(edited, matrix[:3, 2])
+                actions.attempt(lambda: editor.set_light(light_number, turned))
                 return
-            aims = editor.aiming and lamp.light.spot_target is not None
-            if lamp.light.spot_target is not None and np.allclose(place, lamp.light.position if aims else lamp.light.spot_target):
+            aims = editor.aiming and edited.light.spot_target is not None
+            if edited.light.spot_target is not None and np.allclose(
+                place, edited.light.position if aims else edited.light.spot_target
+            ):
                 return  # a spot does not look at its own place
-            was = lamp.light.spot_target if aims and lamp.light.spot_target is not None else lamp.light.position
+            was = edited.light.spot_target if aims and edited.light.spot_target is not None else edited.light.position
             there = _vector(self._without_noise(place, was))
-            lamp = lamp.aimed(there) if aims else lamp.moved(there)
-            actions.attempt(lambda: editor.set_lamp(light_number, lamp))
+            edited = edited.aimed(there) if aims else edited.moved(there)
+            actions.attempt(lambda: editor.set_light(light_number, edited))
 
     def _without_noise(self, place: np.ndarray, before: Vector) -> np.ndarray:
         """A place in which coordinates that differ from those before by no more than ImGuizmo's float32 are as before."""
@@ -141,7 +143,7 @@ class Handles:
 
 
 def choose_handles(other: str, chosen: bool) -> bool:
-    """Draw the two buttons that say what the handles do: move, or the `other`; whether that is chosen now."""
+    """Draw the choice of the handles: move, or the `other`. Return True if the other is chosen."""
     for what, value in (("move", False), (other, True)):
         if imgui.radio_button(what, chosen == value):
             chosen = value
@@ -151,11 +153,11 @@ def choose_handles(other: str, chosen: bool) -> bool:
     return chosen
 
 
-def _turned(lamp: Lamp, towards: np.ndarray) -> Lamp:
+def _turned(edited: LightEdit, towards: np.ndarray) -> LightEdit:
     """A directional light that comes from another direction; the same where that is another one by float32's noise alone."""
-    before = np.asarray(lamp.light.position)
+    before = np.asarray(edited.light.position)
     towards = towards / np.linalg.norm(towards) * np.linalg.norm(before)
-    return lamp if np.abs(towards - before).max() < _NOISE * np.linalg.norm(before) else lamp.moved(_vector(towards))
+    return edited if np.abs(towards - before).max() < _NOISE * np.linalg.norm(before) else edited.moved(_vector(towards))
 
 
 def _axes_of(towards: Vector) -> np.ndarray:

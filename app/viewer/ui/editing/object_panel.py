@@ -8,67 +8,55 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.light_edit import Vector
+from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
-from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
+from irrsplat.app.viewer.ui.editing.output_slider import edit_output
+from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
-_SIZE = 266.0, 240.0  # about, of the panel; window coordinates at scale 1
-_BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
+_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
 
 
 class ObjectPanel:
-    """Draws the panel while an object is picked."""
+    """Draws the panel of the picked object."""
 
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel where an object is picked; closing it lets go of the object."""
+        """Draw the panel of the picked object."""
         actions, editor = self.actions, self.actions.editor
         number = editor.mesh
         if number is None:
             return
-        self.layout.place_panel("object", *_SIZE, numbers=actions.panels.hud)
-        shown, opened = imgui.begin("object", True, imgui.WindowFlags_.always_auto_resize)
-        self.layout.keep_inside("object")
-        if shown:
-            mesh, edit = editor.loaded.meshes[number], editor.object(number)
-            imgui.text(editor.name(number))
-            imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
-            imgui.separator()
-            editor.turning = choose_handles("turn", editor.turning)
-            after = self._placed(edit)
-            after = self._painted(after, mesh)
-            if imgui.button("hide"):
-                actions.hide_object()
-            else:
-                imgui.same_line()
-                if imgui.button("reset"):
-                    after = AS_LOADED
-                if after != edit:
-                    actions.attempt(lambda: editor.set_object(number, after))
-        imgui.end()
-        if not opened:
-            editor.pick_mesh(None)
-
-    def _width(self) -> None:
-        imgui.set_next_item_width(1.4 * WIDGET_WIDTH * self.layout.scale)
+        mesh, edit = editor.loaded.meshes[number], editor.object(number)
+        imgui.text_wrapped(editor.name(number))
+        imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
+        editor.turning = choose_handles("turn", editor.turning)
+        after = self._placed(edit)
+        after = self._painted(after, mesh)
+        if imgui.button("hide"):
+            actions.hide_object()
+            return
+        imgui.same_line()
+        if imgui.button("reset"):
+            after = AS_LOADED
+        if after != edit:
+            actions.attempt(lambda: editor.set_object(number, after))
 
     def _placed(self, edit: ObjectEdit) -> ObjectEdit:
         """The edit, with what the widgets of its place have changed."""
-        self._width()
         moved, offset = imgui.drag_float3(
-            "translation", list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
+            self.layout.label("translation"), list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
         )
         imgui.set_item_tooltip("metres from its place in the file")
         if moved:
             edit = replace(edit, offset=_vector(offset))
-        self._width()
-        turned, turn = imgui.drag_float3("rotation", list(edit.turn), 0.5, 0, 0, "%.1f")
+        turned, turn = imgui.drag_float3(self.layout.label("rotation"), list(edit.turn), 0.5, 0, 0, "%.1f")
         imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
         return replace(edit, turn=_vector(turn)) if turned else edit
 
@@ -76,23 +64,21 @@ class ObjectPanel:
         """The edit, with what the widgets of its material have changed."""
         material = mesh.material
         if mesh.colors is None and not material.unlit:
-            self._width()
-            changed, albedo = edit_colour("reflectance", edit.albedo or material.albedo)
+            changed, albedo = edit_colour(self.layout.label("reflectance"), edit.albedo or material.albedo)
             imgui.set_item_tooltip("diffuse reflectance as an sRGB colour; multiplies the texture where there is one")
             if changed:
                 edit = replace(edit, albedo=albedo)
         emission = edit.emission if edit.emission is not None else material.emission
         least = _DARKEST if needs_emission(material) else 0.0
         brightest = max(emission)
-        self._width()
-        changed, strength = imgui.slider_float("emission", brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic)
-        imgui.set_item_tooltip("emitted radiance, W/(m² sr), of the strongest channel")
         tint = _vector([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
-        if changed:
-            edit = replace(edit, emission=_vector([c * max(strength, least) for c in tint]))
+        full, now = surface_units(mesh, tint), surface_units(mesh, emission)
+        for unit, one in full.items():
+            output = edit_output(self.layout, unit, now[unit], least * one, _BRIGHTEST * one)
+            if output is not None and one:
+                edit = replace(edit, emission=_vector([c * max(output / one, least) for c in tint]))
         if brightest > 0.0:
-            self._width()
-            changed, tint = edit_colour("emission colour", tint)
+            changed, tint = edit_colour(self.layout.label("emission colour"), tint)
             if changed and max(tint) > 0.0:
                 edit = replace(edit, emission=_vector([c * brightest for c in tint]))
         return edit

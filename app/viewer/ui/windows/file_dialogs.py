@@ -1,4 +1,4 @@
-"""The dialogs that open and save a scene: the desktop's own, or one line to type into where there is none."""
+"""The dialogs that open and save: the desktop's own, or one line to type into; and the question about unsaved changes."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as desktop
 
+from irrsplat.app.film.video import ENDINGS
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.ui.layout import DIALOG
 from irrsplat.scene import FORMATS
@@ -46,7 +47,7 @@ class FileDialogs:
         elif panels.open:
             self._line("open a scene", "open")
         else:
-            self._line("save the scene", "save")
+            self._line(f"save the {self.actions.saving}", "save")
 
     # ---- the desktop's ---------------------------------------------------------------------------------------------
 
@@ -59,8 +60,10 @@ class FileDialogs:
                 patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
                 self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
             else:
-                name = actions.saved_as or os.path.join(folder, actions.free_name())
-                self._asking = desktop.save_file("save the scene", name, ["scenes", "*.scene"])
+                filming = actions.saving == "film"
+                name = (actions.saved_as if not filming else "") or os.path.join(folder, actions.free_name())
+                kinds = ["films", " ".join(f"*{ending}" for ending in ENDINGS)] if filming else ["scenes", "*.scene"]
+                self._asking = desktop.save_file(f"save the {actions.saving}", name, kinds)
             return
         if not self._asking.ready(0):
             return
@@ -87,19 +90,21 @@ class FileDialogs:
         shown, opened = imgui.begin(title, True, imgui.WindowFlags_.always_auto_resize | DIALOG)
         if shown:
             if imgui.is_window_appearing():
-                self.typed = (actions.saved_as or actions.free_name()) if verb == "save" else ""
+                known = actions.saved_as if actions.saving == "scene" else ""
+                self.typed = (known or actions.free_name()) if verb == "save" else ""
                 imgui.set_keyboard_focus_here()
             imgui.set_next_item_width(_SHARE * view.size.x)
             entered, self.typed = imgui.input_text("##name", self.typed, imgui.InputTextFlags_.enter_returns_true)
             name = self.typed.strip()
-            there = verb == "save" and bool(name) and Path(actions.scene_path(name)).exists()
+            there = verb == "save" and bool(name) and Path(actions.saved_path(name)).exists()
             if there:
                 if imgui.button("overwrite"):
                     actions.attempt(lambda: actions.save(name, overwrite=True))
             elif (imgui.button(verb) or entered) and name:
                 self._take(name, verb)
             imgui.same_line()
-            saving = "the file is there already" if there else "a .scene; lights and objects go into a folder beside it"
+            form = "a .scene; lights and objects go into a folder beside it" if actions.saving == "scene" else " ".join(ENDINGS)
+            saving = "the file is there already" if there else form
             imgui.text_disabled(saving if verb == "save" else "a path, or the name of a bundled scene; files can be dropped, too")
         imgui.end()
         if not opened:
@@ -115,3 +120,26 @@ class FileDialogs:
         beside = os.path.join(self._folder, path)
         if actions.attempt(lambda: actions.open(path if os.path.exists(path) or not os.path.exists(beside) else beside)):
             actions.panels.open = False
+
+
+def draw_unsaved(actions: Actions) -> None:
+    """Draw the question while an action waits for its answer; the save dialog takes its place."""
+    if actions.pending is None or actions.panels.save:
+        return
+    view = imgui.get_main_viewport()
+    imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
+    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
+    shown, opened = imgui.begin("unsaved changes", True, flags)
+    if shown:
+        imgui.text_unformatted(f"{actions.session.scene.name} has changes that no file has.")
+        if imgui.button("save…"):
+            actions.save_dialog()
+        imgui.same_line()
+        if imgui.button("discard"):
+            actions.discard()
+        imgui.same_line()
+        if imgui.button("cancel"):
+            actions.pending = None
+    imgui.end()
+    if not opened:
+        actions.pending = None

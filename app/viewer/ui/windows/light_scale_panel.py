@@ -9,14 +9,13 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
+from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.readings import Unit
 
 _UNITS: tuple[Unit, ...] = ("lux", "W/m2")
 _LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
 _DECADES = 6
-_SIZE = 230.0, 170.0  # about, of the panel; window coordinates at scale 1
 
 
 class LightScalePanel:
@@ -25,25 +24,19 @@ class LightScalePanel:
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
-    def draw(self) -> None:
-        """Draw them where a side shows light in false colours."""
+    @property
+    def wanted(self) -> bool:
+        """True if a side shows light in false colours."""
         session = self.actions.session
-        if not session.views or not any(
-            isinstance(BUFFERS[session.options.buffers[side]], LightBuffer) for side, _ in session.sides()
-        ):
-            return
-        self.layout.place_panel("scale of light", *_SIZE, numbers=self.actions.panels.hud)
-        shown = imgui.begin("scale of light", None, imgui.WindowFlags_.always_auto_resize)[0]
-        self.layout.keep_inside("scale of light")
-        if shown:
-            self._widgets()
-        imgui.end()
+        shown = (BUFFERS[session.options.buffers[side]] for side, _ in session.sides())
+        return bool(session.views) and any(isinstance(buffer, LightBuffer) for buffer in shown)
 
-    def _widgets(self) -> None:
-        session, width = self.actions.session, WIDGET_WIDTH * self.layout.scale
+    def draw(self) -> None:
+        """Draw the widgets."""
+        session, label = self.actions.session, self.layout.label
         scale, high = session.options.light_scale, session.light_scale.ends[1]
-        imgui.set_next_item_width(width)
-        _, chosen = imgui.combo("unit", _UNITS.index(scale.unit), [replace(scale, unit=unit).shown_unit for unit in _UNITS])
+        units = [replace(scale, unit=unit).shown_unit for unit in _UNITS]
+        _, chosen = imgui.combo(label("unit"), _UNITS.index(scale.unit), units)
         if _UNITS[chosen] != scale.unit:
             factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
             highest = None if scale.highest is None else scale.highest * factor
@@ -53,7 +46,7 @@ class LightScalePanel:
         if flipped:
             scale = replace(scale, highest=None if automatic else high)
         imgui.same_line()
-        imgui.set_next_item_width(max(width - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x, 20.0))
+        imgui.set_next_item_width(max(self.layout.widget - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x, 20.0))
         imgui.begin_disabled(scale.highest is None)
         moved, value = imgui.slider_float("maximum", high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
         imgui.end_disabled()
@@ -62,8 +55,7 @@ class LightScalePanel:
             scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
         scale = replace(scale, logarithmic=imgui.checkbox("logarithmic", scale.logarithmic)[1])
         if scale.logarithmic:
-            imgui.set_next_item_width(width)
-            decades = imgui.slider_int("decades", scale.decades, 1, _DECADES)[1]
+            decades = imgui.slider_int(label("decades"), scale.decades, 1, _DECADES)[1]
             scale = replace(scale, decades=min(max(decades, 1), _DECADES))
         scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
         imgui.set_item_tooltip("isolines between the steps of the scale")

@@ -40,12 +40,12 @@ class LinePlot:
         self._line()
         self._marked = None
         side = self.actions.side
-        view = imgui.get_main_viewport()
-        imgui.set_next_window_pos((view.size.x - MARGIN, view.size.y - MARGIN), imgui.Cond_.first_use_ever, (1.0, 1.0))
-        shown, opened = imgui.begin("along a line", True, imgui.WindowFlags_.always_auto_resize)
+        _, _, right, bottom = self.layout.area
+        imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.appearing, (1.0, 1.0))
+        flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
+        shown, opened = imgui.begin("along a line", True, flags)
         session.options.profile = bool(opened)
         if shown:
-            self.layout.keep_inside("along a line")
             found = self.display.profile(side)
             if found is None:
                 imgui.text_disabled(_HOW)

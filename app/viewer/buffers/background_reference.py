@@ -1,4 +1,4 @@
-"""The path-traced truth of the view on show: coarse at first, refined in the background, and kept for the last few views."""
+"""The path-traced reference of the view on show: coarse at first, refined in the background, and kept for the last few views."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from irrsplat.scene.model import Camera, Scene
 COARSE = (50, 200)  # rows of the pictures that come first, a pass each, about; then all pixels are traced
 SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # of the passes over all pixels: side² samples of each kind, twice; 2048 in all
 KEPT = 4  # views
-_JOIN = 2.0  # seconds that closing waits for a thread that was told to stop
+_JOIN = 2.0  # seconds that closing waits for a stopped thread
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Subject:
-    """What a truth is of: what `camera` sees of `scene` as it is lit, by so many bounces, in a picture of `size` (W, H)."""
+    """A view of `scene` by `camera` in a picture of `size` (W, H), with so many bounces."""
 
     scene: Scene
     camera: Camera
@@ -74,7 +74,7 @@ class Subject:
     bounces: int | str
 
     def same(self, other: Subject) -> bool:
-        """Whether both have one truth; names do not count."""
+        """Return True if both have one reference; names do not count."""
         mine, others = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, other.camera))
         lit, others_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
         view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
@@ -93,7 +93,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What passes over one lattice have found, top row first.
+    """The result of the passes over one lattice, top row first.
 
     halves: (2, rows, columns, 3) float32 W/m², by two independent halves of the `samples`. seen, valid: (rows, columns) bool, as
     `irrsplat.reference.truth.Traced` has them. noise: the standard error of `irradiance` over its mean; None in the
@@ -116,7 +116,7 @@ class Estimate:
 
     @staticmethod
     def after(before: Estimate | None, lattice: Lattice, made: Pass, found: dict[str, np.ndarray]) -> Estimate:
-        """What is known after a pass: the mean of all samples of its lattice. before: what was known."""
+        """Return the estimate after a pass: the mean of all samples of its lattice. before: the one before it."""
         halves, samples = found["halves"], made.samples
         if before is not None and before.lattice == lattice:
             samples += before.samples
@@ -133,8 +133,8 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """The truth of one view on the GPU, as far as it is traced.
+class TracedReference:
+    """The reference of one view on the GPU, as far as it is traced.
 
     values: RGBA32F texture of a texel per square of the lattice, bottom row first: rgb indirect irradiance in W/m², a 1 where
     there is a surface, else 0. full: the error shown in full colour, W/m². complete: whether no further pass is made.
@@ -169,7 +169,7 @@ class _Tracing(Thread):
     """
 
     def __init__(self, subject: Subject, known: Estimate | None) -> None:
-        super().__init__(name="truth", daemon=True)
+        super().__init__(name="reference", daemon=True)
         self.subject, self.latest = subject, known
         self.ready: tuple[Estimate, np.ndarray] | None = None  # that, and the texels to show it by
         self.traced = 0.0  # the fraction of the passes here that is made
@@ -177,7 +177,7 @@ class _Tracing(Thread):
         self.stopped = Event()
 
     def run(self) -> None:
-        """Trace; `Truths.update` raises in the main thread what goes wrong here."""
+        """Trace; `References.update` raises in the main thread what goes wrong here."""
         try:
             subject = self.subject
             if not subject.scene.triangles:
@@ -203,32 +203,31 @@ class _Tracing(Thread):
         self.traced = traced
 
 
-class Truths(Owner):
-    """The truths of the last KEPT views, and the one that is being traced; nothing waits for it.
+class References(Owner):
+    """The references of the last KEPT views, and the one that is being traced; nothing waits for it.
 
     on: whether the view on show is traced wherever it rests. version: another number with every pass that is shown.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.kept: list[Truth] = []
+        self.kept: list[TracedReference] = []
         self.on, self.version = False, 0
         self._tracing: _Tracing | None = None
         self._threads: list[_Tracing] = []  # the present one, and those that were stopped and have not ended yet
         self._last: Subject | None = None  # of the last update
 
     def owned(self) -> tuple[Resource, ...]:
-        """What this frees."""
-        return tuple(truth.values for truth in self.kept)
+        return tuple(reference.values for reference in self.kept)
 
     @property
     def traced(self) -> float | None:
-        """The fraction of the present truth that is traced, 0..1; None while none is being traced."""
+        """The fraction of the present reference that is traced, 0..1; None while none is being traced."""
         return None if self._tracing is None else self._tracing.traced
 
     @property
     def progress(self) -> str:
-        """How far the present truth has come, in words; empty where none is traced."""
+        """The progress of the present reference in words; "" while none is traced."""
         if not self.on:
             return ""
         tracing = self._tracing
@@ -238,14 +237,14 @@ class Truths(Owner):
         latest = tracing.latest
         return "reference: " + ("the first samples" if latest is None else latest.progress)
 
-    def of(self, subject: Subject) -> Truth | None:
-        """The truth of this view as far as it is traced; None where it is not."""
-        return next((truth for truth in self.kept if truth.subject.same(subject)), None)
+    def of(self, subject: Subject) -> TracedReference | None:
+        """The reference of this view as far as it is traced; None where it is not."""
+        return next((reference for reference in self.kept if reference.subject.same(subject)), None)
 
     def complete(self, subject: Subject) -> bool:
-        """Whether the truth of this view is there, and gets no better."""
-        truth = self.of(subject)
-        return truth is not None and truth.complete
+        """Return True if the reference of this view has all its samples."""
+        reference = self.of(subject)
+        return reference is not None and reference.complete
 
     def toggle(self, subject: Subject) -> str:
         """Trace what is on show, or leave that; a line that says which."""
@@ -264,18 +263,18 @@ class Truths(Owner):
             self._tracing = None
 
     def update(self, subject: Subject, say: Callable[[str], object]) -> None:
-        """Take what has been traced meanwhile, drop the truths of other scenes, and trace `subject`, the view on show, where it
-        is not the one that is traced. While it changes from call to call, nothing is begun.
+        """Take what was traced meanwhile, drop the references of other scenes, and trace `subject`, the view on show.
 
-        say: called with lines for the user. Raises IrrsplatError where tracing failed.
+        Nothing begins while the view changes from call to call. say: called with lines for the user. Raises IrrsplatError if
+        tracing failed.
         """
-        self._keep([truth for truth in self.kept if truth.subject.scene.meshes is subject.scene.meshes])
+        self._keep([reference for reference in self.kept if reference.subject.scene.meshes is subject.scene.meshes])
         rests, self._last = self._last is not None and self._last.same(subject), subject
         tracing = self._tracing
         if tracing is not None and not tracing.subject.same(subject):
             self.stop()
         elif tracing is not None:
-            ended = not tracing.is_alive()  # asked for first: what it found before it ended is there then
+            ended = not tracing.is_alive()  # before `_take`: a thread that has ended has all its results
             self._take(tracing)
             if ended:
                 self._end(tracing, say)
@@ -292,7 +291,7 @@ class Truths(Owner):
         self._tracing.start()
 
     def _end(self, tracing: _Tracing, say: Callable[[str], object]) -> None:
-        """A thread has ended: say what has come of it."""
+        """Report the end of a thread."""
         self._tracing = None
         if tracing.error is not None:
             self.on = False
@@ -305,22 +304,22 @@ class Truths(Owner):
         ready, shown = tracing.ready, self.of(tracing.subject)
         if ready is not None and (shown is None or shown.estimate is not ready[0]):
             self.version += 1
-            others = [truth for truth in self.kept if not truth.subject.same(tracing.subject)]
+            others = [reference for reference in self.kept if not reference.subject.same(tracing.subject)]
             self._keep([*others, self._upload(tracing.subject, *ready)][-KEPT:])
 
-    def _keep(self, truths: list[Truth]) -> None:
+    def _keep(self, references: list[TracedReference]) -> None:
         """Keep these, and free the others."""
         for gone in self.kept:
-            if all(gone is not truth for truth in truths):
+            if all(gone is not reference for reference in references):
                 gone.values.release()
-        self.kept = truths
+        self.kept = references
 
-    def _upload(self, subject: Subject, found: Estimate, texels: np.ndarray) -> Truth:
+    def _upload(self, subject: Subject, found: Estimate, texels: np.ndarray) -> TracedReference:
         compared = found.valid if found.valid.any() else found.seen
         mean = float(found.irradiance[compared].mean()) if compared.any() else 0.0
         complete = found.passes == len(subject.plan())
         about = f"{in_words(subject.bounces)}, {found.progress}"
-        return Truth(subject, found, table_texture(self.ctx, texels), FULL * (mean or 1.0), about, complete)
+        return TracedReference(subject, found, table_texture(self.ctx, texels), FULL * (mean or 1.0), about, complete)
 
     def release(self) -> None:
         """Stop tracing, and free all that is kept."""

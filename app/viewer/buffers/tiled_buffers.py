@@ -1,4 +1,4 @@
-"""Every light's shadow maps side by side: the distance from the light along each one's axis."""
+"""Buffers of tiles: shadow maps, and the cells of the gather atlas."""
 
 from __future__ import annotations
 
@@ -6,11 +6,84 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ShownBuffer, ViewSource
-from irrsplat.app.viewer.buffers.tiles import GAP, common, tiling
-from irrsplat.core.buffers import ShadowMaps
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Identity, Legend, ShownBuffer, ViewSource, colour_map
+from irrsplat.app.viewer.buffers.texture_buffers import exposed
+from irrsplat.app.viewer.show.screen import Region
+from irrsplat.core.buffers import Atlas, ShadowMaps, Uniforms
+from irrsplat.lighting.sky import sky_defines, sky_maps, sky_uniforms
 from irrsplat.scene.model import Scene
+
+GAP = 2.0  # pixels between tiles
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """Tiles in rows from the upper left corner (left, top; pixels from the lower left): how many a row, pixels per texel."""
+
+    per_row: int
+    pixels_per_texel: float
+    left: float
+    top: float
+
+
+def tiling(count: int, tile: tuple[float, float], area: Region) -> Tiling:
+    """The tiling that shows `count` tiles of `tile` texels largest in an area of a window."""
+    x, y, *size = area
+    per_row = np.arange(1, max(count, 1) + 1)
+    rows = -(-max(count, 1) // per_row)
+    pixels = np.minimum((size[0] - GAP * (per_row - 1)) / (per_row * tile[0]), (size[1] - GAP * (rows - 1)) / (rows * tile[1]))
+    best = int(np.argmax(pixels))
+    scale = max(float(pixels[best]), 1.0 / max(tile))
+    width, height = (n[best] * (c * scale + GAP) - GAP for n, c in ((per_row, tile[0]), (rows, tile[1])))
+    return Tiling(int(per_row[best]), scale, x + (size[0] - width) / 2.0, y + size[1] - (size[1] - height) / 2.0)
+
+
+def common(a: Region, b: Region | None) -> Region | None:
+    """Return the overlap of two regions; None if there is none. b: None for everywhere."""
+    if b is None:
+        return a
+    low = max(a[0], b[0]), max(a[1], b[1])
+    high = min(a[0] + a[2], b[0] + b[2]), min(a[1] + a[3], b[1] + b[3])
+    return (*low, high[0] - low[0], high[1] - low[1]) if high[0] > low[0] and high[1] > low[1] else None
+
+
+class GatherAtlasBuffer(ShownBuffer):
+    """The atlas of the last batch."""
+
+    in_view = False
+
+    def inputs(self, source: ViewSource) -> object:
+        return Identity(source.renderer.scheduler.gatherer.atlas)
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        canvas.blank()
+        atlas = source.renderer.scheduler.gatherer.atlas
+        if atlas is not None:
+            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene, sky_maps(source.renderer.world)))
+
+    def legend(self, source: ViewSource) -> Legend:
+        return Legend(exposed(self.unit, source), unit=self.unit)
+
+
+def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
+    """Draw the cells of an atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky, of
+    these uniforms of shaders/lighting/sky.glsl."""
+    grid = tiling(atlas.count, atlas.cell, canvas.area)
+    canvas.programs("viewer/buffers/gather_atlas", defines=sky_defines(sky))(
+        canvas.target,
+        scissor=canvas.region,
+        radiance=atlas.radiance,
+        cell=atlas.cell,
+        columns=atlas.columns,
+        count=atlas.count,
+        place=(grid.left, grid.top, 1.0 / grid.pixels_per_texel, GAP),
+        across=grid.per_row,
+        gain=gain,
+        table=atlas.table,
+        frames=atlas.frames,
+        **sky,
+        ground=GROUND,
+    )
 
 
 class ShadowMapsBuffer(ShownBuffer):
@@ -19,11 +92,9 @@ class ShadowMapsBuffer(ShownBuffer):
     in_view = False
 
     def inputs(self, source: ViewSource) -> object:
-        """The maps, which are drawn anew for other lights."""
         return Identity(source.renderer.shadows)
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw the tiles as large as they fit; only ground where no light casts shadows."""
         canvas.blank()
         shadows = source.renderer.shadows
         if shadows is None:
@@ -51,7 +122,6 @@ class ShadowMapsBuffer(ShownBuffer):
             )
 
     def legend(self, source: ViewSource) -> Legend:
-        """The range of distances."""
         shadows = source.renderer.shadows
         if shadows is None or not source.scene.lights:
             return Legend("no light casts shadows here")

@@ -13,10 +13,10 @@ import pytest
 import irrsplat
 from irrsplat.app.verify.error_image import signed_error
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.buffers import background_truth as module
-from irrsplat.app.viewer.buffers.background_truth import Estimate, Subject, Truth
+from irrsplat.app.viewer.buffers import background_reference as module
+from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
+from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.truth import NO_TRUTH
 from irrsplat.image.tonemap import show
 from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced
@@ -28,8 +28,8 @@ def tracer(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> Tracer:
     return Tracer(monkeypatch)
 
 
-def traced_truth(driver: Driver, tracer: Tracer) -> Truth:
-    if not driver.session.truths.on:
+def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
+    if not driver.session.references.on:
         push(driver, "Y")
     tracer.finish(driver)
     found = here(driver)
@@ -37,10 +37,10 @@ def traced_truth(driver: Driver, tracer: Tracer) -> Truth:
     return found
 
 
-def here(driver: Driver) -> Truth | None:
+def here(driver: Driver) -> TracedReference | None:
     """Return the truth of the view on show."""
     on = driver.session
-    return on.truth(on.camera, on.settings(0)[1])
+    return on.reference(on.camera, on.settings(0)[1])
 
 
 @pytest.mark.parametrize("passes", [4, 2])
@@ -82,8 +82,8 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
     push(driver, "Y")
     tracer.begin(driver)
     source, before = driver.session.source(0), driver.canvas()
-    assert driver.session.truths.traced == 0.25 and driver.session.truths.progress == "reference: the first samples"
-    assert NO_TRUTH in BUFFERS["error"].legend(source).text
+    assert driver.session.references.traced == 0.25 and driver.session.references.progress == "reference: the first samples"
+    assert NO_REFERENCE in BUFFERS["error"].legend(source).text
     assert (np.ptp(before, axis=-1) == 0).all() and 0 < before.max() < 128 and before.std() > 1.0
     tracer.finish(driver)
     assert "16 samples, noise about" in BUFFERS["error"].legend(driver.session.source(0)).text
@@ -94,10 +94,10 @@ def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer)
     """Views of one eye, size, lighting and number of bounces have one truth. Any other view has none, or its own."""
     session, editor = driver.session, driver.actions.editor
     truth, home, bounces = traced_truth(driver, tracer), session.camera, session.settings(0)[1].bounces
-    lamp = editor.lamps[0]
+    lamp = editor.lights[0]
     for change, undo in (
         (lambda: session.free_camera.go(replace(home, fov=home.fov + 1.0)), lambda: session.free_camera.go(home)),
-        (lambda: editor.set_lamp(0, replace(lamp, stops=1.0)), lambda: editor.set_lamp(0, lamp)),
+        (lambda: editor.set_light(0, replace(lamp, stops=1.0)), lambda: editor.set_light(0, lamp)),
         (lambda: driver.resize((200, 240)), lambda: driver.resize(SIZE)),
     ):
         change()
@@ -117,15 +117,15 @@ def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer)
 
 def test_tracing_follows_the_view_and_goes_on_where_it_was(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """A move of the camera ends the tracing, and a rest begins it. At the first view again, its 8 samples are continued."""
-    tracer, truths, home = Tracer(monkeypatch, early=3), driver.session.truths, driver.session.camera
+    tracer, references, home = Tracer(monkeypatch, early=3), driver.session.references, driver.session.camera
     push(driver, "Y")
     first = tracer.wait(driver)
     corner = driver.session.scene.camera("corner")
     for fov in (50.0, 51.0, 52.0):
         driver.actions.go(replace(corner, fov=fov))
         driver.frame()
-        assert truths.traced is None, "the view moves"
-    assert "begins when the view is at rest" in truths.progress
+        assert references.traced is None, "the view moves"
+    assert "begins when the view is at rest" in references.progress
     second = tracer.wait(driver)
     assert second.subject.camera.fov == 52.0 and here(driver) is second
     driver.actions.go(home)
@@ -142,7 +142,7 @@ def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypat
     monkeypatch.setattr(Actions, "reference_possible", False)
     push(driver, "Y")
     (said,) = [m.text for m in driver.actions.messages.lines]
-    assert worker.INSTALL in said and "\n" not in said and driver.session.truths.traced is None
+    assert worker.INSTALL in said and "\n" not in said and driver.session.references.traced is None
 
 
 def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,14 +158,14 @@ def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Path, 
     pid = int(os.read(begun, 20))
     os.close(begun)
     os.kill(pid, 0)
-    (thread,) = driver.session.truths._threads
+    (thread,) = driver.session.references._threads
     push(driver, "Y")
     thread.join(SAFETY)
     assert not thread.is_alive() and thread.error is None
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
     driver.frame(2)
-    assert driver.session.truths.traced is None and not [m for m in driver.actions.messages.lines if m.error]
+    assert driver.session.references.traced is None and not [m for m in driver.actions.messages.lines if m.error]
 
 
 @pytest.mark.long

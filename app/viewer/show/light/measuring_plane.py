@@ -1,0 +1,86 @@
+"""A horizontal plane whose light is measured by a process of its own, as `irrsplat measure --height` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from irrsplat.core.timing import clock, other_process
+from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.plane import Plane, horizontal
+from irrsplat.meter.readings import Readings
+from irrsplat.scene.model import Scene
+
+_MAIN = "from irrsplat.app.viewer.show.light.measuring_plane import main; main()"
+_RESTS = 0.3  # seconds that scene and height stay as they are before a measurement begins
+USUAL = 0.75  # metres above the lowest point: the height of a desk
+
+
+@dataclass(frozen=True)
+class MeasuredPlane:
+    """The readings of a plane of `rows` of `columns` points. height: metres above the lowest point."""
+
+    plane: Plane
+    columns: int
+    rows: int
+    readings: Readings
+    height: float
+
+
+class MeasuringPlane:
+    """The plane of a session; nothing waits for it. height: metres above the lowest point, of the next measurement."""
+
+    def __init__(self) -> None:
+        self.height = USUAL
+        self.measured: MeasuredPlane | None = None
+        self._calling: other_process.Calling | None = None
+        self._scene: Scene | None = None  # of the last update
+        self._height, self._since, self._done = 0.0, 0.0, False
+
+    @property
+    def share(self) -> float | None:
+        """The finished part of the measurement, 0..1; None if the plane is measured."""
+        return None if self._done else 0.0 if self._calling is None else self._calling.share
+
+    def update(self, on: bool, scene: Scene) -> None:
+        """Take what was measured, and measure again if scene or height has changed, while `on`. Raises IrrsplatError if measuring
+        failed."""
+        if self._scene is not None and self._scene.meshes is not scene.meshes:
+            self.measured = None
+        if not on or scene is not self._scene or self.height != self._height:
+            self.release()
+            self._scene, self._height, self._since, self._done = scene, self.height, clock.now(), False
+            return
+        calling = self._calling
+        if calling is None:
+            if not self._done and clock.now() - self._since >= _RESTS:
+                self._calling = other_process.Calling(_MAIN, (scene, self.height), "the plane could not be measured ({why})")
+        elif not calling.is_alive():
+            self._calling, self._done = None, True
+            if calling.error is not None:
+                raise calling.error
+            assert isinstance(calling.result, MeasuredPlane)
+            self.measured = calling.result
+
+    def release(self) -> None:
+        """Stop measuring."""
+        calling, self._calling = self._calling, None
+        if calling is not None:
+            calling.release()
+
+
+# ---- in the other process ----------------------------------------------------------------------------------------------
+
+
+def main() -> None:
+    """Measure the plane of the arguments on stdin."""
+    other_process.serve(measure)
+
+
+def measure(scene: Scene, height: float, report: Callable[[float], None]) -> MeasuredPlane:
+    """Return the readings over the whole scene. Raises InputError for a scene without extent."""
+    plane = horizontal(scene, height)
+    grid = plane.grid(plane.usual_spacing())
+    with LightMeter(scene) as meter:
+        readings = meter.measure(grid.points, grid.normals, report)
+    return MeasuredPlane(plane, grid.columns, grid.rows, readings, height)

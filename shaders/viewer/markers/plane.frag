@@ -1,0 +1,38 @@
+// Measured values in false colours with isolines, bilinear between the points that have a value.
+#include "generated/constants.glsl"
+#include "viewer/markers/hidden.glsl"
+
+uniform vec2 scale;           // pixels of the view per pixel of the target
+uniform sampler2D places;     // of each point: its place 0..1 on the scale, and whether it has one
+uniform float steps;          // that a line runs between; 0: none
+uniform float opacity;
+uniform vec3 palette[FALSE_COLOURS];  // from low to high
+
+in vec3 v_position;
+in vec2 v_at;
+
+layout(location = 0) out vec4 out_color;
+
+const float LINE = 0.35;  // brightness of a line
+const float WIDTH = 0.8;  // half of it, pixels
+
+void main()
+{
+    ivec2 size = textureSize(places, 0);
+    vec2 at = v_at * vec2(size) - 0.5, share = fract(at), sum = vec2(0.0);
+    for (int i = 0; i < 4; ++i)
+    {
+        ivec2 step = ivec2(i & 1, i >> 1);
+        vec2 place = texelFetch(places, clamp(ivec2(floor(at)) + step, ivec2(0), size - 1), 0).rg;
+        vec2 near = mix(1.0 - share, share, vec2(step));
+        sum += near.x * near.y * place.y * vec2(place.x, 1.0);
+    }
+    float t = sum.x / max(sum.y, 1e-6), level = t * steps, change = fwidth(level);
+    if (sum.y < 0.5 || hidden(v_position, ivec2(gl_FragCoord.xy * scale))) discard;
+    float along = t * float(FALSE_COLOURS - 1);
+    int i = min(int(along), FALSE_COLOURS - 2);
+    vec3 colour = mix(palette[i], palette[i + 1], along - float(i));
+    float line = abs(fract(level + 0.5) - 0.5);
+    bool crossed = steps > 0.0 && line < WIDTH * change && level > 0.5 && level < steps - 0.5;
+    out_color = crossed ? vec4(LINE * colour, 1.0) : vec4(colour, opacity);
+}

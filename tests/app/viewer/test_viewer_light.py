@@ -1,0 +1,90 @@
+"""Light that the viewer measures: on a horizontal plane, and at one point by its sources."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.show.light.why_dark import light_at
+from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.plane import horizontal
+from irrsplat.scene.model import Light
+from tests.support import worlds
+from tests.support.viewing import Driver, fresh, push, viewing, write_room
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
+        yield driver
+
+
+@pytest.fixture
+def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
+    yield from fresh(one, tmp_path, monkeypatch)
+
+
+def test_the_plane_has_the_values_of_a_light_meter(driver: Driver) -> None:
+    """Its own process finds what LightMeter finds here; it is drawn between its edges at the back wall and in front."""
+    session = driver.session
+    push(driver, "Ctrl+M")
+    while session.plane.share is not None:
+        driver.frame()
+    driver.frame(2)
+    measured, plane = session.plane.measured, horizontal(session.scene, 0.75)
+    assert measured is not None and measured.plane == plane
+    grid = plane.grid(plane.usual_spacing())
+    with LightMeter(session.scene, ctx=session.ctx) as meter:
+        expected = meter.measure(grid.points, grid.normals)
+    assert measured.readings.total == pytest.approx(expected.total) and not measured.readings.counts.all(), "the box is cut"
+    shown = driver.canvas()
+    push(driver, "Ctrl+M")
+    driver.frame(2)
+    rows = np.flatnonzero((driver.canvas() != shown).any((1, 2)))
+    away = session.camera.eye[2] - np.array([-1.0, 1.0])  # of the edges at the back and in front; they are 0.25 m below the eye
+    assert rows[[0, -1]] == pytest.approx(len(shown) * (0.5 + 0.25 / (away * session.camera.screen)), abs=1.5)
+
+
+def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> None:
+    """Surfaces that reflect nothing have direct light alone: lights, an emitter and the sky; a shelf hides two of them. Rays over
+    the hemisphere find emitter and sky to a few percent."""
+    black, glowing, aim = worlds.material(0.0), worlds.material(0.0, 5.0), (0.3, 0.0, 0.0)
+    shelf = replace(worlds.quad((-2.0, 1.0, -1.0), (1.5, 0, 0), (0, 0, 2.0), black), name="shelf")
+    panel = replace(worlds.quad((0.5, 1.5, -0.5), (1.0, 0, 0), (0, 0, 1.0), glowing), name="panel")
+    hidden = replace(worlds.quad((-1.6, 1.5, -0.2), (0.4, 0, 0), (0, 0, 0.4), glowing), name="hidden")
+    lights = (
+        worlds.lamp((-1.5, 2.0, 0.0), 9.0, name="over the shelf"),
+        worlds.lamp((0.0, 2.0, 1.0), 5.0, name="spot", spot_target=aim, spot_cutoff=30.0, spot_inner=2.0, spot_exponent=2.0),
+        Light((1.0, 2.0, 3.0), (1.0, 0.8, 0.5), directional=True, name="sun"),
+        Light((0.5, 1.0, 0.5), (1.0, 1.0, 1.0), attenuation=(1.0, 0.5, 0.2), name="falls off"),
+        worlds.lamp((0.0, -1.0, 0.0), name="below"),
+    )
+    scene = worlds.scene(worlds.floor(paint=black), shelf, panel, hidden, lights=lights, sky=0.5)
+    with LightMeter(scene, ctx=ctx) as meter:
+        readings = meter.measure([(0.0, 0.0, 0.0)], (0.0, 1.0, 0.0)).values("lux")
+        found = light_at(scene, meter.world.caster, (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    lux = {source.name: source.lux for source in found.sources}
+    assert sum(lux[light.name] for light in lights) == pytest.approx(readings["direct"][0], rel=1e-3)
+    assert lux["panel"] + found.sky_lux == pytest.approx(readings["indirect"][0], rel=0.02)
+    reasons = {source.name: source.reason for source in found.sources if source.reason}
+    assert reasons == {"over the shelf": "blocked by shelf", "hidden": "blocked by shelf", "below": "behind the surface"}
+
+
+def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
+    """The floor behind the box does not see the lamp; all of its light is indirect, as much as the picture has there."""
+    push(driver, "Ctrl+D")
+    session = driver.session
+    x, y = on_screen(session.camera, session.size, (-0.45, -1.0, -0.4)) or (0.0, 0.0)
+    driver.click(x, y)
+    driver.frame(2)
+    assert session.surface is not None and session.surface[1] == (0.0, 1.0, 0.0)
+    assert session.surface[0] == pytest.approx((-0.45, -1.0, -0.4), abs=0.02)
+    renderer = session.renderers[0]
+    (lamp,) = light_at(renderer.scene, renderer.world.caster, *session.surface).sources
+    assert lamp.reason == "blocked by box" and (driver.display.light_at(session.surface[0]) or 0.0) > 0.0
