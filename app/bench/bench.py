@@ -29,6 +29,8 @@ def run(args: Namespace) -> int:
     import irrsplat
     from irrsplat.core.files import json_text, write_text
 
+    if args.profile and (args.peers or args.flicker or args.compare is not None):
+        raise InputError("--profile has a table of its own; leave --peers, --flicker and --compare out")
     bounces = _bounces(args.bounces)
     earlier = None if args.compare is None else compare.read(args.compare)
     if args.peers:
@@ -41,6 +43,10 @@ def run(args: Namespace) -> int:
     loaded = [(name, irrsplat.load(name, **vars(args.loading)).local) for name in dict.fromkeys(names)]
     if args.peers:
         written: dict[str, object] = {"machine": {}, "runs": []} | race.run([scene for _, scene in loaded], args, bounces)
+    elif args.profile:
+        from irrsplat.app.bench import stage_profile
+
+        written = {"profiles": stage_profile.run([scene for _, scene in loaded], args, bounces)}
     elif args.flicker:
         from irrsplat.app.bench import film_flicker, flicker
 

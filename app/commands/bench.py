@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
     )
     add = parser.add_argument
     add("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper; --peers: cornell)")
-    words = "image size in pixels, may be repeated (default: 800 800; --peers: 400 400)"
+    words = "image size in pixels, may be repeated (default: 800 800; --peers and --profile: 400 400)"
     flags.add_size(parser, None, words, action="append")
     words = "may be repeated (default: default; for cornell-paper, paper as well)"
     flags.add_preset(parser, None, words, action="append")
@@ -34,6 +34,7 @@ def add(commands: Any) -> None:
     add("--json", metavar="FILE", help="write the results to this file as well")
     add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
     add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")
+    add("--profile", action="store_true", help="processor time by stage instead, beside that of its rays alone")
     add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
     add("--moving", action="store_true", help="errors while meshes and lights are carried through cornell and atrium instead")
     add(

@@ -25,6 +25,7 @@ MOST_GEOMETRY = 4 << 30  # OBJ, PLY, STL, glTF and its buffers; record caches
 FREE_PIXELS = 1 << 26
 PIXELS_PER_BYTE = 256
 
+MOST_SEARCHES = 1000  # file names of a scene that are searched in other spellings, at about a millisecond each
 MOST_COPIES = 1 << 24  # vertices of all copies of meshes together: a line of text makes millions
 
 
@@ -52,13 +53,14 @@ def cache_folder() -> Path | None:
 
 @dataclass
 class _Bounds:
-    """The permissions of the scene being read: its file and these folders, links resolved, and remaining pixels of images and
-    vertices of copies."""
+    """The permissions of the scene being read: its file and these folders, links resolved, and remaining pixels of images,
+    vertices of copies and searches of files."""
 
     file: Path
     folders: tuple[Path, ...]
     pixels: int = FREE_PIXELS
     copies: int = MOST_COPIES
+    searches: int = MOST_SEARCHES
 
 
 _bounds: ContextVar[_Bounds | None] = ContextVar("bounds", default=None)
@@ -159,6 +161,15 @@ def take_copies(vertices: int) -> bool:
         return vertices <= MOST_COPIES
     bounds.copies -= vertices
     return bounds.copies >= 0
+
+
+def take_search() -> bool:
+    """True if another file of the scene being read may be searched in other spellings."""
+    bounds = _bounds.get()
+    if bounds is None:
+        return True
+    bounds.searches -= 1
+    return bounds.searches >= 0
 
 
 TOO_MANY_COPIES = f"meshes that are shown again have more than {MOST_COPIES} vertices together; leave some of them out"

@@ -72,6 +72,12 @@ class RayCaster:
             pass
         return hits
 
+    def run(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Return (N,) int, the first triangle that each ray hits, -1: none, on the present thread; origins, directions: (N, 3)
+        float32."""
+        none = np.full(len(origins), -1)
+        return none if self._scene is None else np.asarray(self._scene.run(origins, directions))
+
     def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) bool: True if nothing occludes the segments from `starts` to `ends`, (N, 3) metres each."""
         scene, found, step = self._scene, np.ones(len(starts), bool), _rays_per_call(len(starts))

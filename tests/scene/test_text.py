@@ -151,6 +151,7 @@ def refused(write, text, file, line, message, **files):
         ("trans 1 2 1_0\n", 1, "'1_0' is not a number"),
         ("rotate 90 0 0 0\n", 1, "axis is 0 0 0"),
         ("scale 1 0 1\n", 1, "scale of 0"),
+        ("obj t.obj\n" * 65537, 65537, "more than 65536 'obj' lines"),
         ("obj\n", 1, "names no file"),
         ("obj nope.obj\n", 1, "there is no file 'nope.obj'"),
         ("obj .\n", 1, "is a directory"),

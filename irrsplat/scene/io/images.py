@@ -20,7 +20,7 @@ import numpy as np
 
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
-from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, name_of, take_pixels
+from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, name_of, take_pixels, take_search
 from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
@@ -168,6 +168,11 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     case; then a file with its last part's name in `folder`, because paths are often those of another machine. Files outside the
     allowed folders are not searched. If only such a file remains, its path is returned, and reading it raises InputError.
     """
+    exact = os.path.join(folder, name_of(written_name))
+    if "\0" not in exact and os.path.isfile(exact) and may_read(Path(exact)):
+        return folder / name_of(written_name)
+    if not take_search():
+        return None
     spellings = [name_of(name) for name in _spellings(written_name)]
     for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
         found = _find_from(folder, name) if name else None

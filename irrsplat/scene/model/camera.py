@@ -49,11 +49,12 @@ class Camera:
         put(self, fov=checked_number("a camera's field of view", self.fov))
         if not 0.0 < self.fov < 180.0:
             raise InputError(f"field of view must lie between 0 and 180 degrees, not {self.fov:g}")
-        forward = np.subtract(self.target, self.eye)
-        if not np.linalg.norm(forward) > 0.0:
+        distance = math.dist(self.eye, self.target)
+        if not distance > 1e-150:  # its square is not 0
             raise InputError("the camera's eye lies at its target; move one of them")
-        sine = np.linalg.norm(np.cross(forward / np.linalg.norm(forward), self.up))
-        if not sine > 1e-9 * max(float(np.linalg.norm(self.up)), 1e-300):
+        (x, y, z), (u, v, w) = ((t - e) / distance for t, e in zip(self.target, self.eye, strict=True)), self.up
+        sine = math.hypot(y * w - z * v, z * u - x * w, x * v - y * u)
+        if not sine > 1e-9 * max(math.hypot(u, v, w), 1e-300):
             raise InputError("the camera's up vector is parallel to its view; give another up")
 
     def shifted(self, by: npt.ArrayLike) -> Camera:

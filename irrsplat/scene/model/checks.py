@@ -31,6 +31,8 @@ def check_type(what: str, value: object, kind: type, *others: None) -> None:
 
 def checked(what: str, values: object, count: int, low: float = -GREATEST, high: float = GREATEST) -> tuple[float, ...]:
     """Return `count` numbers from `low` to `high`; raise InputError, with the name `what`, for other values."""
+    if isinstance(values, tuple) and len(values) == count and all(type(v) is float and low <= v <= high for v in values):
+        return values  # numpy takes ten times as long, and files have many of these
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
@@ -43,7 +45,9 @@ def checked(what: str, values: object, count: int, low: float = -GREATEST, high:
 
 def checked_number(what: str, value: object, low: float = -GREATEST, high: float = GREATEST) -> float:
     """Return a number from `low` to `high`; raise InputError, with the name `what`, for other values."""
-    if isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:  # type: ignore[arg-type]  # anything has a number of axes
+    if type(value) is float:
+        found = value
+    elif isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:  # type: ignore[arg-type]  # anything has a number of axes
         found = math.nan
     else:
         try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,12 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, compare, fly_through, gather_truth, moving, paper_times, scaling
+from irrsplat.app.bench import cases, compare, fly_through, gather_truth, moving, paper_times, scaling, stage_profile
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.camera_path import load_path
 from irrsplat.scene.model import Camera
+from irrsplat.scene.ray_caster import RayCaster
 from tests.support.renders import rendered
 from tests.support.truth import SIZE as FULL
 from tests.support.truth import compare as compare_pixels
@@ -73,6 +76,20 @@ def test_the_cases_of_one_scene(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert all(run["size"] == [12, 10] and run["bounces"] == 1 for run in of.values())
     out = capsys.readouterr().out
     assert all(any(line.split()[:3] == ["cornell-paper", "default", case] for line in out.splitlines()) for case in CASES)
+
+
+@pytest.mark.few_sites
+def test_a_profile_has_every_stage_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrapped functions are restored. Each reading of the clock is a second: outer is open for three, of which inner has one."""
+    command = ["bench", "cornell", "--profile", "--bounces", "2", "--size", "24", "18", "--json", str(tmp_path / "b.json")]
+    assert cli.main(command) == 0 and not hasattr(RayCaster.first_hits, "__wrapped__")
+    (one,) = json.loads((tmp_path / "b.json").read_text())["profiles"]
+    assert {"shading of hits", "reduction", "splats", "surface cache"} < set(one["stages"]) and one["rays"] > 64 * 64
+    monkeypatch.setattr(time, "process_time", map(float, itertools.count()).__next__)
+    profile = stage_profile.Profile(lambda: None)
+    with profile.stage("outer"), profile.stage("inner"):
+        pass
+    assert {name: share.seconds for name, share in profile.shares.items()} == {"Python (rest)": 1.0, "outer": 2.0, "inner": 1.0}
 
 
 @pytest.mark.long

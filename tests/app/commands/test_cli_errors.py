@@ -58,6 +58,7 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         (["completion", "shell"], "completion takes bash|zsh|fish, not 'shell'; see irrsplat completion --help\n"),
         (["cache", "x"], "there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
         (["bench", "cornell", "--growth"], "of its own"),
+        (["bench", "--profile", "--flicker"], "a table of its own"),
         (["bench", "--counted"], "--counted is for --moving"),
         # flights and films
         ([*FRAMES, "--frames", "1:2:3"], "expected A:B"),

@@ -26,15 +26,19 @@ def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> li
     pinhole: parallel lines converge by less than a thousandth of the scene's size.
     """
     found: list[Camera] = []
+    taken: dict[str, int] = {}  # names, with the last number that was appended to each
     for node in nodes:
         if "camera" not in node.entry:
             continue
         with document.part(f"the camera of {node_name(document, node.index)}"):
             entry = document.entry("cameras", node.entry["camera"])
             name = node.name or printable(entry.get("name") or "") or f"camera {len(found) + 1}"
-            taken = {camera.name for camera in found}
-            name = next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name} {i}") not in taken)
-            found.append(_camera(entry, node.world, bounds, name))
+            free, i = name, taken.get(name, 0)
+            while free in taken:
+                i += 1
+                free = f"{name} {i + 1}"
+            found.append(_camera(entry, node.world, bounds, free))
+            taken[name], taken[free] = i, taken.get(free, 0)
     return found
 
 

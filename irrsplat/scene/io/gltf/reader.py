@@ -235,7 +235,7 @@ class _Reader:
         given = self.pose.get((node.index, "weights"))
         if given is None:
             given = np.asarray(node.entry.get("weights", entry.get("weights", [])), float).reshape(-1)
-        weights = np.nan_to_num(given)[: len(targets)]
+        weights = np.nan_to_num(given)[: len(targets)] if targets else np.zeros(0)
         key = weights.tobytes()
         if key not in attributes.shapes:
             attributes.shapes[key] = geometry.read(attributes, surface.uv_sets, weights)
@@ -261,10 +261,11 @@ class _Reader:
         if not keep.all():
             part = f"{np.count_nonzero(~keep)} triangles of {node_name}" if keep.any() else node_name
             self.document.leave_out(part, "its vertices are not finite")
+        others = shape.normals, shape.uvs, shape.colors
         return Geometry(
             np.where(good[:, None], shape.positions, 0.0) if not good.all() else shape.positions,
             shape.corners[keep] if not keep.all() else shape.corners,
-            *(None if a is None else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in (shape.normals, shape.uvs, shape.colors)),
+            *(a if a is None or np.isfinite(a).all() else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in others),
         )
 
 

@@ -38,7 +38,7 @@ _ATTENUATION = ("constantAttenuation", "linearAttenuation", "quadraticAttenuatio
 
 @dataclass
 class LightReader:
-    """Lights of one scene; each photometry is read once.
+    """Lights of one scene; each file is read once.
 
     files: all files read. notices: remarks for users.
     """
@@ -46,8 +46,15 @@ class LightReader:
     files: list[Path] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
     _photometries: dict[Path, Photometry] = field(default_factory=dict)
+    _lights: dict[tuple[Path, float], Light] = field(default_factory=dict)
 
     def light(self, path: Path, per_unit: float = 1.0) -> Light:
+        """Return the light in a `.light` file, as `_read`."""
+        if (path, per_unit) not in self._lights:
+            self._lights[path, per_unit] = self._read(path, per_unit)
+        return self._lights[path, per_unit]
+
+    def _read(self, path: Path, per_unit: float) -> Light:
         """Read the light in the `.light` file at `path`; raise InputError with file and line for an invalid file.
 
         W of `position` is 1 for a point or spot light and 0 for a directional one, which comes *from* X Y Z. `spotDirection` is

@@ -33,7 +33,7 @@ def read_obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     notices += [f"{path}: {notice}" for notice in shape.notices]
     materials, files = _materials(path, shape, notices)
     normals, corner_normals = _normals(shape, options.crease_angle)
-    part, names, used = _parts(shape, path.stem)
+    part, names, used = _parts(shape, path.stem, materials)
 
     order = np.argsort(part.astype(np.uint16 if len(names) < 1 << 16 else np.int64), kind="stable")
     ends = np.cumsum(np.bincount(part, minlength=len(names)))
@@ -122,8 +122,11 @@ def _normals(shape: Shape, angle: float) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([shape.normals, more]), corner_normals
 
 
-def _parts(shape: Shape, stem: str) -> tuple[np.ndarray, list[str], list[int]]:
-    """Return (F,) the part of each triangle, and for each part its name and its material's number."""
+def _parts(shape: Shape, stem: str, materials: dict[int, Material]) -> tuple[np.ndarray, list[str], list[int]]:
+    """Return (F,) the part of each triangle, and for each part its name and its material's number.
+
+    materials: the known ones, by number.
+    """
     count = len(shape.names)
     key = shape.groups * count + shape.materials
     if len(shape.group_names) * count < 1 << 22:
@@ -132,8 +135,12 @@ def _parts(shape: Shape, stem: str) -> tuple[np.ndarray, list[str], list[int]]:
     else:
         present, part = np.unique(key, return_inverse=True)
     if len(present) > MOST_GROUPS:
-        there = np.bincount(shape.materials) > 0
-        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[shape.materials]
+        same = shape.materials
+        if count > MOST_GROUPS:  # equal ones are one part
+            first: dict[Material | None, int] = {}
+            same = np.array([first.setdefault(materials.get(i), i) for i in range(count)])[same]
+        there = np.bincount(same) > 0
+        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[same]
         return part, [shape.names[i] or stem for i in present.tolist()], present.tolist()
     groups, used = (present // count).tolist(), (present % count).tolist()
     names = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -74,7 +75,7 @@ class MaterialFiles:
     def read(self, path: Path, used: Iterable[str] | None = None) -> dict[str, Material]:
         """Return the materials in the file at `path`, by name; surfaces are double-sided.
 
-        used: the names of used materials; only their images are read (None: all).
+        used: the names of used materials (None: all); the others are plain, and their images are not read.
 
         Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, unless that hides a
         picture. An alpha with hardly any values between 0 and 1 is a mask. Kd or Ke 0 0 0 with a map counts as 1 1 1, as in most
@@ -89,13 +90,13 @@ class MaterialFiles:
                 entry.values["d"] = (1.0,)
             self.notices.append(f"{path}: every material is fully transparent; all are drawn opaque")
         missing: list[str] = []
+        found = dict.fromkeys(entries, Material())
         if used is not None:
             wanted = {name.casefold() for word in used for name in (word, name_without_comment(word))}
-            for name, entry in entries.items():
-                if not {name.casefold(), name_without_comment(name).casefold()} & wanted:
-                    entry.maps.clear()
+            names = [name for name in entries if {name.casefold(), name_without_comment(name).casefold()} & wanted]
+            entries = {name: entries[name] for name in names}
         self._read_images(path.parent, entries.values())
-        found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
+        found |= {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
         found = {name_without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
         if missing:
@@ -227,7 +228,9 @@ def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | Non
         if whole is not None:
             yield name, whole
             return
-    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", name_without_comment(written), re.IGNORECASE):
+    text = name_without_comment(written)
+    ends = [0, *(found.end() for found in re.finditer(r"\.mtl(?=\s|$)", text, re.IGNORECASE))]
+    for name in (*(text[a:b].strip() for a, b in itertools.pairwise(ends)), *text[ends[-1] :].split()):
         yield name, find_file(folder, name)
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -37,6 +39,7 @@ USAGE = {
     "scale": "scale X Y Z",
     "obj": "obj FILE.obj",
 }
+_MOST_OBJECTS = 1 << 16  # `obj` lines, each of which becomes a mesh
 _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
@@ -76,7 +79,7 @@ class _Reader:
     sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
-    paths: dict[str, Path] = field(default_factory=dict)  # of `obj` lines, by their text
+    paths: dict[str, Path] = field(default_factory=dict)  # of `obj` and `light` lines, by their text
     shapes: dict[Path, Shape] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     light_reader: LightReader = field(default_factory=LightReader)
@@ -140,9 +143,15 @@ class _Reader:
         self.first_brightness = self.first_brightness or line
         return r * self.per_unit, g * self.per_unit, b * self.per_unit
 
+    def _path(self, line: Line) -> Path:
+        """Return the file that an `obj` or `light` line names."""
+        if line.rest not in self.paths:
+            self.paths[line.rest] = line.file(USAGE[line.word])
+        return self.paths[line.rest]
+
     def _light(self, line: Line) -> None:
         self.first_brightness = self.first_brightness or line
-        path = line.file(USAGE["light"])
+        path = self._path(line)
         if path.suffix.lower() != ".ies":
             self.lights.append(self.light_reader.light(path, self.per_unit))
             return
@@ -191,7 +200,7 @@ class _Reader:
         angle, *axis = line.numbers(USAGE["rotate"])
         if not any(axis):
             raise line.error(f"the rotation axis is 0 0 0; expected: {USAGE['rotate']}, with an axis of any other length")
-        self.matrix = self.matrix @ _rotation(angle, np.array(axis))
+        self.matrix = self.matrix @ _rotation(angle, axis)
 
     def _scale(self, line: Line) -> None:
         values = line.numbers(USAGE["scale"])
@@ -200,9 +209,9 @@ class _Reader:
         self.matrix = self.matrix @ np.diag([*values, 1.0])
 
     def _obj(self, line: Line) -> None:
-        if line.rest not in self.paths:
-            self.paths[line.rest] = line.file(USAGE["obj"])
-        path = self.paths[line.rest]
+        path = self._path(line)
+        if len(self.parts) == _MOST_OBJECTS:
+            raise line.error(f"the scene has more than {_MOST_OBJECTS} 'obj' lines; join some of its objects in one file")
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
             self.files.append(path)
@@ -224,11 +233,18 @@ class _Reader:
         )
 
 
-def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:
+def _rotation(angle: float, axis: Sequence[float]) -> np.ndarray:
     """Return (4, 4): a rotation by `angle` degrees about `axis` (of any length), as glRotate, by Rodrigues' formula."""
-    x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    radians = np.radians(angle)
-    matrix = np.eye(4)
-    matrix[:3, :3] += np.sin(radians) * cross + (1.0 - np.cos(radians)) * (cross @ cross)
-    return matrix
+    greatest = max(map(abs, axis))
+    length = math.hypot(*(a / greatest for a in axis))
+    x, y, z = (a / greatest / length for a in axis)
+    s, c = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+    k = 1.0 - c
+    return np.array(
+        [
+            [k * x * x + c, k * x * y - s * z, k * x * z + s * y, 0.0],
+            [k * x * y + s * z, k * y * y + c, k * y * z - s * x, 0.0],
+            [k * x * z - s * y, k * y * z + s * x, k * z * z + c, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
