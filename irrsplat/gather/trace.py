@@ -150,11 +150,11 @@ class TraceGather(Gather):
         """Have Embree trace the rays of records with these rows of `frames`; return (N, R) the triangles hit, None without it."""
         if self.first_hits is None:
             return None
+        order = np.argsort(self.places_of_texels, kind="stable")  # each place has as many texels
+        rays = self.rays[order].reshape(self.places, -1, 3)
+        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), rays)
         hits = np.empty((rows.shape[1] // self.places, self.share.size), np.int32)
-        for place in range(self.places):
-            eyes, texels = slice(place, None, self.places), self.places_of_texels == place
-            found = self.world.caster.first_hits(rows[4, eyes, :3], rows[:3, eyes, :3].swapaxes(0, 1), self.rays[texels])
-            hits[:, texels] = found
+        hits[:, order] = found.reshape(hits.shape)
         lines = -(-hits.size // TABLE_COLUMNS)
         padded = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
         self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))

@@ -8,7 +8,7 @@ balance heuristic (Veach and Guibas 1995) weights these against their own rays.
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -219,7 +219,8 @@ def _passes(world: World) -> VirtualLightPasses:
 
 def _inputs(world: World) -> object:
     """Return the inputs of virtual point lights: meshes, and lights except their colours."""
-    return world.scene.meshes, [replace(light, color=(1.0, 1.0, 1.0)) for light in world.scene.lights]
+    placed = [tuple(value for name, value in vars(light).items() if name != "color") for light in world.scene.lights]
+    return world.scene.meshes, placed
 
 
 def _find_uniforms(world: World, rays: int, further: int = 0) -> Uniforms:

@@ -42,7 +42,8 @@ class Rounds:
         view = self.view_state(state, camera)
 
         bounces = settings.most_bounces > 0
-        idle, dark = (view.settled is not None or view.coverage == 1.0) and not len(self.cache.stale), scheduler.gatherer.surface_now is None
+        idle = (view.settled is not None or view.coverage == 1.0) and not len(self.cache.stale)
+        dark = scheduler.gatherer.surface_now is None
         ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), idle)
         if dark and budget.limited and scheduler.gatherer.surface_now is not None and budget.left <= 0.0:
             ready = False  # the first light is shown at once: passes that gather records take a tenth of a second to make

@@ -25,12 +25,18 @@ def available() -> bool:
 @cache
 def _threads() -> ThreadPoolExecutor:
     """Return the threads of all casters; embreex releases the interpreter lock while it traces."""
-    return ThreadPoolExecutor(os.cpu_count(), "irrsplat-rays")
+    return ThreadPoolExecutor(_processors(), "irrsplat-rays")
+
+
+@cache
+def _processors() -> int:
+    """Return the number of processors; the system takes 30 µs to count them."""
+    return os.cpu_count() or 1
 
 
 def _rays_per_call(rays: int) -> int:
     """Return the number of rays per call of a thread, of `rays` in all."""
-    return min(max(-(-rays // (os.cpu_count() or 1)), _LEAST_RAYS), _MOST_RAYS)
+    return min(max(-(-rays // _processors()), _LEAST_RAYS), _MOST_RAYS)
 
 
 class RayCaster:
@@ -54,19 +60,22 @@ class RayCaster:
     def first_hits(self, origins: np.ndarray, frames: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return (N, R) int32, the first triangle that each of R rays from N places hits, from either side; -1: none.
 
-        origins: (N, 3) metres. frames: (N, 3, 3), rows tangent, bitangent, normal: the space of the `directions` (R, 3).
+        origins: (N, 3) metres. frames: (N, 3, 3), rows tangent, bitangent, normal: the space of the `directions` (R, 3), or
+        (P, R, 3) that places use in turn.
         """
-        hits = np.full((len(origins), len(directions)), -1, np.int32)
-        scene, step = self._scene, max(1, _rays_per_call(hits.size) // len(directions))
+        directions = np.asarray(directions, np.float32).reshape(-1, *np.shape(directions)[-2:])
+        sets, rays_each = directions.shape[:2]
+        hits = np.full((len(origins), rays_each), -1, np.int32)
+        scene, step = self._scene, max(sets, _rays_per_call(hits.size) // rays_each // sets * sets)
         if scene is None:
             return hits
-        origins, frames, directions = (np.asarray(array, np.float32) for array in (origins, frames, directions))
+        origins, frames = (np.asarray(array, np.float32) for array in (origins, frames))
 
         def trace(first: int) -> None:
             """Trace the rays of `step` places from `first` on."""
             chunk = slice(first, first + step)
-            rays = (directions @ frames[chunk]).reshape(-1, 3)
-            hits[chunk] = scene.run(np.repeat(origins[chunk], len(directions), axis=0), rays).reshape(-1, len(directions))
+            rays = (directions @ frames[chunk].reshape(-1, sets, 3, 3)).reshape(-1, 3)
+            hits[chunk] = scene.run(np.repeat(origins[chunk], rays_each, axis=0), rays).reshape(-1, rays_each)
 
         for _ in _threads().map(trace, range(0, len(origins), step)):
             pass

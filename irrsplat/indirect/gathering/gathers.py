@@ -17,7 +17,6 @@ from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangePr
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.settings import SETTINGS, Settings
 
-
 _PROBE_RAYS = 1 << 18  # rays of one batch of probes, at most
 
 
