@@ -36,10 +36,10 @@ class Machine(Clock):
     def finish(self) -> None:
         pass
 
-    def tick(self, seconds: float | None, wanted: int = MANY) -> float:
-        """Do one tick; the seconds that it took."""
+    def tick(self, seconds: float | None, wanted: int = MANY, rays: int = 0) -> float:
+        """Do one tick of items with so many rays each; the seconds that it took."""
         start = self.time
-        for count in self.pace.batches(wanted, 1000, Budget(seconds)):
+        for count in self.pace.batches(wanted, 1000, Budget(seconds), rays):
             self.time += (self.overhead + self.each * count) * self.random.lognormal(0.0, self.noise)
             self.sizes.append(count)
         return self.time - start
@@ -88,6 +88,13 @@ def test_batches_grow_where_ticks_are_shorter_than_the_overhead(
     first, took = made.ticks(40, seconds), made.ticks(200, seconds)
     assert made.useful > 0.33 * took.sum(), made.sizes
     assert max(first.max(), took.max()) < 0.040 * (1.0 + 3.0 * noise) + 0.010
+
+
+def test_the_first_batch_has_rays_enough_to_measure(machine: Callable[..., Machine]) -> None:
+    """16 384 rays take a few milliseconds: 64 items of 256 rays. One item would measure the overhead alone."""
+    made = machine(0.010, 0.0001)
+    made.tick(0.001, rays=256)
+    assert made.sizes == [64]
 
 
 def test_costs_that_change_are_learned_anew(machine: Callable[..., Machine]) -> None:

@@ -100,6 +100,15 @@ def lit(share: float) -> list[Light]:
     return [replace(ROOM.lights[0], position=carried(share))]
 
 
+def test_provisional_records_have_few_rays_and_are_all_gathered_again(ctx: moderngl.Context) -> None:
+    """Coarse light is off by more than the noise of 16×16 rays, which cost a sixteenth of 64×64."""
+    with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "gather_size": 64}) as renderer:
+        early = ticks(renderer, lambda now: now.records > 20)
+        assert early.surface < 1.0 and (renderer.cache.gather_sizes == 16).all()
+        ticks(renderer, lambda now: now.still)
+        assert not (renderer.cache.gather_sizes == 16).any()
+
+
 def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
     """The bright spot above a light moves with it: updated values are close to newly computed ones."""
     with made(ctx, ROOM) as renderer, made(ctx, replace(ROOM, lights=tuple(lit(1.0)))) as other:
