@@ -270,7 +270,7 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
-    def asking(self) -> tuple[float, float, int]:
+    def request_criteria(self) -> tuple[float, float, int]:
         """Return the values that decide which pixels request a record: `threshold`, `spread` and `max_records`."""
         return self.threshold, self.spread, self.max_records
 

@@ -86,7 +86,7 @@ class PlaceLight(Tenant):
             for _ in range(settings.max_rounds):
                 view, _ = scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
-                if view.stalled or view.settled == (sums, settings.asking):
+                if view.stalled or view.settled == (sums, settings.request_criteria):
                     break
                 screen = scheduler.screen(drawn.gbuffer, sums, _NOBODY)
                 view, _ = scheduler.gather_missing(view, screen, self.lit.shadows, _NOBODY, budget)

@@ -22,7 +22,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
 _APART = 0.018  # of the image height: greatest density of the new records of one check
-LOOKS = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
+SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
 _DOUBT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
@@ -35,12 +35,12 @@ _MOST = 2_000_000  # greatest number of stored places
 class Spots:
     """Places of a view.
 
-    sites: (N,), each with a frame rotation. said: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. rows: height of the picture in these distances. floor: W/m², lower bound of `said` in relative differences.
+    sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
+    on screen. rows: height of the picture in these distances. floor: W/m², lower bound of `cached` in relative differences.
     """
 
     sites: Sites
-    said: np.ndarray
+    cached: np.ndarray
     distance: np.ndarray
     rows: float
     floor: float = 0.0
@@ -49,27 +49,27 @@ class Spots:
     def joined(parts: Sequence[Spots]) -> Spots:
         """Return the places of all parts of a view, in an order independent of the division into parts."""
         joined = Sites.joined([part.sites for part in parts])
-        said, distance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("said", "distance"))
+        cached, distance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cached", "distance"))
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
-        floor = _FLOOR * float(said[order].mean(dtype=float)) if len(order) else 0.0
-        return Spots(joined[order], said[order], distance[order], parts[0].rows, floor)
+        floor = _FLOOR * float(cached[order].mean(dtype=float)) if len(order) else 0.0
+        return Spots(joined[order], cached[order], distance[order], parts[0].rows, floor)
 
     def __len__(self) -> int:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.said[rows], self.distance[rows], self.rows, self.floor)
+        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.rows, self.floor)
 
-    def off(self, found: np.ndarray) -> np.ndarray:
+    def difference(self, found: np.ndarray) -> np.ndarray:
         """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater of both.
 
         A brighter probe at a dark place counts as 0: closer to a sheet than a gather's offset, it may be on the other side.
         """
-        share = np.abs(found - self.said) / np.maximum(np.maximum(found, self.said), max(self.floor, 1e-30))
-        return np.where((found > self.said) & (self.said < self.floor), 0.0, share)
+        share = np.abs(found - self.cached) / np.maximum(np.maximum(found, self.cached), max(self.floor, 1e-30))
+        return np.where((found > self.cached) & (self.cached < self.floor), 0.0, share)
 
-    def worst(self, off: np.ndarray) -> np.ndarray:
+    def peaks(self, off: np.ndarray) -> np.ndarray:
         """Return the numbers of the places with the greatest difference `off` (N,) among close ones."""
         order = np.argsort(-off, kind="stable")
         cells = _cells(self.sites[order], _APART * self.rows * self.distance[order])
@@ -122,7 +122,7 @@ class SpotCheck:
     """Progress of the check of a view: an immutable value.
 
     whole: the places at the start. spots: the places of the present probes. found: (K,) W/m² luminances at the first K of
-    `spots`. stage: index of the present probes in LOOKS.
+    `spots`. stage: index of the present probes in SIDES.
     """
 
     whole: Spots
@@ -131,12 +131,12 @@ class SpotCheck:
     stage: int = 0
 
     @property
-    def contradicting(self) -> Spots:
+    def doubtful(self) -> Spots:
         """The places where the present probes differ from the cache; before the last probes, only the worst of close ones."""
-        off = self.spots.off(self.found)
+        off = self.spots.difference(self.found)
         there = off > _DOUBT[self.stage]
         left = self.spots[there]
-        return left[left.worst(off[there])] if self.stage == len(LOOKS) - 2 else left
+        return left[left.peaks(off[there])] if self.stage == len(SIDES) - 2 else left
 
 
 @dataclass(eq=False)

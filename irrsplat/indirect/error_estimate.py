@@ -34,17 +34,17 @@ def blur_of(height: int) -> float:
 class Check:
     """N pixels under test.
 
-    shown: (N, 3) the picture's E, W/m². drawn_by: (N,) the estimated variance by which each pixel was drawn. doubt: (H, W) that
-    variance at all pixels; mean_doubt: its mean over the pixels of the error; mean: their mean E, W/m². first: the number of the
-    first test's record. done: the number of gathered tests. Once all are gathered, coarse (N, 3) has their E, and done counts
-    the tests that are gathered again.
+    shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance with which each pixel was drawn.
+    uncertainty: (H, W) this variance at all pixels. mean_uncertainty, mean: means of variance and E over the error's pixels.
+    first: number of the first test's record. done: number of gathered tests. coarse: (N, 3) E of the tests, once all are
+    gathered; from then on done counts the tests that are gathered again.
     """
 
     sites: Sites
     shown: np.ndarray
     drawn_by: np.ndarray
-    doubt: np.ndarray
-    mean_doubt: float
+    uncertainty: np.ndarray
+    mean_uncertainty: float
     mean: float
     first: int = 0
     done: int = 0
@@ -57,7 +57,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Told:
+class ErrorSums:
     """Sums of the tests' results, in which earlier steps have less weight.
 
     errors, count: squared differences between picture and tests, over the variance that the pixels were drawn by, and their
@@ -71,18 +71,18 @@ class Told:
     rays: float = 0.0
     count_again: float = 0.0
 
-    def by(self, check: Check, true: np.ndarray) -> Told:
+    def including(self, check: Check, true: np.ndarray) -> ErrorSums:
         """Return the sums with further tests; true: (K, 3) E of the tests that were gathered again."""
         assert check.coarse is not None
-        again, doubt = check.again, check.drawn_by[check.again]
+        again, uncertainty = check.again, check.drawn_by[check.again]
         errors = squares(check.shown, check.coarse) / check.drawn_by
-        excess = errors[again] - squares(check.shown[again], true) / doubt
-        rays = squares(check.coarse[again], true) / doubt
+        excess = errors[again] - squares(check.shown[again], true) / uncertainty
+        rays = squares(check.coarse[again], true) / uncertainty
         sums = errors.sum(), len(errors), excess.sum(), rays.sum(), len(again)
         before = self.errors, self.count, self.excess, self.rays, self.count_again
-        return Told(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
+        return ErrorSums(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
 
-    def doubled(self) -> Told:
+    def doubled(self) -> ErrorSums:
         """Return the estimate for gathers whose sides are doubled."""
         return replace(self, rays=self.rays / _GAIN)
 
@@ -105,8 +105,11 @@ def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Check:
-    """CHECKS of the smooth pixels, as the error leaves out edges, drawn with a probability in proportion to their doubt: the
-    variance of what records say there, averaged over the pixels around, and a share of its mean. off: as in Seen.smooth."""
+    """Return CHECKS of the smooth pixels, as the error leaves out edges.
+
+    Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
+    a share of its mean. off: as in Seen.smooth.
+    """
     from scipy import ndimage
 
     sums, weight = pixels(splats.sums).astype(float), pixels(splats.weight).astype(float)
@@ -114,15 +117,17 @@ def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) ->
     variance = np.where(seen.mask, np.maximum(weight[..., 1] / k - ((sums[..., :3] @ LUMINANCE) / k) ** 2, 0.0), 0.0)
     sigma = blur_of(len(variance))
     share = ndimage.gaussian_filter(seen.mask.astype(float), sigma)
-    doubt = np.where(seen.mask, ndimage.gaussian_filter(variance, sigma) / np.maximum(share, 1e-6), 0.0)
-    doubt += seen.mask * (_FAIR / (1.0 - _FAIR) * float(doubt[seen.mask].mean()) + 1e-20)
+    uncertainty = np.where(seen.mask, ndimage.gaussian_filter(variance, sigma) / np.maximum(share, 1e-6), 0.0)
+    uncertainty += seen.mask * (_FAIR / (1.0 - _FAIR) * float(uncertainty[seen.mask].mean()) + 1e-20)
     smooth = seen.smooth(off)
     counting = smooth if smooth.any() else seen.mask
     random, candidates = np.random.default_rng(seed), np.flatnonzero(counting)
-    sum_to = np.cumsum(doubt.ravel()[candidates])
+    sum_to = np.cumsum(uncertainty.ravel()[candidates])
     count = min(CHECKS, len(candidates))
     places = (np.arange(count) + random.random(count)) / max(count, 1) * sum_to[-1]
     chosen = np.unique(candidates[np.minimum(np.searchsorted(sum_to, places), len(candidates) - 1)])
     at = np.unravel_index(chosen, seen.mask.shape)
     E = sums[..., :3] / k[..., None]
-    return Check(seen.sites(at), E[at], doubt[at], doubt, float(doubt[counting].mean()), float(E[counting].mean()))
+    return Check(
+        seen.sites(at), E[at], uncertainty[at], uncertainty, float(uncertainty[counting].mean()), float(E[counting].mean())
+    )

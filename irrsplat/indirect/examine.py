@@ -42,12 +42,12 @@ def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
 class Examination:
     """A round's finding, per tile (h, w).
 
-    asking, seen: counts of pixels that request a record, and that see a surface. position, normal (h, w, 3): of the worst served
-    pixel, a site for a record. octahedral (h, w, 2): the coordinates of its geometric normal. triangle, weight (h, w): the number
-    of the triangle there, and its Σw.
+    requests, seen: counts of pixels that request a record, and that see a surface. position, normal (h, w, 3): of the pixel of
+    least weight, a site for a record. octahedral (h, w, 2): coordinates of its geometric normal. triangle, weight (h, w): its
+    triangle's number, and its Σw.
     """
 
-    asking: np.ndarray
+    requests: np.ndarray
     seen: np.ndarray
     position: np.ndarray
     normal: np.ndarray
@@ -58,12 +58,12 @@ class Examination:
     @property
     def holes(self) -> int:
         """The number of tiles with a pixel that no record covers."""
-        return int(np.count_nonzero((self.asking > 0.0) & (self.weight <= 0.0)))
+        return int(np.count_nonzero((self.requests > 0.0) & (self.weight <= 0.0)))
 
     @property
     def missing(self) -> float:
         """The under-covered share of the pixels that see a surface, 0..1."""
-        return float(self.asking.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
+        return float(self.requests.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
         """The sites of the given tiles (rows, columns)."""

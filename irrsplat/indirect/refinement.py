@@ -19,7 +19,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
-from irrsplat.indirect.error_estimate import Check, Told, blur_of, drawn
+from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawn
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
@@ -66,14 +66,14 @@ class Base:
 class Refinement:
     """The progress of a view's refinement: one value, replaced whole.
 
-    step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last one
-    known. lit: True if the surface cache is as fine as the step needs. changes: (K, 3) W/m², the changes of E of the first K
-    records by its last level, None where none is new. lacking: W/m², about the error that is left by it. told: what tests told.
-    doublings: of the sides of gathers for the next step.
+    step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last known
+    one. lit: True if the surface cache is fine enough for the step. changes: (K, 3) W/m², changes of E of the first K records
+    by its last level, None without a new level. surface_error: W/m², estimated remaining error of E by the surface cache.
+    tested: sums of all tests. doublings: of the sides of gathers for the next step.
 
-    The rest is of that step. check: the pixels under test. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
-    finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to
-    be refined, or nothing more can be.
+    The rest belongs to the next step. check: the pixels under test. uncertainty: (H, W) W²/m⁴. next_levels: None before they
+    are chosen. finer: numbers of old records that still need more rays. fill: its progress as a view. ended: True if nothing
+    more is or can be refined.
     """
 
     base: Base
@@ -85,10 +85,10 @@ class Refinement:
     doublings: int = 0
     lit: bool = False
     changes: np.ndarray | None = None
-    lacking: float = 0.0
-    told: Told = Told()
+    surface_error: float = 0.0
+    tested: ErrorSums = ErrorSums()
     check: Check | None = None
-    doubt: np.ndarray | None = None
+    uncertainty: np.ndarray | None = None
     next_levels: Levels | None = None
     finer: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     fill: ViewState = ViewState()
@@ -105,7 +105,7 @@ class Refiner(Owner):
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
         self._splats = [ViewSplats(ctx, size, gradients, timers) for _ in range(2)]  # of the picture on show, and of the next one
         self._reach = [float_texture(ctx, size, 1) for _ in range(2)]
-        self._lacking: tuple[int, float] | None = None  # by the level of the surface cache
+        self._surface_error: tuple[int, float] | None = None  # by the level of the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -117,9 +117,14 @@ class Refiner(Owner):
         base = Base(cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.state())
         state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
         surface = self.scheduler.gatherer.surface_now
-        if surface is None or self._lacking is None or not surface.refinements or surface.refinements != self._lacking[0]:
+        if (
+            surface is None
+            or self._surface_error is None
+            or not surface.refinements
+            or surface.refinements != self._surface_error[0]
+        ):
             return state
-        return replace(state, lit=True, lacking=self._lacking[1])  # a view before has refined the surface cache
+        return replace(state, lit=True, surface_error=self._surface_error[1])  # a view before has refined the surface cache
 
     def leave(self, state: Refinement) -> None:
         """Forget the records of the refinement; the others reach as far as before, and hold what they have come to hold."""
@@ -136,12 +141,12 @@ class Refiner(Owner):
             return replace(state, ended=True)
         if not state.lit:
             return self._light(state, gbuffer, shadows, budget)
-        if state.error is None or state.doubt is None:
+        if state.error is None or state.uncertainty is None:
             return self._test(state, target, gbuffer, shadows, budget)
         if state.next_levels is None:
             return self._choose(state, gbuffer)
         if len(state.finer):
-            return self._look_again(state, shadows, budget)
+            return self._regather_finer(state, shadows, budget)
         return self._fill(state, gbuffer, shadows, budget)
 
     def _side(self, doublings: int) -> int:
@@ -159,17 +164,17 @@ class Refiner(Owner):
             done = gatherer.refine_surface(shadows, budget)
             return replace(state, changes=np.zeros((0, 3))) if done else state
         if len(state.changes) < cache.count:
-            more = gatherer.follow_refinement(shadows, np.arange(len(state.changes), cache.count), budget)
+            more = gatherer.correct_by_refinement(shadows, np.arange(len(state.changes), cache.count), budget)
             return replace(state, changes=np.concatenate([state.changes, more]))
         served = self.scheduler.served(gbuffer, camera)[:, None]
         weights = served / max(float(served.sum()), 1e-20)
-        lacking = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
-        self._lacking, index = (surface.refinements, lacking), state.step % 2
+        surface_error = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
+        self._surface_error, index = (surface.refinements, surface_error), state.step % 2
         self.scheduler.limit_radii(replace(state.fill, limited=True))  # the last test's records are new
         splats = self._splats[index].update(
             cache, gbuffer, camera, self.scheduler.settings, 1, self._reach[index] if state.step else None
         )
-        return replace(state, splats=splats, lit=True, lacking=lacking, changes=None)
+        return replace(state, splats=splats, lit=True, surface_error=surface_error, changes=None)
 
     def _test(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather at pixels drawn at random, as finely as the records of the picture, and some more finely, and compare."""
@@ -187,28 +192,30 @@ class Refiner(Owner):
         if done < len(again):
             done += gatherer.regather(shadows, check.first + again[done:], budget, self._side(state.doublings + 1))
             return replace(state, check=replace(check, done=done))
-        told, doublings = state.told.by(check, cache.values[check.first + again, :3]), state.doublings
-        off = math.hypot(math.sqrt(check.mean_doubt * told.ratio), state.lacking)
+        tested, doublings = state.tested.including(check, cache.values[check.first + again, :3]), state.doublings
+        off = math.hypot(math.sqrt(check.mean_uncertainty * tested.ratio), state.surface_error)
         aim = max(target * check.mean, off / _AIM)
-        if check.mean_doubt * told.ray_ratio > _RAYS * aim**2 and self._side(doublings + 1) > self._side(doublings):
-            told, doublings = told.doubled(), doublings + 1
+        if check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2 and self._side(doublings + 1) > self._side(doublings):
+            tested, doublings = tested.doubled(), doublings + 1
         error = off / check.mean if check.mean > 0.0 else 0.0
-        lit = state.lacking**2 <= _BETWEEN * aim**2
+        lit = state.surface_error**2 <= _BETWEEN * aim**2
         surface = gatherer.surface_now
         # the finest surface cache may be off by more than the target; then records need not be much better
-        ended = surface is not None and not surface.may_refine and off < _WORTH * state.lacking
-        state = replace(state, check=None, doubt=check.doubt, told=told, doublings=doublings, lit=lit, ended=ended)
+        ended = surface is not None and not surface.may_refine and off < _WORTH * state.surface_error
+        state = replace(
+            state, check=None, uncertainty=check.uncertainty, tested=tested, doublings=doublings, lit=lit, ended=ended
+        )
         return replace(state, error=error, last_error=error)
 
     def _choose(self, state: Refinement, gbuffer: GBuffer) -> Refinement:
         """The levels of the next step, and the records that have to look more finely for it."""
         from scipy import ndimage
 
-        assert state.doubt is not None
-        doubt = np.maximum(state.doubt, 1e-30)  # its relation to the error's square cancels out
-        limit = _LEAVE**2 * float(doubt[state.doubt > 0.0].mean())
+        assert state.uncertainty is not None
+        uncertainty = np.maximum(state.uncertainty, 1e-30)  # its relation to the error's square cancels out
+        limit = _LEAVE**2 * float(uncertainty[state.uncertainty > 0.0].mean())
         # an error is about in proportion to the square of the reach, so that it takes a level to halve it
-        more = np.clip(0.5 * np.log2(doubt / limit), 0.0, _STEP)
+        more = np.clip(0.5 * np.log2(uncertainty / limit), 0.0, _STEP)
         around = round(blur_of(self.size[1]))
         more = ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around)
         levels = Levels(np.minimum(state.levels.values + more, _MOST).astype("f4"), state.levels.camera)
@@ -220,7 +227,7 @@ class Refiner(Owner):
         served = self.scheduler.served(gbuffer, levels.camera)
         return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (served > 0.0)))
 
-    def _look_again(self, state: Refinement, shadows: ShadowMaps, budget: Budget) -> Refinement:
+    def _regather_finer(self, state: Refinement, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather records again that are to look along more rays."""
         done = self.scheduler.gatherer.regather(shadows, state.finer, budget, self._side(state.doublings))
         return replace(state, finer=state.finer[done:])
@@ -231,11 +238,11 @@ class Refiner(Owner):
         assert levels is not None
         fill, _ = self.scheduler.limit_radii(state.fill)
         splats = self._splats[index].update(self.cache, gbuffer, levels.camera, settings, 1, self._reach[index])
-        if not fill.stalled and fill.settled != (splats, settings.asking):
+        if not fill.stalled and fill.settled != (splats, settings.request_criteria):
             side = self._side(state.doublings)
             screen = self.scheduler.screen(gbuffer, splats, levels.camera)
             fill, _ = self.scheduler.gather_missing(fill, screen, shadows, levels.camera, budget, side)
-            if not (fill.stalled or fill.settled == (splats, settings.asking)):
+            if not (fill.stalled or fill.settled == (splats, settings.request_criteria)):
                 return replace(state, fill=fill, ended=fill.full)
-        known = replace(state, error=None, check=None, doubt=None, next_levels=None, fill=ViewState())
+        known = replace(state, error=None, check=None, uncertainty=None, next_levels=None, fill=ViewState())
         return replace(known, splats=splats, levels=levels, step=state.step + 1)

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
-from irrsplat.gather.spot_check import LOOKS, PlacesChecked, SpotCheck, SpotPass, Spots
+from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -74,10 +74,10 @@ class RecordScheduler(Owner):
         return self.gatherer.settings
 
     @property
-    def renewal(self) -> RefreshOrder:
+    def refresh_order(self) -> RefreshOrder:
         """The order in which stale records are gathered again."""
         gradients = self.settings.gradients
-        return self._passes.get("renewal", gradients, lambda: RefreshOrder(self.ctx, gradients))
+        return self._passes.get("refresh_order", gradients, lambda: RefreshOrder(self.ctx, gradients))
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -85,14 +85,14 @@ class RecordScheduler(Owner):
         """Return how `scene` differs from the scene by which records are gathered now."""
         return self.gatherer.change_to(scene)
 
-    def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
+    def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
         """Apply other settings and another state of the scene.
 
         Affected records become stale. Records close to a place that a mesh has left or reached are removed. change: from
         `change_to`. shadows: of the former scene, None if none are drawn.
         """
         bounces = self.settings.most_bounces
-        kept = self.gatherer.follow(settings, change, shadows)
+        kept = self.gatherer.apply(settings, change, shadows)
         other_lights = change and change.dimming is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
             self._checked.forget()
@@ -111,10 +111,10 @@ class RecordScheduler(Owner):
         """Prepare gathering. Return True if records may be gathered. idle: True if no record waits."""
         return self.gatherer.prepare(shadows, budget, idle)
 
-    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
+    def refresh(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place. Return how many. gbuffer: records with most pixels in it come first."""
         stale = self.cache.stale
-        numbers = stale if gbuffer is None else self.renewal.order(self.cache, gbuffer, camera, self.settings)
+        numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
         return self.gatherer.regather(shadows, numbers, budget)
 
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
@@ -161,7 +161,7 @@ class RecordScheduler(Owner):
                 return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
             state = self._requested(state, screen, camera, budget, side)
         if state.queue is not None:
-            self.gatherer.resume(shadows, budget)
+            self.gatherer.restore_surface(shadows, budget)
             done = self.gatherer.gather(shadows, _asked_by(state.queue, camera, screen.size), budget, side, state.near)
             state = replace(state, queue=state.queue[done:] if done < len(state.queue) else None)
             result = RoundResult(done, state.queue is None)
@@ -169,7 +169,7 @@ class RecordScheduler(Owner):
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
-        few = state.asking < FEWER
+        few = state.requesting < FEWER
         state = replace(state, crowded=not few, closing=state.closing or (few and state.crowded))
         settled = False
         if not result.new:
@@ -182,7 +182,7 @@ class RecordScheduler(Owner):
             rounds=state.rounds + 1,
             stalled_rounds=0 if gained else state.stalled_rounds + 1,
             holes_before=state.holes,
-            settled=(screen.sums, self.settings.asking) if settled else state.settled,
+            settled=(screen.sums, self.settings.request_criteria) if settled else state.settled,
         )
         return state, replace(result, complete=result.new > 0 or settled)
 
@@ -228,21 +228,21 @@ class RecordScheduler(Owner):
         check, gatherer = state.check, self.gatherer
         if check is None:
             roomy = self.room > _ROOMY * self.settings.max_records
-            if not (spots and roomy and self.settings.spread and gatherer.may_glance):
+            if not (spots and roomy and self.settings.spread and gatherer.may_probe):
                 return replace(state, checked=True)
             left = self._checked.left(screen.spots())
             check = SpotCheck(left, left)
         while True:
-            more = gatherer.glance(shadows, check.spots.sites[len(check.found) :], budget, LOOKS[check.stage])
+            more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
             check = replace(check, found=np.concatenate([check.found, more]))
             if len(check.found) < len(check.spots):
                 return replace(state, check=check)
-            if check.stage == len(LOOKS) - 1:
+            if check.stage == len(SIDES) - 1:
                 break
-            check = SpotCheck(check.whole, check.contradicting, stage=check.stage + 1)
+            check = SpotCheck(check.whole, check.doubtful, stage=check.stage + 1)
             if budget.left <= 0.0:
                 return replace(state, check=check)
-        sites = check.contradicting.sites[: self.room]
+        sites = check.doubtful.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
         return replace(state, check=None, checked=True, queue=sites or None, near=False, stalled_rounds=0)
 
@@ -272,15 +272,15 @@ class RecordScheduler(Owner):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles
             # of every other pixel a quarter of the tiles ask: about as many as would, were every pixel looked at
-            asking, step = int(np.count_nonzero(found.asking)) * screen.pixel_stride**2, state.step
-            board = chessboard(step, reach, asking)
-            tiles = choose(found.asking, board, settings.seed + step)
-            while asking and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
+            requests, step = int(np.count_nonzero(found.requests)) * screen.pixel_stride**2, state.step
+            board = chessboard(step, reach, requests)
+            tiles = choose(found.requests, board, settings.seed + step)
+            while requests and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
                 step += 1
-                board = chessboard(step, reach, asking)
-                tiles = choose(found.asking, board, settings.seed + step)
-            step += asking > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
-            state = replace(state, missing=found.missing, holes=found.holes, asking=asking, step=step, near=board.last)
+                board = chessboard(step, reach, requests)
+                tiles = choose(found.requests, board, settings.seed + step)
+            step += requests > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
+            state = replace(state, missing=found.missing, holes=found.holes, requesting=requests, step=step, near=board.last)
             return state, found.at(tiles)
 
     def _scan(
@@ -292,7 +292,7 @@ class RecordScheduler(Owner):
         if scan is None:
             with self.timers("gbuffer"):
                 scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
-        self.gatherer.resume(shadows, budget)
+        self.gatherer.restore_surface(shadows, budget)
         room = self._room(1, camera, gbuffer.position.size)
         state = replace(state, scan=scan, full=not room)
         if not room:
@@ -313,7 +313,7 @@ class RecordScheduler(Owner):
 
     def served(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """(N,) float32: about how many pixels of a view each record serves."""
-        return self.renewal.coverage_pass(self.cache.records, gbuffer, camera, self.settings)
+        return self.refresh_order.coverage_pass(self.cache.records, gbuffer, camera, self.settings)
 
     def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
         """Return the number of records in the frustum of a view of `size` (width, height), hidden records included."""
@@ -324,7 +324,7 @@ class RecordScheduler(Owner):
         gatherer = self.gatherer
         # records that are not yet compared with a change: all of them will be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
-        records = self.cache.state(gatherer.unsettled)
+        records = self.cache.state(gatherer.has_pending_changes)
         self._checked.forget_if_fewer(self.cache.count)
         return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.cells)
 
@@ -333,7 +333,7 @@ class RecordScheduler(Owner):
         self.cache.restore(state.records)
         self.adaptation.restore(state.adapted, self.settings)
         self._checked = PlacesChecked(state.checked, self.cache.count)
-        self.gatherer.go_on_with(cast(BounceStatistics, dict(state.bounces)))
+        self.gatherer.resume_with(cast(BounceStatistics, dict(state.bounces)))
 
 
 def _asked_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:

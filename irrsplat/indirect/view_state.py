@@ -30,13 +30,13 @@ class ViewState:
     crowded: bool = False  # whether many tiles asked when the last complete round began
     closing: bool = False  # whether what waits until hardly any tile asks is due: the spot check, the reach of old records
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which no record was requested
-    looked_at: tuple[object, tuple[object, ...]] | None = None  # the sums and criteria of `coverage`, while nothing is gathered
+    examined_at: tuple[object, tuple[object, ...]] | None = None  # the sums and criteria of `coverage`, while nothing is gathered
 
     # the present round
     queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
     near: bool = False  # whether they lie as close together as sites may: their records serve only what is near
     missing: float = 0.0  # under-covered share of the seen pixels when it began
-    asking: int = 0  # tiles that requested a record when it began
+    requesting: int = 0  # tiles that requested a record when it began
     holes: int = 0  # tiles with a pixel that no record covered when it began
     holes_before: int = 0  # when the round before it began
     step: int = 0  # of the site selection, coarse to fine

@@ -135,13 +135,13 @@ class Frames(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def go_on(self, state: State) -> None:
+    def change_to(self, state: State) -> None:
         """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
             self.resting.leave()
         change = self.scheduler.change_to(state.scene)
         dimming = change.dimming
-        self.scheduler.follow(state.settings, change, self.stages.shadows(self.state))
+        self.scheduler.apply(state.settings, change, self.stages.shadows(self.state))
         if dimming is not None:
             state = replace(state, view=self._dimmed_view(state))
             if self.stages.temporal_filter is not None:
@@ -154,7 +154,7 @@ class Frames(Owner):
         if view.subject != self.state.view_subject:
             return view
         subject = replace(self.state, scene=after.scene).view_subject
-        return replace(view, subject=subject, limited=False, settled=None, looked_at=None)
+        return replace(view, subject=subject, limited=False, settled=None, examined_at=None)
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""

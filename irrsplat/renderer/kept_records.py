@@ -35,35 +35,39 @@ def save(path: files.Pathlike, scene: Scene, scheduler: RecordScheduler) -> None
     cache_file.write(path, cache_file.key(scene, scheduler.settings), scheduler.state(), cache_file.stamp(scene))
 
 
-def load(path: files.Pathlike, update: bool, present: State, holder: Holder, go_on: Callable[[State], None]) -> str:
-    """Take the records of a file in place of the holder's own, as Renderer.load_cache says. present: the holder's state; go_on:
-    has it go on with another one."""
+def load(path: files.Pathlike, update: bool, present: State, holder: Holder, change_to: Callable[[State], None]) -> str:
+    """Take the records of a file in place of the holder's own, as Renderer.load_cache has it.
+
+    present: the holder's state. change_to: changes it to another one.
+    """
     scheduler, wanted = holder.scheduler, cache_file.key(present.scene, holder.scheduler.settings)
     if not update:
         scheduler.restore(cache_file.read(named(path), wanted))
         return ""
     found, reason = cache_file.read_of_any_scene(named(path), wanted)
     if reason:
-        _renew(found, found.key.lights == wanted.lights, present, holder, go_on)
+        _renew(found, found.key.lights == wanted.lights, present, holder, change_to)
     else:
         scheduler.restore(found.state)
     return reason
 
 
-def _renew(found: cache_file.Content, same_lights: bool, present: State, holder: Holder, go_on: Callable[[State], None]) -> None:
+def _renew(
+    found: cache_file.Content, same_lights: bool, present: State, holder: Holder, change_to: Callable[[State], None]
+) -> None:
     """Take the records of a file that belong to another state of the scene, and go on to the present one from there."""
     scheduler, then = holder.scheduler, earlier(found.scene, present.scene, cache_file.stamp(present.scene))
     records = cache_file.carried_over(found.state, then)
     holder.forget()
     try:
-        go_on(replace(present, scene=then.scene))
+        change_to(replace(present, scene=then.scene))
         scheduler.restore(records)
         if then.complete and same_lights:  # a look at what was there before tells whom the change concerns
-            scheduler.gatherer.resume(holder.draw_shadows(), Budget(None))
+            scheduler.gatherer.restore_surface(holder.draw_shadows(), Budget(None))
         else:
             scheduler.cache.invalidate()
-        go_on(present)
+        change_to(present)
     except BaseException:
         scheduler.cache.truncate(0)
-        go_on(present)
+        change_to(present)
         raise

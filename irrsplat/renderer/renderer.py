@@ -251,7 +251,7 @@ class Renderer(Tenant):
         for settings that this OpenGL does not support.
         """
         check_type("what a renderer changes to", settings, Settings)
-        self._go_on(replace(self._state, settings=settings, preset=preset or self.preset))
+        self._change_to(replace(self._state, settings=settings, preset=preset or self.preset))
 
     def carry_headlamp(self, intensity: float) -> None:
         """Carry a light of so many W/sr at the eye; 0: none.
@@ -266,7 +266,7 @@ class Renderer(Tenant):
         Records are scaled if all light changes by one factor per channel, and gathered again in place otherwise. Raises
         InputError for too many lights.
         """
-        self._go_on(replace(self._state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
+        self._change_to(replace(self._state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Move a mesh (its index in scene.meshes, or its name) by a 4×4 or 3×4 matrix from its loaded position.
@@ -274,7 +274,7 @@ class Renderer(Tenant):
         Records on the mesh move along. Records within the mesh are removed. Other affected records are gathered again in place.
         Raises InputError for an unknown mesh, and for a matrix that is not affine, or singular.
         """
-        self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform).local))
+        self._change_to(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform).local))
 
     def repaint(self, mesh: int | str, material: Material) -> None:
         """Apply another material to a mesh (its index in scene.meshes, or its name): other colours or another emission.
@@ -284,7 +284,7 @@ class Renderer(Tenant):
         anew.
         """
         check_type("what a mesh is repainted with", material, Material)
-        self._go_on(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
+        self._change_to(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
 
     def pose(self, scene: Scene) -> None:
         """Apply another pose of the scene: meshes moved, repainted or hidden (scene.motion.hidden), other lights, another sky.
@@ -292,16 +292,16 @@ class Renderer(Tenant):
         One call replaces `move`, `repaint` and `relight`, with their errors. Raises InputError for a scene of other meshes.
         """
         check_type("a pose", scene, Scene)
-        self._go_on(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
+        self._change_to(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size (width, height) of views; the records stay. Raises InputError for an unsupported size."""
-        self._go_on(replace(self._state, size=gl_limits.checked(size)))
+        self._change_to(replace(self._state, size=gl_limits.checked(size)))
 
-    def _go_on(self, state: State) -> None:
+    def _change_to(self, state: State) -> None:
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
-        self._frames.go_on(self._tiling.checked(state, self.ctx, again=state.size != self.size))
+        self._frames.change_to(self._tiling.checked(state, self.ctx, again=state.size != self.size))
 
     def reload(self) -> None:
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
@@ -342,7 +342,7 @@ class Renderer(Tenant):
         """
         self._use()
         self._frames.resting.leave()
-        reason = kept_records.load(path, update, self._state, self, self._go_on)
+        reason = kept_records.load(path, update, self._state, self, self._change_to)
         self.forget(records=False)
         return reason
 

@@ -50,7 +50,7 @@ class Rounds:
         renewed = 0
         if ready:  # 2.1, records whose light has changed
             part = budget.part(1.0 if view.coverage == 1.0 else _RENEWAL, costs.splat + later if picture else 0.0)
-            renewed = scheduler.renew(shadows, gbuffer, camera, part)
+            renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed and not picture and len(self.cache.stale) and (shown := self.stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
             progress = self._progress(view, NOTHING_ASKED, renewed, self.cache.waiting)
@@ -71,8 +71,8 @@ class Rounds:
         if not bounces:
             view = replace(view, coverage=1.0)
         elif not ready or view.stalled:  # the last round of a stalled view may have covered all
-            view, requests = self._look_only(view, screen, settings.asking, gather)
-        elif view.settled != (screen.sums, settings.asking):  # 2.3 and 2.1
+            view, requests = self._examine_only(view, screen, settings.request_criteria, gather)
+        elif view.settled != (screen.sums, settings.request_criteria):  # 2.3 and 2.1
             view, requests = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
         if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
@@ -102,7 +102,7 @@ class Rounds:
 
     def follow_scene(self, state: State) -> ShadowMaps:
         """Let records and surface cache follow the scene's changes, and return its shadow maps."""
-        self.scheduler.follow(state.settings, self.scheduler.change_to(state.scene), self.stages.shadows(state))
+        self.scheduler.apply(state.settings, self.scheduler.change_to(state.scene), self.stages.shadows(state))
         return self.stages.draw_shadows(state)
 
     def _screen(self, state: State, camera: Camera, stride: int) -> Screen:
@@ -113,14 +113,14 @@ class Rounds:
         splats = self.stages.splats(state).update(self.cache, gbuffer, camera, state.settings, stride)
         return self.scheduler.screen(gbuffer, splats, camera)
 
-    def _look_only(
-        self, view: ViewState, screen: Screen, asking: tuple[object, ...], gather: bool
+    def _examine_only(
+        self, view: ViewState, screen: Screen, criteria: tuple[object, ...], gather: bool
     ) -> tuple[ViewState, RoundResult]:
         """Return the coverage of a view for which nothing is gathered. If `gather` is False for good, every pixel is splatted
         next."""
-        looked_at = screen.sums, asking
-        if view.looked_at != looked_at:
-            view = replace(view, looked_at=looked_at, coverage=1.0 - self.scheduler.missing(screen))
+        examined_at = screen.sums, criteria
+        if view.examined_at != examined_at:
+            view = replace(view, examined_at=examined_at, coverage=1.0 - self.scheduler.missing(screen))
         if gather or view.pixel_stride == 1:
             return view, NOTHING_ASKED
         return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=False)

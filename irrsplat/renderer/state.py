@@ -58,7 +58,7 @@ class State:
         scene, settings = self.scene, self.settings
         criteria = (
             *settings.of("shadow", "gather", "splat"),
-            settings.asking,
+            settings.request_criteria,
             settings.placement,
             settings.warmup,
         )

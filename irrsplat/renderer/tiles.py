@@ -31,7 +31,7 @@ Size = tuple[int, int]
 
 
 @dataclass(frozen=True)
-class _Looked:
+class _Examined:
     """A tile's examination and the number of records that it used."""
 
     count: int
@@ -43,8 +43,8 @@ class TileScreens:
 
     def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
         self.stages, self.scheduler, self.cache = stages, scheduler, scheduler.cache
-        self._looked: dict[tuple[int, int], _Looked] = {}  # by the tile
-        self._looked_by: object = None  # all else that the examinations depend on
+        self._examined: dict[tuple[int, int], _Examined] = {}  # by the tile
+        self._examined_by: object = None  # all else that the examinations depend on
 
     def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
         """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
@@ -60,30 +60,30 @@ class TileScreens:
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
         """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
         inputs = camera, state.view_subject, state.tile, stride, settings, self.cache.revision
-        if self._looked_by != inputs:
-            self._looked, self._looked_by = {}, None
+        if self._examined_by != inputs:
+            self._examined, self._examined_by = {}, None
         cells = tile_count(state.size, stride)
         step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
         across, up = (min(max(1, state.tile // step), n) for n in cells)
         whole: Examination | None = None
         for column, row in _grid(cells, (across, up)):
             part = Part(state.size, (column * step, row * step), (across * step, up * step))
-            found = self._look(state, part_of(camera, part), part, stride, settings, (column, row))
+            found = self._examine_part(state, part_of(camera, part), part, stride, settings, (column, row))
             whole = whole or _empty(found, (cells[1], cells[0]))
             wide, high = min(across, cells[0] - column), min(up, cells[1] - row)
             for name, values in vars(whole).items():
                 # rows run down
                 there = getattr(found, name)[::-1][:high, :wide]
                 values[::-1][row : row + high, column : column + wide] = there
-        self._looked_by = inputs
+        self._examined_by = inputs
         assert whole is not None
         return whole
 
-    def _look(
+    def _examine_part(
         self, state: State, camera: Camera, part: Part, stride: int, settings: Settings, tile: tuple[int, int]
     ) -> Examination:
         """Return the examination of one part of the picture."""
-        before, cache = self._looked.get(tile), self.cache
+        before, cache = self._examined.get(tile), self.cache
         count = cache.count if settings.most_bounces > 0 else 0
         if before is not None and not len(reaching(cache, before.count, camera, part.size, settings)):
             found = before.found
@@ -92,7 +92,7 @@ class TileScreens:
             gbuffer = self.stages.draw_gbuffer(here, camera)
             splats = self.stages.splats(here).update(cache, gbuffer, camera, settings, stride, noted=False)
             found = self.scheduler.examined(gbuffer, splats, settings, part)
-        self._looked[tile] = _Looked(count, found)
+        self._examined[tile] = _Examined(count, found)
         return found
 
     def _spots(self, state: State, camera: Camera) -> Spots:

@@ -28,7 +28,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
-from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
+from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, Solution, unknown
 from irrsplat.surface_cache.site_layout import (
     COARSE,
     DARK_VALUE,
@@ -97,7 +97,7 @@ class SurfaceCache(Owner):
         self._bouncing: Iterator[BouncedLight] | None = None
         self._follower: Follower | None = None  # of the values in use, while others are still to be made
         self._changing = _Changing()
-        self._held = Held(unknown(self.ctx))
+        self._solution = Solution(unknown(self.ctx))
         self._finer: list[SurfaceCache] = []  # the last two finer levels, of which the last one's values are in use
         self._next: SurfaceCache | None = None  # the level after these, while it is made
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
@@ -108,8 +108,8 @@ class SurfaceCache(Owner):
         return (
             *passes,
             self._made,
-            self._held.table,
-            self._held.laid_out,
+            self._solution.table,
+            self._solution.laid_out,
             self._laid_out,
             *self._finer,
             self._next,
@@ -136,17 +136,17 @@ class SurfaceCache(Owner):
     @property
     def before(self) -> LookupTable:
         """The table of the level before that in use."""
-        return self._finer[0]._held.table if len(self._finer) > 1 else self._held.table
+        return self._finer[0]._solution.table if len(self._finer) > 1 else self._solution.table
 
     @property
-    def _now(self) -> Held:
+    def _now(self) -> Solution:
         """The values that lookups read."""
         return self._coarse._own if self._coarse is not None and self._stood_in else self._own
 
     @property
-    def _own(self) -> Held:
+    def _own(self) -> Solution:
         """Its own values, and not those of the coarse one."""
-        return self._finer[-1]._held if self._finer else self._held
+        return self._finer[-1]._solution if self._finer else self._solution
 
     @property
     def stands_in(self) -> bool:
@@ -161,12 +161,12 @@ class SurfaceCache(Owner):
     @property
     def _outdated(self) -> bool:
         """True if its own values are of another light, or missing."""
-        return self._relit or self._held.light is None
+        return self._relit or self._solution.light is None
 
     @property
     def complete(self) -> bool:
         """True if the values in use are complete for the scene and settings."""
-        return self._held.complete
+        return self._solution.complete
 
     @property
     def progress(self) -> float:
@@ -236,7 +236,7 @@ class SurfaceCache(Owner):
             self.transport = self._follower = None
         if moved and self._follower is not None:
             self._follower.move(change)
-            held = self._held.laid_out
+            held = self._solution.laid_out
             if held is not None and held.places is not None:
                 held.places = held.places.moved(change)
         elif moved or not np.array_equal(old.unlit, unlit):  # a light entered or left a closed mesh
@@ -267,7 +267,7 @@ class SurfaceCache(Owner):
 
     def _dim(self, factor: np.ndarray) -> None:
         """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
-        held, f = self._held, np.asarray(factor, np.float32)
+        held, f = self._solution, np.asarray(factor, np.float32)
         self._bouncing = None
         caches = [laid_out.records for laid_out in {self._laid_out, held.laid_out} if laid_out is not None]
         for records in caches:
@@ -277,7 +277,7 @@ class SurfaceCache(Owner):
         if held.light is not None:
             light = replace(held.light, irradiance=held.light.irradiance * f)
             held.table.write(light.irradiance)
-            self._held = replace(held, light=light)
+            self._solution = replace(held, light=light)
 
     def expire(self) -> None:
         """Gather all again."""
@@ -289,7 +289,7 @@ class SurfaceCache(Owner):
             self._coarse.expire()
 
     def _bounce_again(self) -> None:
-        self._held = replace(self._held, complete=False)
+        self._solution = replace(self._solution, complete=False)
         self._bouncing = None
 
     def _drop_sites(self) -> None:
@@ -297,7 +297,7 @@ class SurfaceCache(Owner):
         before, self._laid_out = self._laid_out, None
         self._choosing = self._searching = self.transport = None
         self._bounce_again()
-        if before is not None and before is not self._held.laid_out:
+        if before is not None and before is not self._solution.laid_out:
             before.release()
 
     # ---- making ----------------------------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ class SurfaceCache(Owner):
                 made = self._bounce(laid_out, budget)
                 if made is None:
                     return False
-                self._hold(laid_out, made, shadows)
+                self._use(laid_out, made, shadows)
         except BaseException:
             self._choosing = self._searching = self._bouncing = None  # a generator that was interrupted is over
             raise
@@ -337,7 +337,7 @@ class SurfaceCache(Owner):
 
     def _follow(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Update the values in use while the scene changes from frame to frame; return True if they were updated."""
-        changing, follower, held = self._changing, self._follower, self._held
+        changing, follower, held = self._changing, self._follower, self._solution
         following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
         self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)
         if not following:
@@ -349,7 +349,7 @@ class SurfaceCache(Owner):
         gathered = self._gather_some(held.laid_out, follower, shadows, budget.part(0.0, 0.0, _FOLLOWING))
         E = follower.step(shadows, gathered)
         held.table.write(E)
-        self._held = replace(held, light=replace(held.light, irradiance=E))
+        self._solution = replace(held, light=replace(held.light, irradiance=E))
         return True
 
     def _gather_some(self, laid_out: LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
@@ -389,7 +389,7 @@ class SurfaceCache(Owner):
         if laid_out.places is None:
             if self._searching is None:
                 self._searching = PlaceSearch(self._rays, laid_out)
-            laid_out.places = self._searching.go_on(shadows, budget)
+            laid_out.places = self._searching.advance(shadows, budget)
             if laid_out.places is None:
                 return False
             self._searching = None
@@ -424,7 +424,7 @@ class SurfaceCache(Owner):
 
         They hold until the light of the scene changes.
         """
-        if self._held.laid_out is None or not self.complete:
+        if self._solution.laid_out is None or not self.complete:
             return False
         self._next = self._next or self._level(self._detail.finer(self.refinements + 1))
         if not self._next.advance(shadows, budget):
@@ -463,10 +463,10 @@ class SurfaceCache(Owner):
             made = next(self._bouncing)
         return made
 
-    def _hold(self, laid_out: LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
+    def _use(self, laid_out: LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
         """Make these the values that lookups find."""
         laid_out.table.write(made.irradiance)
-        before, self._held = self._held, Held(laid_out.table, laid_out, made, complete=True)
+        before, self._solution = self._solution, Solution(laid_out.table, laid_out, made, complete=True)
         self._bouncing, self._changing = None, _Changing()
         self._follower, self._stood_in, self._relit, self.last_change = None, False, False, 1.0
         if self.transport is not None and self._basis.settings.bounces == "all" and self._detail.level <= 0:

@@ -88,7 +88,7 @@ class LaidOut(Owner):
 
 
 @dataclass(frozen=True)
-class Held:
+class Solution:
     """The data of lookups: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
 
     complete: whether they match scene and settings.

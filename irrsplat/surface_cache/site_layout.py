@@ -242,15 +242,15 @@ class SiteChooser:
             if not len(chosen):
                 continue
             chosen = left[chosen]
-            asking = np.flatnonzero(site_of >= 0)
+            pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
-            seen[asking] = yield from self.see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
+            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]], _SHARED_OUT)
             value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        yield from self._borrow(clusters, value, sites)
+        yield from self._assign_near(clusters, value, sites)
         return sites
 
-    def _borrow(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
+    def _assign_near(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
         """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
         gathered: the members that are sites.
 
@@ -261,9 +261,9 @@ class SiteChooser:
         size = VOXEL * clusters.spacing
         near = yield from in_background(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
         for site in near.T:
-            asking = np.flatnonzero((value[left] < 0) & (site >= 0))
-            seen = yield from self.see(members, left[asking], gathered[site[asking]], _SHARED_OUT)
-            value[left[asking[seen]]] = FIRST_SITE + site[asking[seen]]
+            pending = np.flatnonzero((value[left] < 0) & (site >= 0))
+            seen = yield from self.see(members, left[pending], gathered[site[pending]], _SHARED_OUT)
+            value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 

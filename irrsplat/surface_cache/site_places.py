@@ -77,7 +77,7 @@ class Survey:
         no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
 
-    def take_in(
+    def store(
         self,
         numbers: np.ndarray,
         share: np.ndarray,

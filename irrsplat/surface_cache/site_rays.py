@@ -109,7 +109,7 @@ class SiteRays(Owner):
         """Store the ray hits of the sites of these `numbers` in the survey, and their harmonic mean distances in `records`."""
         gather_records(gather, self._survey_reduce, light, records, numbers, self.settings.seed)
         share = self._shares(gather, records.sites(numbers))
-        survey.take_in(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
+        survey.store(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
 
     def _shares(self, gather: TraceGather, sites: Sites) -> np.ndarray:
         """(N, R) cosθ·dω of the rays from these places, those of N sites, 0 for those below the surface."""
@@ -140,7 +140,7 @@ class PlaceSearch:
         self._survey = Survey(records.sites(slice(0, records.count)), gather.share.size)
         self._drawing: Generator[None, None, Places] | None = None
 
-    def go_on(self, shadows: ShadowMaps, budget: Budget) -> Places | None:
+    def advance(self, shadows: ShadowMaps, budget: Budget) -> Places | None:
         """Go on as far as the budget goes; the places, once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()

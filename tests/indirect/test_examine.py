@@ -81,7 +81,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
     found, side = examine(ctx, size, data, spread=spread, dark=dark)
     weight, surface = counted(data, spread, dark), data["depth"] > 0.0
     asks = surface & (weight < np.float32(TOLERANCE))
-    assert np.array_equal(found.asking, tiles(asks, side, 0).sum(-1))
+    assert np.array_equal(found.requests, tiles(asks, side, 0).sum(-1))
     assert np.array_equal(found.seen, tiles(surface, side, 0).sum(-1))
     assert found.missing == pytest.approx(asks.sum() / max(surface.sum(), 1))
     if spread and asks.size > 1000:
@@ -92,7 +92,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
     names = map(tuple, data["position"].astype("f4").reshape(-1, 3))
     place = dict(zip(names, np.ndindex(size[1], size[0]), strict=True))
     index = tiles(np.arange(size[0] * size[1]).reshape(size[1], size[0]), side, -1)
-    for tile in np.argwhere(found.asking > 0):
+    for tile in np.argwhere(found.requests > 0):
         at = tuple(tile)
         pixel = place[tuple(found.position[at])]
         assert pixel[0] * size[0] + pixel[1] in index[at], "a tile names one of its own pixels"

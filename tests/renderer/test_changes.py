@@ -53,7 +53,13 @@ def test_lights_change_and_a_mesh_moves_before_a_frame(ctx: moderngl.Context, li
 def state(renderer: Renderer) -> list[Any]:
     """Return all state that a change may affect, by value."""
     gatherer, cache = renderer.scheduler.gatherer, renderer.cache.read()
-    known = renderer.scene.lights, renderer.settings, gatherer.settings, renderer.world.shows(renderer.scene), gatherer.unsettled
+    known = (
+        renderer.scene.lights,
+        renderer.settings,
+        gatherer.settings,
+        renderer.world.shows(renderer.scene),
+        gatherer.has_pending_changes,
+    )
     return [*known, *(a.tobytes() for a in (*cache.values(), *flatten(renderer.scene)[:2], renderer.cache.stale))]
 
 

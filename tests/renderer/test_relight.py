@@ -45,7 +45,7 @@ def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
         fresh.cache.invalidate()
         shadows, gbuffer = fresh.draw_shadows(), fresh.draw_gbuffer(renderer.scene.camera())
         assert fresh.scheduler.prepare(shadows, Budget(None))
-        fresh.scheduler.renew(shadows, gbuffer, renderer.scene.camera(), Budget(None))
+        fresh.scheduler.refresh(shadows, gbuffer, renderer.scene.camera(), Budget(None))
         return fresh.cache.gathered(*HELD)
 
 

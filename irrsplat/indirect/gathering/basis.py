@@ -28,7 +28,7 @@ class Basis:
 
     kind: of the gather, "trace", "embree" or "plane". moved: True if something has changed and the affected records are not
     found yet. relit: True if lights or materials have changed since the surface cache was made.
-    resumed: the statistics of records from a file, as long as their surface cache is not made.
+    from_file: the statistics of records from a file, as long as their surface cache is not made.
     """
 
     scene: Scene
@@ -36,7 +36,7 @@ class Basis:
     kind: str
     moved: bool = False
     relit: bool = False
-    resumed: BounceStatistics | None = None
+    from_file: BounceStatistics | None = None
 
     @cached_property
     def lights(self) -> dict[str, int]:

@@ -42,10 +42,10 @@ class ChangeProbe(Owner):
         self.records.truncate(0)
         numbers = self.records.append(sites) + np.arange(len(sites))
         gather_records(self.gather, self.reduce, light, self.records, numbers, seed)
-        return held(self.records, numbers)
+        return columns_of(self.records, numbers)
 
 
-def held(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
+def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
     """(N, PROBED) float32: what the records of these numbers hold, in the form of a probe."""
     found = cache.gathered(*_PROBED)
     return np.concatenate(
@@ -84,7 +84,7 @@ def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.
     return np.where(before[:, 3] > 0.0, share, np.inf)
 
 
-def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
+def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
     """Correct the records of these numbers (K,) by the probes `found` (K, PROBED), which the cache keeps.
 
     Return the numbers of the records that have changed too much. radii: metres, the least and the greatest R.
@@ -94,20 +94,20 @@ def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: t
     known = (before[:, 3] > 0.0) & (before != found).any(1)
     if known.any():
         there = numbers[known]
-        _hold(cache, there, correction(held(cache, there), before[known], found[known]), radii)
+        _set_columns(cache, there, correction(columns_of(cache, there), before[known], found[known]), radii)
     cache.probes[numbers], cache.due[numbers] = found, 0.0
     changed: np.ndarray = numbers[cache.drift[numbers] > _MAX_DRIFT]
     return changed
 
 
-def follow_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
+def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
     """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`.
 
     A record holds its former ratio to the surface cache, which knows less of what is near. Its probe follows, too, so that the
     next probe corrects the estimate.
     """
     numbers, floor = np.arange(cache.count), _DARK * float(before.mean()) + 1e-20
-    x = held(cache, numbers)
+    x = columns_of(cache, numbers)
     E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST_RATIO)
     scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST_GROWTH)
     added = (E - scale * x[:, :3])[:, :, None] * cache.sites(numbers).normal[:, None]
@@ -117,10 +117,10 @@ def follow_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, ra
     rows[:, 13:] = np.repeat(scale, 3, axis=1) * x[:, 13:]
     known = cache.probes[:, 3:4] > 0.0
     cache.probes[:] = np.where(known, cache.probes + rows - x, 0.0)
-    _hold(cache, numbers, rows, radii)
+    _set_columns(cache, numbers, rows, radii)
 
 
-def _hold(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
+def _set_columns(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
     """Let records hold these rows, in the form of probes."""
     R = np.clip(rows[:, 3], *radii)
     values = {"irradiance": rows[:, :3], "radius": R, "max_radius": np.minimum(WIDE * R, radii[1])}

@@ -60,7 +60,7 @@ class Gathers(Owner):
         """Return the pass that probes records with few rays to find the records that a change affects."""
         return self._rough("probes", basis, SIDE, basis.settings.gradients)
 
-    def glances(self, basis: Basis, side: int) -> ChangeProbe:
+    def luminance_probes(self, basis: Basis, side: int) -> ChangeProbe:
         """Return the pass that probes records along side² rays for E alone."""
         return self._rough(f"glances of {side}", basis, side, gradients=False)
 

@@ -17,7 +17,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
-from irrsplat.indirect.gathering.change_probe import ChangeProbe, follow_surface, take_in
+from irrsplat.indirect.gathering.change_probe import ChangeProbe, apply_probes, scale_by_surface
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.dimming import LINEAR, dim
 from irrsplat.records.record_cache import RecordCache
@@ -27,7 +27,7 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.site_layout import detail_for
 
-_GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
+_PROBES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FIRST_LIGHT = 12.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
 _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
@@ -80,17 +80,17 @@ class RecordGatherer(Owner):
         return self.gathers.probes(self._basis)
 
     @property
-    def may_glance(self) -> bool:
-        """True if `glance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
+    def may_probe(self) -> bool:
+        """True if `probe_luminance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
         basis = self._basis
-        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _GLANCES_FROM
+        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _PROBES_FROM
 
-    def glance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
+    def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites`, as far as the budget goes.
 
         side: of the square of probe rays.
         """
-        look, light, found = self.gathers.glances(self._basis, side), self.light(shadows), [np.zeros(0)]
+        look, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
         for some in self.gathers.batches(look, len(sites), budget):
             with self.timers("examine"):
                 found.append(look(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
@@ -128,8 +128,8 @@ class RecordGatherer(Owner):
         """Return how `scene` differs from the scene by which records are gathered now."""
         return SceneChange.between(self._basis.scene, scene)
 
-    def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
-        """Apply other settings and another state of the scene, as RecordScheduler.follow does.
+    def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
+        """Apply other settings and another state of the scene, as RecordScheduler.apply does.
 
         Return the numbers of the records that are kept, None for all. A change that fails, such as for lack of memory, has no
         effect. An interruption while records change removes all records.
@@ -170,7 +170,7 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             dim(cache, change.dimming)
         elif change:
-            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
+            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, change)
@@ -180,7 +180,7 @@ class RecordGatherer(Owner):
         more = settings.gradients and not was.gradients  # records gathered without them have none
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
-            new = replace(new, resumed=None)
+            new = replace(new, from_file=None)
         elif change.looks_otherwise and change.dimming is None:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
@@ -189,7 +189,7 @@ class RecordGatherer(Owner):
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._basis = replace(self._basis, resumed=None)
+        self._basis = replace(self._basis, from_file=None)
         self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
@@ -202,7 +202,7 @@ class RecordGatherer(Owner):
 
         idle: True if no record waits. A render with records from a file makes a surface cache only to gather further ones.
         """
-        if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
+        if self._basis.from_file is not None and not budget.limited and not len(self.cache.stale):
             return True
         if self._basis.wants_surface and self.surface_now is None:  # else pictures of a moving camera stay dark
             budget = budget.part(1.0, 0.0, _FIRST_LIGHT)
@@ -213,13 +213,13 @@ class RecordGatherer(Owner):
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Advance the next level of the surface cache as far as the budget goes. Return True if the level is complete.
 
-        The caller then corrects records by `follow_refinement`.
+        The caller then corrects records by `correct_by_refinement`.
         """
         surface = self.surface_now
         assert surface is not None
         return surface.refine(shadows, budget)
 
-    def follow_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
+    def correct_by_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
         """Correct records by what the last refinement of the surface cache changes of them, as many of these `numbers` as the
         budget has time for; returns (K, 3) W/m² by how much E of these K has changed.
 
@@ -246,9 +246,9 @@ class RecordGatherer(Owner):
         self.cache.refresh_count += 1
         return np.concatenate(changes)
 
-    def resume(self, shadows: ShadowMaps, budget: Budget) -> None:
+    def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache that records from a file did without until now, since some are to be gathered."""
-        if self._basis.resumed is not None:
+        if self._basis.from_file is not None:
             self._advance(shadows, budget)
 
     def _advance(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
@@ -258,7 +258,7 @@ class RecordGatherer(Owner):
         """
         surface, basis, cache = self.surface, self._basis, self.cache
         if surface is None or not basis.wants_surface:
-            self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
+            self.probe_changed(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
         first, coarse = surface.result is None, surface.stands_in
         sites = cache.sites(slice(0, cache.count))
@@ -266,15 +266,15 @@ class RecordGatherer(Owner):
         before = surface.at(sites) if follows else None
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         made = surface.advance(shadows, part)
-        if made and basis.resumed is None:
+        if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
             if coarse and surface.complete:
                 cache.invalidate(np.arange(cache.count))
         if made:
-            self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, resumed=None)
+            self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (made or surface.current)
         if ready:
-            self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
+            self.probe_changed(shadows, budget.part(0.5, 0.0, _LOOKS))
         return ready
 
     def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
@@ -293,9 +293,9 @@ class RecordGatherer(Owner):
             cache.due[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True)
         if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
-            follow_surface(cache, before, surface.at(sites), self.gather_pass.radii)
+            scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
-    def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
+    def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
         stale that have changed too much."""
         if not self._basis.moved:
@@ -305,7 +305,7 @@ class RecordGatherer(Owner):
         numbers, left = numbers[np.argsort(-cache.due[numbers], kind="stable")], len(numbers)
         for some in self.gathers.batches(self.probes, len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
-            cache.invalidate(take_in(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
+            cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
             self._basis = replace(self._basis, moved=False)
 
@@ -392,18 +392,18 @@ class RecordGatherer(Owner):
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
     @property
-    def unsettled(self) -> bool:
+    def has_pending_changes(self) -> bool:
         """True if all records will be stale once pending changes are applied."""
-        return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
+        return self._basis.moved or (self._basis.from_file is None and self.surface_share < 1.0)
 
-    def go_on_with(self, bounces: BounceStatistics) -> None:
+    def resume_with(self, bounces: BounceStatistics) -> None:
         """Continue with records from a file, which were gathered with these `bounces`.
 
         Their surface cache is made when further records are gathered.
         """
         surface = self.surface
         complete = surface is None or surface.complete or not self._basis.wants_surface
-        self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)
+        self._basis = replace(self._basis, moved=False, from_file=None if complete else bounces)
 
     @property
     def surface_share(self) -> float:
@@ -429,8 +429,8 @@ class RecordGatherer(Owner):
         made = surface.result if surface is not None and most > 1 else None
         if made is not None:
             return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.converged if everything else None}
-        if self._basis.resumed is not None:
-            return {"gathered_by": how, **self._basis.resumed}
+        if self._basis.from_file is not None:
+            return {"gathered_by": how, **self._basis.from_file}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
 
 
