@@ -15,6 +15,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.timing.input_waits import InputWaits
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
@@ -97,7 +98,10 @@ class Refinement:
 
 
 class Refiner(Owner):
-    """Refines one view of `size` (width, height) at a time; the records that it adds go when the view no longer rests."""
+    """Refinement of one view of `size` (width, height) at a time, from `begin` until `leave` removes the added records.
+
+    state: the progress; None while no view is refined.
+    """
 
     def __init__(
         self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers
@@ -106,38 +110,46 @@ class Refiner(Owner):
         self._splats = [ViewSplats(ctx, size, gradients, timers) for _ in range(2)]  # of the picture on show, and of the next one
         self._reach = [float_texture(ctx, size, 1) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # by the level of the surface cache
+        self.state: Refinement | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (*self._splats, *self._reach)
 
-    def begin(self, splats: SplatBuffer, camera: Camera) -> Refinement:
-        """The refinement of a view that is covered by records whose sums are `splats`."""
+    def begin(self, splats: SplatBuffer, camera: Camera) -> None:
+        """Refine a view that is covered by records whose sums are `splats`."""
         cache = self.cache
         base = Base(cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.state())
-        state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
-        surface = self.scheduler.gatherer.surface_now
-        if (
-            surface is None
-            or self._surface_error is None
-            or not surface.refinements
-            or surface.refinements != self._surface_error[0]
-        ):
-            return state
-        return replace(state, lit=True, surface_error=self._surface_error[1])  # a view before has refined the surface cache
+        self.state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
+        surface, known = self.scheduler.gatherer.surface_now, self._surface_error
+        if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
+            self.state = replace(self.state, lit=True, surface_error=known[1])  # a view before has refined the surface cache
 
-    def leave(self, state: Refinement) -> None:
-        """Forget the records of the refinement; the others reach as far as before, and hold what they have come to hold."""
-        self.cache.truncate(state.base.count)
-        self.cache.restore_limits(state.base.limits)
-        self.scheduler.adaptation.restore(state.base.adapted, self.scheduler.settings)
+    def leave(self) -> None:
+        """Remove the records of the refinement; the others reach as far as before, and keep their present values."""
+        if self.state is not None:
+            base, self.state = self.state.base, None
+            self.cache.truncate(base.count)
+            self.cache.restore_limits(base.limits)
+            self.scheduler.adaptation.restore(base.adapted, self.scheduler.settings)
 
-    def advance(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
-        """Go on by a part of a step: test some pixels, gather some records more finely, or make some new ones.
+    def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:
+        """Refine the view until its estimated relative error is at most `target`, or the budget is spent."""
+        assert self.state is not None
+        try:
+            while not self.state.ended:
+                self.state = self._part(self.state, target, gbuffer, shadows, budget)
+                if budget.left <= 0.0:
+                    break
+        except InputWaits:  # before any record was made: the next tick takes the same step
+            raise
+        except BaseException:  # the cache no longer holds what the step assumes: the refinement restarts
+            self.state = replace(self.state, broken=True, check=None)
+            raise
 
-        target: the relative error at which the refinement ends.
-        """
-        if state.ended or not self.scheduler.room or (state.error is not None and (state.error <= target or state.step >= LAST)):
+    def _part(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
+        """Do a part of a step: test some pixels, gather some records more finely, or make some new ones."""
+        if not self.scheduler.room or (state.error is not None and (state.error <= target or state.step >= LAST)):
             return replace(state, ended=True)
         if not state.lit:
             return self._light(state, gbuffer, shadows, budget)

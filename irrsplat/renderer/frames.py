@@ -9,20 +9,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import Progress, View
+from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.renderer.moving import MovingViews
-from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
-from irrsplat.renderer.state import Shown, State
+from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.scene.model import Camera
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
@@ -37,11 +37,11 @@ class Frames(Owner):
         self.stages = Stages(world, scheduler, timers)
         self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), scheduler)
         self.rounds = Rounds(self.stages, scheduler)
-        self.resting = RestingView(self.stages, self.rounds, scheduler)
+        self._passes = Workshop()  # the refiner
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.stages, self.moving, self.resting)
+        return (self.stages, self.moving, self._passes)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -49,10 +49,10 @@ class Frames(Owner):
         """One round and its picture, as Renderer.frame has them."""
         self.timers.clear()
         budget = Budget(seconds)
-        if self.resting.begun:
-            if self.resting.rests(self.state, camera):
+        if self.refines:
+            if self._rests(camera):
                 return self.refined_view(camera)
-            self.resting.leave()
+            self.leave_refinement()
         if moving and self.moving.divisor(self.state) > 1:
             self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
             return self.moving(self.state, camera, budget, gather)
@@ -107,38 +107,67 @@ class Frames(Owner):
         stages = self.stages if size == self.state.size else self.moving.stages
         return stages.composite_pass(replace(self.state, size=size))
 
-    # ---- a view that rests -----------------------------------------------------------------------------------------
+    # ---- progressive refinement ------------------------------------------------------------------------------------
 
     def refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
         """A step of a complete view's refinement, as Renderer.refine has it."""
-        budget = Budget(seconds)
-        if self.resting.broken:
-            self.resting.leave()
-        if not self.resting.begun or not self.resting.rests(self.state, camera):
+        budget, refiner = Budget(seconds), self._refiner
+        if refiner is not None and refiner.state is not None and (refiner.state.broken or not self._rests(camera)):
+            self.leave_refinement()
+        if not self.refines:
             state, view = self.state, self.state.view
             shown = self.rounds.view_state(state, camera) is view and view.ended and view.pixel_stride == 1
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
-            self.resting.begin(state, camera)
-        self.resting.advance(self.state, camera, target, budget)
+            made_of = state.size, state.settings.gradients
+            refiner = self._passes.get("refiner", made_of, lambda: Refiner(self.ctx, *made_of, self.scheduler, self.timers))
+            gbuffer, splats = self.stages.draw_gbuffer(state, camera), self.stages.splats(state)
+            refiner.begin(splats.update(self.scheduler.cache, gbuffer, camera, state.settings, 1), camera)
+        assert refiner is not None
+        refiner.advance(target, self.stages.draw_gbuffer(self.state, camera), self.stages.draw_shadows(self.state), budget)
         return self.refined_view(camera)
 
     @property
     def can_refine(self) -> bool:
         """True if these settings allow `refine`."""
-        return self.resting.possible(self.state.settings)
+        settings = self.state.settings
+        return settings.placement == "tiles" and settings.most_bounces > 0
+
+    @property
+    def refines(self) -> bool:
+        """True while a view is refined."""
+        return self._refiner is not None and self._refiner.state is not None
+
+    @property
+    def _refiner(self) -> Refiner | None:
+        return self._passes.find("refiner", Refiner)
+
+    def _rests(self, camera: Camera) -> bool:
+        """True if the present view is the unchanged view of `camera` and no record is stale."""
+        return self.rounds.view_state(self.state, camera) is self.state.view and not len(self.scheduler.cache.stale)
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
-        """The picture of a refined view, and how far it has come."""
-        done = self.resting.shown(self.state, camera)
-        return self.stages.draw_picture(self.state, done), done.progress
+        """Return the picture of a refined view, and its progress."""
+        state, view, stages, cache = self.state, self.state.view, self.stages, self.scheduler.cache
+        assert self._refiner is not None and self._refiner.state is not None
+        refined, full = self._refiner.state, view.full or self.scheduler.room == 0
+        progress = Progress(
+            view.rounds, cache.count, 0, view.coverage, full=full, error=refined.last_error, refined=refined.ended
+        )
+        done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
+        return stages.draw_picture(state, done), progress
+
+    def leave_refinement(self) -> None:
+        """Return to the view as its settings have it."""
+        if self._refiner is not None:
+            self._refiner.leave()
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change_to(self, state: State) -> None:
         """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
-            self.resting.leave()
+            self.leave_refinement()
         change = self.scheduler.change_to(state.scene)
         dimming = change.dimming
         self.scheduler.apply(state.settings, change, self.stages.shadows(self.state))
@@ -158,7 +187,7 @@ class Frames(Owner):
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""
-        self.resting.leave()
+        self.leave_refinement()
         self.stages.forget(shadows=shadows)
         self.moving.stages.forget(shadows=shadows)
         self.state = replace(self.state, view=ViewState())
@@ -167,5 +196,5 @@ class Frames(Owner):
         """Free the buffers of the last view except image and alpha; the next use makes them again."""
         self.stages.free_buffers()
         self.moving.stages.free_buffers()
-        self.resting.free()
+        self._passes.drop("refiner")
         self.state = replace(self.state, view=ViewState(), shown=None)

@@ -311,7 +311,7 @@ class Renderer(Tenant):
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""
-        self._frames.resting.leave()
+        self._frames.leave_refinement()
         self.scheduler.expire()
         self.forget(records=False)
 
@@ -341,7 +341,7 @@ class Renderer(Tenant):
         of other settings (cache_file.key lists them) and, without `update`, of another scene or other lights.
         """
         self._use()
-        self._frames.resting.leave()
+        self._frames.leave_refinement()
         reason = kept_records.load(path, update, self._state, self, self._change_to)
         self.forget(records=False)
         return reason

@@ -65,13 +65,13 @@ class WholeRenders:
 
     def converge(self, camera: Camera, progress: OnRound | None, sparing: bool) -> tuple[View, Statistics]:
         """Return the complete view and its statistics, as Renderer.converge has them."""
-        self.frames.resting.leave()
+        self.frames.leave_refinement()
         done, stats = self._filled(camera, progress)
         return self.stages.draw_picture(self.frames.state, replace(done, sparing=sparing)), stats
 
     def coverage(self, camera: Camera) -> float:
         """Return the share of the pixels at which `camera` requests no record, as Renderer.coverage has it."""
-        self.frames.resting.leave()
+        self.frames.leave_refinement()
         return self.frames.rounds.frozen(self.frames.state, camera).progress.coverage
 
     def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
@@ -130,11 +130,11 @@ class WholeRenders:
                 view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, seconds=_TOLD)
                 if progress is not None:
                     progress(found)
-                if not frames.resting.begun:  # none that can be refined
+                if not frames.refines:  # none that can be refined
                     return view, stats
         except KeyboardInterrupt:
             stats |= {"interrupted": True, "converged": False}
-            if not frames.resting.begun:
+            if not frames.refines:
                 return view, stats
             view, found = frames.refined_view(view.camera)
         stats["seconds"] += time.perf_counter() - start
@@ -148,7 +148,7 @@ class WholeRenders:
         wanted.check(settings.quality)
         buffers = gl_limits.PICTURE if wanted.picture_alone else wanted.buffers
         tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
-        frames.resting.leave()
+        frames.leave_refinement()
         if tiled.tile:
             check_tiled(tiled, wanted.figures)
             with self._tiles_of(tiled.tile):
