@@ -33,6 +33,7 @@ figures: .venv/.ready
 	.venv/bin/python docs/programs/figures.py
 	.venv/bin/python docs/programs/tutorial.py
 	.venv/bin/python docs/programs/viewer/screens.py
+	.venv/bin/python docs/programs/viewer/clip.py
 	.venv/bin/python docs/programs/viewer/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.timing import clock
@@ -44,6 +44,10 @@ class Messages:
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
         self.lines = [*others[1 - _MOST :], Message(line, clock.now() + _SECONDS, error, topic)]
         self.version += 1
+
+    def renew(self) -> None:
+        """Show all notices for their full time from now on."""
+        self.lines = [replace(line, until=clock.now() + _SECONDS) for line in self.lines]
 
     def expire(self) -> None:
         """Drop the notices whose time is over."""

@@ -176,7 +176,7 @@ class Viewer(Owner):
         """
         session = self.session
         budget, dt = session.renderers[0].settings.budget / 1e3, self._unspent
-        self._quick, self._unspent = 0, 0.0
+        self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
         flowing = not self._cut and not session.moving
         seconds = max(budget - self._overhead, _LEAST * budget)
@@ -185,6 +185,8 @@ class Viewer(Owner):
             self._take_events()
         if not session.views:  # another scene, or size
             session.tick(0.0, seconds)
+        if first:  # nobody has seen the notices before the first picture, which takes a while
+            self.actions.messages.renew()
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))

@@ -128,4 +128,5 @@ def test_the_pictures_are_small() -> None:
     pictures = list((ROOT / "docs/images").rglob("*.*"))
     assert pictures
     for picture in pictures:
-        assert picture.stat().st_size <= 200_000, f"{picture.name} is too large; run: make figures"
+        most = 1_000_000 if picture.suffix == ".gif" else 200_000
+        assert picture.stat().st_size <= most, f"{picture.name} is too large; run: make figures"

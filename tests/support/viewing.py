@@ -200,9 +200,9 @@ class Driver:
         pixels = self.wnd.fbo.read((0, 0, width, height), components=3, alignment=1)
         return np.frombuffer(pixels, "u1").reshape(height, width, 3)[::-1].copy()
 
-    def canvas(self) -> np.ndarray:
-        """Return the pixels below the interface, (H, W, 3) uint8, top row first."""
-        texture = self.viewer.canvas.textures[0]
+    def canvas(self, target: Target | None = None) -> np.ndarray:
+        """Return the pixels below the interface, or of another target, (H, W, 3) uint8, top row first."""
+        texture = (target or self.viewer.canvas).textures[0]
         return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[::-1, :, :3].copy()
 
     def resize(self, size: tuple[int, int], density: float = 1.0) -> None:

@@ -27,10 +27,10 @@ _FLAGS = (
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the panel. wanted: True while it is open. close: what its cross does; None for no cross."""
+    """A part of the panel. is_open: True while it is open. close: what its cross does; None for no cross."""
 
     title: str
-    wanted: Callable[[], bool]
+    is_open: Callable[[], bool]
     draw: Callable[[], None]
     close: Callable[[], None] | None = None
 
@@ -50,7 +50,7 @@ class SidePanel:
     def draw(self) -> None:
         """Draw the panel if the first settings or a section are open."""
         layout, controls = self.layout, self.actions.panels.controls
-        shown = [section for section in self.sections if section.wanted()]
+        shown = [section for section in self.sections if section.is_open()]
         if controls:
             view = imgui.get_main_viewport()
             imgui.internal.begin_viewport_side_bar("side panel", view, imgui.Dir.left, layout.panel, _FLAGS)

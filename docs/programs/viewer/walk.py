@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,10 @@ import irrsplat
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT))
+from tests.app.viewer.interface import x_drop  # noqa: E402
 
 HERE = Path(__file__).resolve().parents[1]
 IMAGES = HERE.parent / "images" / "walk"
@@ -101,6 +107,13 @@ class Walker:
         self.kept = ""
 
     # ---- time ------------------------------------------------------------------------------------------------------
+
+    @property
+    def window(self) -> int:
+        """The number of its X window."""
+        import glfw
+
+        return int(glfw.get_x11_window(self.viewer.wnd._window))
 
     def wait(self, frames: int = 4) -> None:
         """So many frames go by, as in the viewer's own loop."""
@@ -236,15 +249,15 @@ def fly(walker: Walker) -> None:
 
 @task("Find why a corner is dark")
 def dark_corner(walker: Walker) -> None:
-    walker.key("i")
-    walker.click_at((0.9, 0.02, 4.6), "the floor behind the tall box")
+    walker.key("ctrl+d")
+    walker.click_at((2.78, 0.02, 1.0), "the floor before the short box")
     walker.rest()
-    assert walker.viewer.inspected is not None
+    assert walker.viewer.actions.session.surface is not None
 
 
 @task("Give a wall another colour, and take it back")
 def repaint(walker: Walker) -> None:
-    walker.key("i")
+    walker.key("ctrl+d")
     walker.click_at((0.0, 3.5, 2.8), "the wall")
     editor = walker.viewer.actions.editor
     assert editor.mesh is not None
@@ -323,6 +336,40 @@ def palette(walker: Walker) -> None:
     walker.key("Return")
     walker.wait(3)
     assert walker.viewer.actions.session.options.wire
+
+
+@task("Drop a file")
+def drop(walker: Walker) -> None:
+    walker.key("t")
+    walker.done.clear()
+    walker.done.append("drag `door.scene` onto the window")
+    source, scene = x_drop.DropSource(walker.window), next((ROOT / "scenes").rglob("door.scene"))
+    hand = Thread(target=source.drop, args=([scene], (SIZE[0] // 2, SIZE[1] // 2)))
+    hand.start()
+    walker.until(lambda: not hand.is_alive() and walker.viewer.actions.source == str(scene), "the scene")
+    source.close()
+    walker.rest()
+
+
+@task("Is there enough light on the desks?")
+def plane(walker: Walker) -> None:
+    walker.key("ctrl+m")
+    session = walker.viewer.actions.session
+    walker.until(lambda: session.plane.share is None, "a measured plane")
+    walker.rest()
+
+
+@task("Save a film")
+def film(walker: Walker) -> None:
+    walker.viewer.actions.toggle("plane")
+    walker.key("r")
+    walker.hold("w", 0.8)
+    walker.key("r")
+    walker.click("File", "Save film…", "save")
+    walker.until(lambda: "frame 0" not in walker.viewer.actions.film.progress, "the first frames")
+    walker.wait(3)
+    walker.keep("film")
+    walker.viewer.actions.cancel_film()  # its frames take minutes on two cores; tests/app/film makes a whole one
 
 
 def in_words(count: int) -> str:

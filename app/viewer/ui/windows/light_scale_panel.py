@@ -25,7 +25,7 @@ class LightScalePanel:
         self.actions, self.layout = actions, layout
 
     @property
-    def wanted(self) -> bool:
+    def is_open(self) -> bool:
         """True if a side shows light in false colours."""
         session = self.actions.session
         shown = (BUFFERS[session.options.buffers[side]] for side, _ in session.sides())

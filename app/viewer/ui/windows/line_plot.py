@@ -41,7 +41,7 @@ class LinePlot:
         self._marked = None
         side = self.actions.side
         _, _, right, bottom = self.layout.area
-        imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.appearing, (1.0, 1.0))
+        imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
         flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
         shown, opened = imgui.begin("along a line", True, flags)
         session.options.profile = bool(opened)

@@ -64,6 +64,7 @@ class PlanePanel:
             some, points = some[seen], points[seen]
         values = readings.total[some] @ session.options.light_scale.weights
         draw, drawn = imgui.get_background_draw_list(), list[tuple[float, float]]()
+        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
         for point, value in zip(points.tolist(), values.tolist(), strict=True):
             place = self.layout.seen(session.camera, point)
             text = _digits(value)
@@ -73,6 +74,7 @@ class PlanePanel:
                 left, top = place[0] - 0.5 * size.x, place[1] - 0.5 * size.y
                 draw.add_text((left + 1.0, top + 1.0), imgui.get_color_u32(_SHADE), text)
                 draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
+        draw.pop_clip_rect()
 
 
 def _digits(value: float | None) -> str:

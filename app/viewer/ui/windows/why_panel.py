@@ -61,6 +61,7 @@ class WhyPanel:
         if found is None or here is None:
             return
         draw = imgui.get_background_draw_list()
+        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
         for source in found.sources:
             there = self.layout.seen(session.camera, source.end)
             if there is not None:
@@ -68,6 +69,7 @@ class WhyPanel:
                 draw.add_line(here, there, imgui.get_color_u32(_BLOCKED if source.reason else AMBER), 1.5)
         draw.add_circle_filled(here, 6.0, imgui.get_color_u32(_SHADE))
         draw.add_circle_filled(here, 4.0, imgui.get_color_u32(WHITE))
+        draw.pop_clip_rect()
 
 
 def _lux(value: float) -> str:

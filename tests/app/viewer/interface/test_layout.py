@@ -1,4 +1,4 @@
-"""The layout of the interface: the picture beside the panel in small and large windows, and the help of settings."""
+"""The layout of the interface: the picture and the panel in small and large windows, and the help of settings."""
 
 from __future__ import annotations
 

@@ -65,6 +65,17 @@ def test_a_traced_truth_wakes_it(driver: Driver, clock: CountedClock, monkeypatc
     assert not driver.viewer.may_sleep() and "is traced" in driver.said
 
 
+def test_a_notice_stays_until_the_first_picture_and_five_seconds_more(driver: Driver, clock: CountedClock) -> None:
+    driver.actions.open(driver.actions.source)
+    driver.actions.say("the file lacks a light")
+    clock.advance(30.0)
+    driver.frame()
+    assert "lacks a light" in driver.said
+    clock.advance(6.0)
+    driver.frame()
+    assert "lacks a light" not in driver.said
+
+
 def test_a_notice_goes_and_an_error_stays(clock: CountedClock) -> None:
     """A notice stays for five seconds, an error until it is closed. Steps of one thing are one line."""
     messages = Messages()
