@@ -1,4 +1,4 @@
-"""What is edited, as values: the history, where objects stand, colours by temperature, and the scene that comes of it."""
+"""Edits as values: the history, the places of objects, colours by temperature, and the edited scene."""
 
 from __future__ import annotations
 

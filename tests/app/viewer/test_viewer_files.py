@@ -1,4 +1,4 @@
-"""What the viewer reads while it runs: scenes and paths, dropped, typed or changed on disk, and shaders; right and wrong ones."""
+"""Files that the viewer reads while it runs: scenes and paths, dropped, typed or changed on disk, and shaders."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def errors(driver: Driver) -> list[str]:
 
 @pytest.mark.parametrize("name", ["image/composite.frag", "viewer/gui.frag"])
 def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, copied: Path, name: str) -> None:
-    """File and line, whoever's shader it is; mended, F5 reads it again, and the error is gone."""
+    """File and line, whoever's shader it is; corrected, F5 reads it again, and the error is gone."""
     file = copied / name
     good = file.read_text()
     at = next(i for i, line in enumerate(good.splitlines()) if "void main" in line)

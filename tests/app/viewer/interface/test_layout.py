@@ -1,4 +1,4 @@
-"""How the interface looks: what is remembered of it, what fits into small and large windows, and which settings it offers."""
+"""Layout of the interface: its remembered state, small and large windows, and the settings that it offers."""
 
 from __future__ import annotations
 
