@@ -36,10 +36,8 @@ ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).with_name("measurements.json")
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
 FULL = ("cornell", "door")  # with a row per technique
-SLOW = {
-    "gather",
-    "placement",
-}  # the published gather and placement, which the tutorial's ladder has
+# the published gather and placement, which the tutorial's ladder has
+SLOW = {"gather", "placement"}
 SEEDS = (0, 1, 2)
 EACH = "records", "error", "bias", "outliers"
 NUMBER = re.compile(r"(<!-- n: (\S+) (\S+) -->).*?(<!-- n -->)", re.S)
