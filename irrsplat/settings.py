@@ -32,7 +32,7 @@ WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has 
 
 @dataclass(frozen=True)
 class Declaration:
-    """What is known of one setting apart from its value.
+    """Description of one setting, without its value.
 
     word: what may be given in place of a number, if anything. former: the setting's name before version 0.2, still accepted as
     flag, keyword and remembered preference; to be dropped in the version after.

@@ -1,4 +1,4 @@
-"""What all tests share: one OpenGL context, a check for OpenGL errors after each test, and a viewer to drive."""
+"""Fixtures of all tests: one OpenGL context, a check for OpenGL errors after each test, and a viewer to drive."""
 
 from __future__ import annotations
 

@@ -1,12 +1,10 @@
-"""Measures the table of docs/about/cie.md: `python docs/programs/cie.py`. Cases of CIE 171:2006 for diffuse light, by the light
-meter, against closed forms."""
+"""Cases of CIE 171:2006 for diffuse light, by the light meter, against closed forms; `measure.py cie` fills docs/about/cie.md."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +12,6 @@ import numpy as np
 from irrsplat.meter.light_meter import irradiance
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
-PAGE = Path(__file__).resolve().parents[1] / "about/cie.md"
 UP = np.array([0.0, 1.0, 0.0])
 Points = tuple[np.ndarray, np.ndarray]  # (N, 3) places and normals
 
@@ -198,21 +195,3 @@ CASES = (
     Case("5.8", "walls of a cube, ρ = 0.95", partial(interreflection, 0.95), goal=0.02),
     Case("5.9", "opening in a roof, uniform sky", skylight),
 )
-
-
-def table() -> str:
-    """Return a row per case, as Markdown."""
-    rows = ["| clause | what | values | greatest error | RMS | goal | reached |", "| --- | --- | --- | --- | --- | --- | --- |"]
-    for case in CASES:
-        count, greatest, rms = case.error()
-        told = f"{case.goal:.0%} | {'yes' if greatest <= case.goal else 'no'}"
-        rows.append(f"| {case.clause} | {case.what} | {count} | {greatest:.2%} | {rms:.2%} | {told} |")
-        print(rows[-1], flush=True)
-    return "\n".join(rows) + "\n"
-
-
-if __name__ == "__main__":
-    start, end = "<!-- cases: made by docs/programs/cie.py -->\n", "<!-- end -->"
-    page = PAGE.read_text(encoding="utf-8")
-    head, rest = page.split(start)
-    PAGE.write_text(head + start + table() + end + rest.split(end, 1)[1], encoding="utf-8")

@@ -36,7 +36,7 @@ def keep(picture: Path, name: str) -> None:
 
 
 def shown() -> tuple[list[str], list[str]]:
-    """What README and docs show: the file names of the paper's figures, and the names of bundled scenes."""
+    """Return the file names of the paper's figures and the names of bundled scenes that README and docs show."""
     pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "README.md", *sorted(IMAGES.parent.rglob("*.md"))))
     names = list(dict.fromkeys(re.findall(r"[(/]images/([\w/-]+)\.png\)", pages)))
     figures = [f"{name}.png" for name in names if name.startswith("paper/")]

@@ -1,4 +1,4 @@
-"""A host's widget: irrsplat draws into a QOpenGLWidget of PySide6, beside what else Qt shows.
+"""A host's widget: irrsplat draws into a QOpenGLWidget of PySide6, next to other widgets of Qt.
 
 pip install PySide6-Essentials
 python docs/programs/in_qt.py

@@ -1,18 +1,18 @@
-"""Measure how a refined view converges, for docs/about/experiments.md: `python docs/programs/rest.py [SCENE …]` (one hour).
+"""Convergence of a still view over processor time; `measure.py rest` fills docs/about/experiments.md and plots it (an hour).
 
-Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against the
-truth in tests/reference, and the estimate. What is measured stays in out/rest.json; the picture and the tables are made of that.
+Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against
+tests/reference, and the estimate.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from tables import between
+from tables import table
 
 import irrsplat
 from irrsplat.app.common.plot import Line, loglog, palette
@@ -26,12 +26,11 @@ from tests.support.truth import SIZE, load_reference  # noqa: E402
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
 SECONDS = 60.0
 TARGET = 0.4  # percent, at which a refinement ends
-KEPT = ROOT / "out" / "rest.json"
 Point = tuple[float, int, float, float]  # seconds, records, and in percent the error and its estimate
 
 
-def measured(name: str, bounces: int | str) -> list[Point]:
-    """A point for each picture of a view that is refined; the time goes without that of comparing."""
+def one(name: str, bounces: int | str) -> list[Point]:
+    """Return a point for each picture of a view that is refined; the time excludes that of comparing."""
     scene, reference = irrsplat.load(name), load_reference(name)
     truth, agreement = reference.of(bounces)
     row, column = reference.pixels.T
@@ -54,43 +53,26 @@ def measured(name: str, bounces: int | str) -> list[Point]:
     return points
 
 
-def table(found: dict[str, list[Point]]) -> str:
-    """A row for each scene that was measured, with one bounce and with all."""
-    lines = ["| scene, bounces | seconds: error, estimate (percent) |", "| --- | --- |"]
-    for key, points in found.items():
-        cells = "; ".join(f"{seconds:.0f}: {error:.2f}, {told:.2f}" for seconds, _, error, told in points)
-        lines.append(f"| `{key.split()[0]}`, {key.split()[1]} | {cells} |")
-    return "\n".join(lines) + "\n"
-
-
-def main() -> None:
-    """Measure the named scenes, or those without data; fill docs/about/experiments.md and draw docs/images/measured/rest.png."""
-    found: dict[str, list[Point]] = json.loads(KEPT.read_text()) if KEPT.exists() else {}
-    for bounces in (1, "all"):
-        for name in sys.argv[1:] or SCENES:
-            key = f"{name} {bounces}"
-            if key not in found or sys.argv[1:]:
-                found[key] = measured(name, bounces)
-                KEPT.parent.mkdir(exist_ok=True)
-                KEPT.write_text(json.dumps(found, indent=1))
-                print(key, found[key], flush=True)
-    keys = [f"{name} {bounces}" for bounces in (1, "all") for name in SCENES if found.get(f"{name} {bounces}")]
+def measured() -> dict[str, Any]:
+    """Measure all scenes with one bounce and with all, and draw docs/images/measured/rest.png."""
+    found = {f"{name} {bounces}": one(name, bounces) for bounces in (1, "all") for name in SCENES}
     lines = []
     for name, colour in zip(SCENES, palette(len(SCENES)), strict=True):
         pale = tuple(160 + round(0.37 * channel) for channel in colour)
         for words, column, ink in ((name, 2, colour), ("its estimate", 3, pale)):
-            points = found.get(f"{name} 1") or []
-            if points:
-                lines.append(Line(words, *(np.array([p[i] for p in points]) for i in (0, column)), (ink[0], ink[1], ink[2])))
-    title = "A view at rest, 400 x 400, one bounce"
-    write_picture(
-        ROOT / "docs" / "images" / "measured" / "rest.png", loglog(lines, title, "seconds of processor time", "error, %")
-    )
-    page = ROOT / "docs" / "about" / "experiments.md"
-    text = page.read_text(encoding="utf-8")
-    made = table({key: found[key] for key in keys})
-    page.write_text(between(text, "rest", "rest", made), encoding="utf-8")
+            at = (np.array([point[i] for point in found[f"{name} 1"]]) for i in (0, column))
+            lines.append(Line(words, *at, (ink[0], ink[1], ink[2])))
+    plot = loglog(lines, "A still view, 400 x 400, one bounce", "seconds of processor time", "error, %")
+    write_picture(ROOT / "docs" / "images" / "measured" / "rest.png", plot)
+    return found
 
 
-if __name__ == "__main__":
-    main()
+def rows(found: dict[str, Any]) -> str:
+    """Return a row for each scene that was measured, with one bounce and with all."""
+    lines = []
+    for key, points in found.items():
+        if isinstance(points, list):
+            name, bounces = key.split()
+            cells = (f"{seconds:.0f}: {error:.2f}, {estimate:.2f}" for seconds, _, error, estimate in points)
+            lines.append((f"`{name}`, {bounces}", "; ".join(cells)))
+    return table(("scene, bounces", "seconds: error, estimate (percent)"), lines)

@@ -1,4 +1,4 @@
-"""What mkdocs needs beside mkdocs.yml: README and changelog as pages, generated reference, formulas as MathML.
+"""Additions to mkdocs.yml for mkdocs: README and changelog as pages, generated reference, formulas as MathML.
 
 `make docs` builds the site into build/site. Nothing here is written into docs/: generated pages live in memory only.
 """
@@ -164,7 +164,7 @@ def cell(text: str) -> str:
 
 
 def formats() -> str:
-    """What is read and written, from the tables by which the program does it."""
+    """Return a page of the formats that are read and written, from the program's own tables."""
     lines = [
         "# Formats",
         "",

@@ -26,11 +26,12 @@ MOST_LINES = 8  # of what a command printed
 
 
 class Row(NamedTuple):
-    """A row of a table: the case, how often it was tried, the result, and the command's words and environment; none by hand."""
+    """A row: case, number of tries, result, last run, and the words and environment of its command (none by hand)."""
 
     tried: str
     often: str
     result: str
+    last: str
     words: list[str]
     environment: Mapping[str, str]
 
@@ -40,11 +41,11 @@ def rows(text: str) -> list[Row]:
     found = []
     for line in text.splitlines():
         cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
-        if len(cells) != 4 or cells[3] == "command" or set(cells[3]) == {"-"}:
+        if len(cells) != 5 or cells[4] == "command" or set(cells[4]) == {"-"}:
             continue
-        words = shlex.split(cells[3].strip("`")) if cells[3].startswith("`") else []
+        words = shlex.split(cells[4].strip("`")) if cells[4].startswith("`") else []
         first = next((i for i, word in enumerate(words) if "=" not in word), 0)
-        found.append(Row(*cells[:3], words[first:], dict(word.split("=", 1) for word in words[:first])))
+        found.append(Row(*cells[:4], words[first:], dict(word.split("=", 1) for word in words[:first])))
     return found
 
 
@@ -93,7 +94,7 @@ def main() -> int:
     for row in rows(PAGE.read_text(encoding="utf-8")):
         if args.k.lower() not in f"{row.tried} {shlex.join(row.words)}".lower():
             continue
-        print(f"{row.tried}\n  stated: {row.often}: {row.result}", flush=True)
+        print(f"{row.tried}\n  stated: {row.often}: {row.result}\n  {row.last}", flush=True)
         if not row.words:
             print("  not tried, since it is done by hand")
             continue

@@ -32,9 +32,9 @@ def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 def ray_directions(side: int, spread: bool = False) -> np.ndarray:
     """Return (M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
 
-    The strata around the normal meet there, and are 6° long with 64² rays. Their heights in sin²θ advance by the golden ratio, so
-    that rays lie evenly around the normal. spread: the heights of all elevations do. Without it, few elevations would leave the
-    horizon unsampled.
+    The strata around the normal meet there, and are 10° long with 64² rays. Their heights in sin²θ advance by the golden ratio,
+    so that rays lie evenly around the normal. spread: the heights of all elevations do. Without it, few elevations would leave
+    the horizon unsampled.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))

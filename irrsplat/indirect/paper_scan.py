@@ -1,10 +1,9 @@
 """The seed paper's algorithm as published (Jones 2010), one record at a time: the baseline of every comparison.
 
-Kept as it was: random warm-up records, a single plane of 150° per record, one blocking read-back and a sum on the CPU for
-each, a traversal of the splat buffer in scan order with the new records' weights splatted on the CPU, a kernel that is
-cut off at 1/a. Mended, since the program did not do what its formulas say: the plane's coordinates, the distances
-(true ones, weighted by cosθ·dω), the threshold (Σw against 1/a, not a), black records and the background, the splat's
-bounding quad, and shadow maps drawn once.
+Kept: random warm-up records, a single plane of 150° per record, a blocking read-back and a sum on the CPU for each, and a kernel
+cut off at 1/a. The traversal of the splat buffer is in scan order, and new records' weights are splatted on the CPU. Corrected,
+since the program differed from its formulas: the plane's coordinates, the distances (true ones, weighted by cosθ·dω), and the
+threshold (Σw against 1/a, not a). So are black records, the background, the splat's bounding quad, and shadow maps drawn once.
 """
 
 from __future__ import annotations

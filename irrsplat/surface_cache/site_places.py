@@ -36,7 +36,7 @@ class Places:
         return replace(self.sites[rows], frame_rotation=rows)
 
     def moved(self, change: SceneChange) -> Places:
-        """Those on meshes that have moved where these are now."""
+        """Return the places with those on moved meshes carried along."""
         assert self.sites.triangle is not None
         moved = carried(self.sites.position, self.sites.triangle, change)
         columns = {name: getattr(self.sites, name).copy() for name in ("position", "normal", "geometric")}
@@ -130,11 +130,10 @@ class Survey:
 
 
 def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """(count·PLACES,) for each of `count` sites the numbers of hits on it, where `sites` (N,) tells the site of each; -1 for a
-    site without any.
+    """Return (count·PLACES,), the numbers of hits on each of `count` sites; -1 for a site without any.
 
-    They are drawn by their `weight` (N,), at equal steps of it from a start by chance, along a way through their `position`
-    (N, 3) that goes from close to close: so all parts of what a site speaks for come in by their shares.
+    sites: (N,) the site of each hit. Hits are drawn by their `weight` (N,), at equal steps of it from a random start, along a
+    space-filling curve through their `position` (N, 3). So all parts of a site's cluster are drawn by their shares.
     """
     order = np.flatnonzero(weight > 0.0)
     order = order[np.lexsort((along_a_way(position[order]), sites[order]))]

@@ -24,8 +24,8 @@ vec2 folded(vec2 place, vec2 mirrored)
     return mix(place, 1.0 - abs(1.0 - mod(place, 2.0)), mirrored);
 }
 
-// The mean over a pixel's footprint. One that is long and narrow is sampled at up to MAP_TAPS places along its length (1 where the
-// driver's anisotropic filter does the same), and, where it is wider than a texel, in two rows half a level finer: one trilinear
+// The mean over a pixel's footprint. A long and narrow one is sampled at up to MAP_TAPS places along its length (1 with the
+// driver's anisotropic filter). Where it is wider than a texel, it is sampled in two rows half a level finer: one trilinear
 // sample blurs beyond the footprint's sides.
 vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
 {

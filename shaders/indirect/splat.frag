@@ -32,9 +32,8 @@ layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the lum
 
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
-// negative; what the surface lets through of it is a lune of n's hemisphere. Of light that is affine in the direction, and as bright
-// at n as at the horizon on the mean, that is (1 - n·m)·(E/2 - 2/π·M·t), t being the direction in which m is tilted, to second order
-// (docs/METHOD.md, 4.1).
+// negative; the visible part of it is a lune of n's hemisphere. Let t be the direction in which m is tilted, and the light affine in the
+// direction. Then the lune has (1 - n·m)·(E/2 - 2/π·M·t), to second order (docs/METHOD.md, 4.1).
 vec3 bent_irradiance(vec3 E, vec3 n, vec3 m, mat3 M)
 {
     float c = clamp(dot(n, m), 0.0, 1.0);

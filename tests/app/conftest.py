@@ -1,4 +1,4 @@
-"""What tests of the command line share: a stand-in for the renderer, and a working folder with a small scene."""
+"""Fixtures of the command line's tests: a stand-in for the renderer, and a working folder with a small scene."""
 
 from __future__ import annotations
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from irrsplat.app import grammar
-from irrsplat.scene import bundled
-from tests.support.programs import program
+from tests.support.programs import FOLDER, program
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").rglob("*.md"))
@@ -48,8 +47,10 @@ def test_files_named_in_backticks_exist(page: Path) -> None:
 
 @pages
 def test_command_lines_parse(page: Path) -> None:
-    """Commands inside sentences; those in blocks are run by test_readme.py. `irrsplat render` alone is the name of a command."""
-    for command in re.findall(r"`irrsplat ([^`]+)`", page.read_text(encoding="utf-8")):
+    """Commands inside sentences and in blocks, which test_readme.py runs. `irrsplat render` alone is the name of a command."""
+    text = page.read_text(encoding="utf-8")
+    shell = "".join(re.findall(r"```sh\n(.*?)```", text, re.S))
+    for command in [*re.findall(r"`irrsplat ([^`]+)`", text), *re.findall(r"^irrsplat (.*)$", shell, re.M)]:
         words = shlex.split(command.replace("\n", " "))
         if len(words) > 1:
             try:
@@ -65,12 +66,16 @@ def test_the_check_of_the_hessian_runs(capsys: pytest.CaptureFixture[str]) -> No
     assert max(map(float, capsys.readouterr().out.split())) < 2e-6
 
 
-def test_make_figures_makes_pictures_that_pages_show() -> None:
-    """The files are the paper's six figures and bundled scenes; other programs make further pictures."""
-    made = program("figures")
-    figures, scenes = made.shown()
-    assert len(figures) >= 6 and scenes and set(scenes) <= set(bundled())
-    assert all((made.IMAGES / name).exists() for name in (*figures, *(f"{scene}.png" for scene in scenes)))
+def test_pages_state_the_numbers_of_the_measurements(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables and marked numbers are those of measurements.json; pages of results have no other records, times or errors."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    measure = program("measure")
+    for page in measure.pages():
+        text = page.read_text(encoding="utf-8")
+        assert measure.filled(text, measure.kept()) == text, f"{page.name}: run python docs/programs/measure.py fill"
+        if page.name in ("README.md", "measurements.md", "techniques.md", "2-what-was-wrong.md", "3-the-mending.md"):
+            by_hand = re.sub(r"(<!-- n: .*?<!-- n -->)|(<!-- \S+: made by .*?<!-- end -->)", "", text, flags=re.S)
+            assert not re.search(r"\d (?:records|m?s|seconds|% (?:error|RMSE))\b", by_hand), page.name
 
 
 def test_commands_of_the_page_on_trust_choose_tests_that_there_are() -> None:

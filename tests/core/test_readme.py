@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat.app import cli, grammar
+from irrsplat.app import cli
 from irrsplat.app.bench import cases, fly_through
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
@@ -47,11 +47,6 @@ def small(words: list[str]) -> list[str]:
     if words[0] == "bench":  # tests/app/bench has all presets and flights
         quick = [*([] if "--preset" in words else ["--preset", "default"]), *([] if "--flight" in words else ["--flight", "off"])]
     return [*words, "--size", "24", "24", *quick]
-
-
-@pytest.mark.parametrize("command", IRRSPLAT)
-def test_the_commands_parse(command: str) -> None:
-    grammar.parse(shlex.split(command)[1:])
 
 
 def test_there_is_a_quick_start_of_two_commands() -> None:

@@ -121,10 +121,8 @@ def tried(constraints: str) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command line; return the exit status."""
-    if arguments == ["oldest"]:
-        return tried("".join(f"{named(one)}=={least(one)}\n" for one in declared(["gltf"])))
-    if arguments == ["newest"]:
-        return tried("")
+    if arguments in (["oldest"], ["newest"]):
+        return tried("".join(f"{named(one)}=={least(one)}\n" for one in declared(["gltf"])) if "oldest" in arguments else "")
     if arguments == ["lock"]:
         LOCK.write_text(lock(), encoding="utf-8")
         return 0

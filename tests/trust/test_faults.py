@@ -1,4 +1,4 @@
-"""Faults: SIGKILL at any moment, a full disk, Ctrl-C anywhere, a clock that jumps, truncated files.
+"""Faults: SIGKILL at any moment, a full disk, Ctrl-C anywhere, a clock that jumps.
 
 Outputs are unchanged or complete, an error is one line, and the next run works. IRRSPLAT_FAULTS: repetitions of each fault
 in the long form (4). IRRSPLAT_SEED: the seed of the moments (1). With -s, a summary is printed.
@@ -10,7 +10,6 @@ import json
 import os
 import signal
 from collections import Counter
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,8 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import irrsplat
-from irrsplat import InputError, Renderer
+from irrsplat import Renderer
 from irrsplat.app import cli
 from irrsplat.core.timing.clock import use_clock
 from irrsplat.core.timing.input_waits import InputWaits, checked_by
@@ -28,7 +26,6 @@ from tests.app.conftest import PLAIN, TRIANGLE
 from tests.renderer.test_renderer import FAST, room
 from tests.support.counted_clock import CountedClock
 from tests.support.interrupts import run
-from tests.trust.fuzz import readers
 from tests.trust.harm import at_line, killed, limited, rendered, signalled
 
 TIMES = int(os.environ.get("IRRSPLAT_FAULTS", "4"))
@@ -172,7 +169,7 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
     print(f"\n{how}: {dict(found)}")
 
 
-# ---- clocks and editors ------------------------------------------------------------------------------------------------------
+# ---- clocks -------------------------------------------------------------------------------------------------------------------
 
 
 class Leaping(CountedClock):
@@ -201,28 +198,3 @@ def test_a_clock_that_leaps_and_input_that_waits_change_no_picture(busy: float) 
         assert done and progress.coverage == 1.0
         one, two = (sorted(renderer.cache.read()["position"].tolist()) for renderer in (whole, leaping))
         assert one == two
-
-
-EDITED: dict[str, Callable[[Path], object]] = {
-    "a.scene": lambda path: path.write_text(PLAIN.replace("triangle", "a")),
-    "a.obj": lambda path: path.write_text(TRIANGLE + "# more\n" * 20),
-    "b.glb": lambda path: path.write_bytes(readers.glb_bytes(json.dumps(readers.gltf_tree()).encode())),
-}
-
-
-@pytest.mark.parametrize("name", EDITED)
-def test_a_scene_that_an_editor_has_written_in_part(name: str, tmp_path: Path) -> None:
-    """Each part of a file gives a scene, or a one-line error."""
-    for file, write in EDITED.items():
-        write(tmp_path / file)
-    path, top = tmp_path / name, str(tmp_path / ("b.glb" if name == "b.glb" else "a.scene"))
-    content, found = path.read_bytes(), Counter[str]()
-    for cut in np.linspace(0, len(content), 30).astype(int).tolist():
-        path.write_bytes(content[:cut])
-        try:
-            irrsplat.load(top)
-            found["read"] += 1
-        except InputError as error:
-            assert "\n" not in str(error)
-            found["refused"] += 1
-    assert found["read"] and found["refused"] and irrsplat.load(top).meshes

@@ -100,8 +100,7 @@ def test_the_same_file_twice_is_refused(argv: list[str], words: str, refused: Ca
     assert words in refused([*RENDER, *argv])
 
 
-def test_frames_of_one_name_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
-    """Different patterns that give one name from some frame on."""
+def test_patterns_with_one_name_from_some_frame_on_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
     path = flight / "a.path"
     path.write_text(path.read_text().replace("frames 4", "frames 12"))
     line = refused([*FLIGHT, "-o", "f{frame}.png", "-o", "f{frame:02d}.png"])
@@ -109,24 +108,29 @@ def test_frames_of_one_name_are_refused(refused: Callable[..., str], fake: Any, 
 
 
 def test_what_a_killed_process_left_is_swept(tmp_path: Path) -> None:
-    """The next writer removes temporary files of dead processes; those of a living process stay.
-
-    (tests/trust/test_faults.py kills some processes.)
-    """
+    """The next writer removes temporary files of dead processes. Those of a living one, foreign names, links and pipes stay."""
     (tmp_path / ".irrsplat-0123456789ab.part").write_text("half")
     (tmp_path / ".irrsplat-0123456789ac.part").mkdir()
     (tmp_path / ".irrsplat-0123456789ac.part" / "a.png").touch()
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious/file").touch()
+    (tmp_path / ".irrsplat-0123456789ad.part").symlink_to(tmp_path / "precious")
+    os.mkfifo(tmp_path / ".irrsplat-0123456789ae.part")
+    others = {"precious", ".irrsplat-0123456789ad.part", ".irrsplat-0123456789ae.part", "a.part", ".irrsplat-notes"}
+    for name in ("a.part", ".irrsplat-notes"):
+        (tmp_path / name).touch()
     seen: list[str] = []
 
     def fill(part: Path) -> None:
         """Write another file meanwhile."""
         part.write_text("new")
         files.write_text(tmp_path / "b.txt", "other")
-        seen.extend(path.name for path in tmp_path.glob(".irrsplat-*"))
+        seen.extend(path.name for path in tmp_path.glob(".irrsplat-*") if path.name not in others)
         assert seen == [part.name]
 
     files.write_file(tmp_path / "a.txt", fill)
-    assert seen and {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.txt": "new", "b.txt": "other"}
+    assert seen and {path.name for path in tmp_path.iterdir()} == {"a.txt", "b.txt"} | others
+    assert (tmp_path / "a.txt").read_text() == "new" and (tmp_path / "precious/file").exists()
 
 
 @pytest.mark.parametrize("rows", [1, 16, 33])
@@ -146,20 +150,6 @@ def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
             path.write_bytes(whole[:length] + padded)
             with pytest.raises(OSError):
                 files.check_exr(path, rows)
-
-
-def test_others_files_stay(tmp_path: Path) -> None:
-    """Foreign names, links, and a pipe that has no reader stay."""
-    (tmp_path / "precious").mkdir()
-    (tmp_path / "precious/file").touch()
-    (tmp_path / ".irrsplat-0123456789ab.part").symlink_to(tmp_path / "precious")
-    os.mkfifo(tmp_path / ".irrsplat-0123456789ac.part")
-    for name in ("a.part", ".irrsplat-notes", "irrsplat-1.part"):
-        (tmp_path / name).touch()
-    before = {path.name for path in tmp_path.iterdir()}
-    files.write_text(tmp_path / "a.txt", "new")
-    assert (tmp_path / "precious/file").exists()
-    assert {path.name for path in tmp_path.iterdir()} == before | {"a.txt"}
 
 
 def test_a_name_that_is_swept_before_it_is_locked_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,5 @@
 // The ends of rays from lights: `sets` rows a light, a texel a ray. The rays of each row are spread evenly over the light's cone,
-// over the sphere, or over the window of a directional light, and so are the rays of all its rows together.
+// over the sphere, or over the window of a directional light. So are the rays of all its rows together.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"

@@ -100,7 +100,7 @@ def test_the_glb_emits_the_map_and_its_materials_are_black(textured: tuple[Path,
 
 
 def test_the_other_form_keeps_the_scenes_materials_and_names_the_map(textured: tuple[Path, Any]) -> None:
-    """An EXR and a PNG of 16 bits beside it hold the same map."""
+    """An EXR and a PNG of 16 bits next to it hold the same map."""
     import OpenEXR
 
     folder, made = textured

@@ -1,4 +1,4 @@
-"""What the command line refuses: one line on stderr, the right exit status, and no file left behind."""
+"""Refusals of the command line: one line on stderr, the right exit status, and no file left behind."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def read(path: str) -> np.ndarray:
 
 @pytest.mark.parametrize("unit", ["lux", "W/m2"])
 def test_the_light_on_a_floor_is_that_of_the_closed_form(lamp: float, unit: str) -> None:
-    """I·h/d³, times 179 in lux, whatever the floor reflects; every pixel in the colour of its place, beside it a legend."""
+    """I·h/d³, times 179 in lux, whatever the floor reflects; every pixel in the colour of its place, and a legend."""
     factor = 179.0 if unit == "lux" else 1.0
     argv = ["--falsecolor", "--unit", unit, "--scale", str(5.0 * factor), "--lines", "off"]
     assert cli.main([*RENDER, *argv, "-o", "a.png", "-o", "a.npz"]) == 0

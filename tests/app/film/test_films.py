@@ -50,7 +50,7 @@ def pictures(tmp_path: Path) -> list[Path]:
 
 
 def decoded(path: Path) -> tuple[Any, list[np.ndarray]]:
-    """What the film says of itself, and its frames as (H, W, 3) sRGB by the matrix and range that it names."""
+    """Return the film's description, and its frames as (H, W, 3) sRGB by the matrix and range that it names."""
     with av.open(str(path)) as file:
         stream = file.streams.video[0]
         frames = list(file.decode(stream))

@@ -24,9 +24,10 @@ def test_a_lost_context_is_one_line_and_can_be_left(given: bool) -> None:
     for use in (renderer.render, renderer.frame, lambda: renderer.resize((8, 8)), lambda: renderer.relight(())):
         with pytest.raises(GLError, match="context has been released"):
             use()
-    meter.release()
-    renderer.release()
-    renderer.release()
+    for one in (meter, meter, renderer, renderer):
+        one.release()
+    with pytest.raises(GLError, match="has been released"):
+        meter.measure([[0, 0, 0]], [0, 0, 1])
     ctx.release()
 
 

@@ -115,11 +115,3 @@ def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch: pytest.Mo
     with pytest.raises(InputError, match="5000 lights"):
         irrsplat.irradiance(many, [[0, 0, 0]], [0, 0, 1])
     assert len(made) == 2 and all(isinstance(ctx.mglo, moderngl.InvalidObject) for ctx in made)
-
-
-def test_a_meter_is_released_twice_and_measures_no_more():
-    meter = irrsplat.LightMeter(EMPTY)
-    meter.release()
-    meter.release()
-    with pytest.raises(GLError, match="has been released"):
-        meter.measure([[0, 0, 0]], [0, 0, 1])

@@ -88,10 +88,11 @@ def test_an_index_would_take_wheel_and_sdist(wheel: Path) -> None:
 def test_it_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None:
     """The tools use new caches and environments in another folder."""
     words = (sys.executable, "-m", *tool.split(), str(wheel), "irrsplat")
-    home = {name: str(tmp_path) for name in ("HOME", "PIPX_HOME", "UV_CACHE_DIR", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
-    assert run(*words, "--version", cwd=tmp_path, **home).strip() == f"irrsplat {PROJECT['version']}"
-    run(*words, "render", "furnace", *SMALL, "-o", "furnace.png", cwd=tmp_path, **home)
-    run(*words, "desktop", "install", cwd=tmp_path, **home)
+    (place := tmp_path / "work").mkdir()
+    home = {name: str(tmp_path / name) for name in ("HOME", "PIPX_HOME", "UV_CACHE_DIR", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
+    assert run(*words, "--version", cwd=place, **home).strip() == f"irrsplat {PROJECT['version']}"
+    run(*words, "render", "furnace", *SMALL, "-o", "furnace.png", cwd=place, **home)
+    run(*words, "desktop", "install", cwd=place, **home)
     assert list(tmp_path.rglob("irrsplat*.desktop"))
 
 
