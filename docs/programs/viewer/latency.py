@@ -1,8 +1,8 @@
 """Measures the time from a key or a click to the frame that shows it, in a real window on a virtual display.
 
 `python docs/programs/viewer/latency.py [SCENE] [--count N] [--busy N] [--size W H]` (door, 20, 0, 1000 640) sends X events
-(XTEST) while the view fills, in flight, while the picture is refined, and at rest. `--busy` further processes compute.
-A table has median and worst time in ms, and the parts of the slowest frame. Needs Xvfb, libX11 and libXtst.
+(XTEST). It does so while the view fills, in flight, while the picture is refined, and at rest. `--busy` further processes
+compute. A table has median and worst time in ms, and the parts of the slowest frame. Needs Xvfb, libX11 and libXtst.
 """
 
 from __future__ import annotations

@@ -114,7 +114,7 @@ def buffers(viewer: Viewer) -> None:
 
 
 def sky(viewer: Viewer) -> None:
-    """What shines by itself: in this scene, the sky."""
+    """Show emitted light alone: in this scene, the sky."""
     actions = viewer.actions
     actions.session.change(0, bounces=0)
     actions.panels.controls = False

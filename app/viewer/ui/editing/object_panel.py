@@ -85,8 +85,7 @@ class ObjectPanel:
 
 
 def needs_emission(material: Material) -> bool:
-    """Whether it would be drawn otherwise without any emission, which cannot change in place: it wears a map of that, or filters
-    and glows."""
+    """True if the material must keep some emission: it has a texture of emission, or it filters light and emits."""
     return any(material.emission) and (material.emission_texture is not None or material.filters)
 
 
