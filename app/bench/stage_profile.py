@@ -1,4 +1,4 @@
-"""`irrsplat bench --profile`: processor time by stage of one render from an empty cache, beside that of its rays alone.
+"""`irrsplat bench --profile`: processor time by stage of one render from an empty cache, with that of its rays alone.
 
 Functions at the borders of stages are wrapped while a render is profiled; a stage's time excludes that of the stages in it. The
 time is that of all threads, so that a software renderer's threads count. Draws are finished at each border.
