@@ -57,14 +57,15 @@ class Run:
 class Timing:
     """Timing of one picture.
 
-    seconds: wall time to full coverage. picture: wall time to the picture. records: final cache size. stages: milliseconds by
-    stage at the end. rounds: (records, milliseconds by stage) after each round.
+    seconds: wall time to full coverage. picture: wall time to the picture; processor: in processor time. records: final cache
+    size. stages: milliseconds by stage at the end. rounds: (records, milliseconds by stage) after each round.
     """
 
     seconds: float
     picture: float
     records: int
     stages: dict[str, float]
+    processor: float
     rounds: list[tuple[int, dict[str, float]]]
 
 
@@ -100,10 +101,11 @@ def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: 
     notify("")
 
 
-def warm_up(renderer: Renderer, camera: Camera) -> None:
-    """Render a cheap picture to compile all shaders and build the surface cache; leave the renderer empty."""
+def warm_up(renderer: Renderer, camera: Camera, surface: bool = True) -> None:
+    """Render a cheap picture to compile all shaders and build the surface cache, unless `surface` is False; leave the renderer
+    empty."""
     settings = renderer.settings
-    renderer.change(settings.with_values(QUICK))
+    renderer.change(settings.with_values(QUICK if surface else {**QUICK, "bounces": 1}))
     picture(renderer, camera)
     renderer.change(settings)
     renderer.forget()
@@ -188,14 +190,15 @@ def picture(renderer: Renderer, camera: Camera) -> Timing:
         if progress.round <= 2:  # the second round splats the records of the first
             rounds.append((progress.records, renderer.timers.milliseconds()))
 
-    start = time.perf_counter()
+    start, processor = time.perf_counter(), time.process_time()
     _, stats = renderer.converge(camera, watch)
     with renderer.ctx:
         renderer.ctx.finish()
         seconds = time.perf_counter() - start
         if stats["interrupted"]:  # converge keeps a partial result, which is useless here
             raise KeyboardInterrupt
-        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), rounds)
+        processor = time.process_time() - processor
+        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), processor, rounds)
 
 
 def error(renderer: Renderer, camera: Camera) -> float | None:
