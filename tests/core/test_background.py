@@ -10,6 +10,7 @@ import pytest
 
 from irrsplat.core.timing.background import _AT_ONCE, in_background
 from irrsplat.core.timing.clock import Clock, use_clock
+from irrsplat.core.timing.other_process import call
 
 Result = TypeVar("Result")
 
@@ -47,3 +48,20 @@ def test_dropped_work_that_has_not_begun_never_begins() -> None:
         second.close()
         go_on.set()
         assert all(last(work) is True for work in first) and last(in_background(lambda: 1, 0.5)) == 1 and not begun
+
+
+class _Changing:
+    """An argument that another thread changes while it is pickled for the first time."""
+
+    pickled = 0
+
+    def __reduce__(self) -> tuple[type[int], tuple[int]]:
+        _Changing.pickled += 1
+        if _Changing.pickled == 1:
+            raise RuntimeError("dictionary changed size during iteration")
+        return int, (7,)
+
+
+def test_arguments_that_change_meanwhile_are_pickled_again() -> None:
+    code = "from irrsplat.core.timing.other_process import serve; serve(lambda value, report: value + 1)"
+    assert call(code, (_Changing(),)) == 8 and _Changing.pickled == 2

@@ -21,6 +21,7 @@ from irrsplat.core.errors import IrrsplatError
 
 _BEAT = 0.1  # seconds between two calls of `progress`, at most
 _JOIN = 5.0  # seconds that the end of a stopped call is waited for, at most
+_TRIES = 20  # of pickling
 _ON_THE_WAY = ("progress", "part")  # messages that are followed by others
 
 OnShare = Callable[[float], object]  # called with the finished share, 0..1
@@ -46,6 +47,7 @@ def call(
     exception from either ends the process and is raised here. Raises IrrsplatError, one line, if the process does, and if it
     fails: `failure` with the reason as {why}.
     """
+    given = _pickled(arguments)
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
     with tempfile.TemporaryFile() as said:
@@ -55,7 +57,7 @@ def call(
         assert process.stdin is not None and process.stdout is not None
         try:
             with suppress(BrokenPipeError):  # the process ended before reading everything, which its result shows
-                pickle.dump(arguments, process.stdin)
+                process.stdin.write(given)
                 process.stdin.close()
             kind, value = _answer(process.stdout, progress, take)
             if kind is None:
@@ -72,6 +74,14 @@ def call(
         if kind is None:
             raise IrrsplatError(failure.format(why=_why_it_failed(process.returncode, said)))
     return value
+
+
+def _pickled(arguments: tuple[object, ...]) -> bytes:
+    """Return the arguments as bytes; try again if another thread adds a cached property to one of them meanwhile."""
+    for _ in range(_TRIES):
+        with suppress(RuntimeError):  # dictionary changed size during iteration
+            return pickle.dumps(arguments)
+    return pickle.dumps(arguments)
 
 
 class _Stopped(Exception):
