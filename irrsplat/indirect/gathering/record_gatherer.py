@@ -268,8 +268,8 @@ class RecordGatherer(Owner):
         made = surface.advance(shadows, part)
         if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
-            if coarse and surface.complete:
-                cache.invalidate(np.arange(cache.count))
+            if surface.complete:  # a moving light may have left provisional records behind
+                cache.invalidate(np.flatnonzero(coarse | (cache.gather_sizes[: cache.count] == _PROVISIONAL)))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (made or surface.current)
