@@ -135,6 +135,11 @@ class RecordScheduler(Owner):
             splats,
         )
 
+    @property
+    def _changing(self) -> bool:
+        """True while records are stale or provisional: their variance and their difference from probes have no meaning."""
+        return len(self.cache.stale) > 0 or self.gatherer.provisional
+
     def missing(self, screen: Screen) -> float:
         """Return the share of the seen pixels that request a record now. Nothing is gathered."""
         with self.timers("examine"):
@@ -154,7 +159,9 @@ class RecordScheduler(Owner):
             state, result = self._scan(state, screen, shadows, camera, budget)
         elif state.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
-            if state.check is not None:
+            if self._changing:
+                state = replace(state, check=None)
+            elif state.check is not None:
                 return self._check(state, screen, shadows, budget, True), replace(NOTHING_ASKED, complete=False)
             if state.closing:
                 state, ended, _ = close(state)
@@ -202,7 +209,7 @@ class RecordScheduler(Owner):
         That work makes many tiles request records again. So it does not wait until none does: the last few would take rounds of
         their own, over and over. Return whether one part is done, and whether that was the last one and changed nothing.
         """
-        if self.gatherer.provisional:
+        if self._changing:
             return state, False, False
         if not (state.checked or state.pixel_stride > 1):
             state = self._check(state, screen, shadows, budget, spots)
@@ -266,8 +273,7 @@ class RecordScheduler(Owner):
 
     def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
-        # stale records raise the inter-record variance by themselves
-        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) or self.gatherer.provisional else self.settings
+        settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles

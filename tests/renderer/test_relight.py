@@ -126,6 +126,21 @@ def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:
     assert 0.001 < fresh < 0.1 and relit < 1.4 * fresh
 
 
+@pytest.mark.long
+def test_no_spot_check_compares_stale_records_with_probes() -> None:
+    """Stale records hold the light of before: a check among them finds faults everywhere, and makes thousands of records."""
+    dark = irrsplat.load("door")
+    lights = [replace(dark.lights[0], color=(0.0, 0.0, 0.0)), *dark.lights[1:]]
+    with Renderer(dark, (320, 240), bounces="all") as renderer:
+        renderer.render()
+        renderer.relight(lights)
+        while not renderer.frame(seconds=0.08)[1].done:
+            pass
+        count = renderer.cache.count
+    with Renderer(replace(dark, lights=tuple(lights)), (320, 240), bounces="all") as fresh:
+        assert count < 1.6 * fresh.render().stats["records"]
+
+
 @pytest.mark.parametrize("bounces", [1, pytest.param("all", marks=pytest.mark.long)])
 def test_another_sky_lights_in_proportion_and_a_map_of_one_radiance_as_that(bounces: Any) -> None:
     """A box on a floor under a sky alone: three times the radiance gives three times the irradiance everywhere.
