@@ -57,14 +57,15 @@ class Run:
 class Timing:
     """Timing of one picture.
 
-    seconds: wall time to full coverage. picture: wall time to the picture. records: final cache size. stages: milliseconds by
-    stage at the end. rounds: (records, milliseconds by stage) after each round.
+    seconds: wall time to full coverage. picture: wall time to the picture; processor: in processor time. records: final cache
+    size. stages: milliseconds by stage at the end. rounds: (records, milliseconds by stage) after each round.
     """
 
     seconds: float
     picture: float
     records: int
     stages: dict[str, float]
+    processor: float
     rounds: list[tuple[int, dict[str, float]]]
 
 
@@ -188,14 +189,15 @@ def picture(renderer: Renderer, camera: Camera) -> Timing:
         if progress.round <= 2:  # the second round splats the records of the first
             rounds.append((progress.records, renderer.timers.milliseconds()))
 
-    start = time.perf_counter()
+    start, processor = time.perf_counter(), time.process_time()
     _, stats = renderer.converge(camera, watch)
     with renderer.ctx:
         renderer.ctx.finish()
         seconds = time.perf_counter() - start
         if stats["interrupted"]:  # converge keeps a partial result, which is useless here
             raise KeyboardInterrupt
-        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), rounds)
+        processor = time.process_time() - processor
+        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), processor, rounds)
 
 
 def error(renderer: Renderer, camera: Camera) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,34 +12,38 @@ from irrsplat.app.common.terminal import say
 from irrsplat.core import files
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.indirect import paper_scan
-from irrsplat.reference import disk_cache, fine_gather
-from irrsplat.reference.truth import kept
+from irrsplat.reference import disk_cache, fine_gather, worker
+from irrsplat.reference.truth import kept, vertices
 
 if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Camera
+    from irrsplat.scene.model import Camera, Scene
 
 VERSION = 2  # version of the reference's method
 COUNT = 2000  # pixels
+SIDE = 64  # of the two grids of paths at each
 SECONDS = 240.0  # time limit, after which fewer pixels suffice
 SHADOW_SIZE = 2048  # texels
 
 
-def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
+def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gather.Truth | None:
     """Return the reference irradiance at COUNT smooth pixels of a view of the renderer's size.
 
     One bounce: a fine gather under the present lights, from the user's cache folder or new. More bounces: the path-traced
-    reference of `verify`, if it exists. None without a reference or without comparable pixels.
+    reference of `verify`, if it exists; trace: else a new one at COUNT pixels, if Mitsuba is installed. None without a reference
+    or without comparable pixels.
     """
     scene, size, bounces = renderer.scene, renderer.size, renderer.settings.bounces
     if bounces != 1:
         traced = kept(scene, camera, size, bounces)
-        if traced is None or not traced.valid.any():
+        if traced is not None and traced.valid.any():
+            return fine_gather.Truth(np.argwhere(traced.valid), traced.irradiance[traced.valid])
+        if traced is not None or not trace or importlib.util.find_spec("mitsuba") is None:
             return None
-        return fine_gather.Truth(np.argwhere(traced.valid), traced.irradiance[traced.valid])
     try:
-        key = disk_cache.key_of(scene, camera, VERSION, size, fine_gather.SIDE, COUNT, SHADOW_SIZE)
-        path = disk_cache.folder() / f"gather-{key}.npz"
+        how = (fine_gather.SIDE, COUNT, SHADOW_SIZE) if bounces == 1 else (SIDE, COUNT, vertices(bounces))
+        key = disk_cache.key_of(scene, camera, VERSION, size, *how)
+        path = disk_cache.folder() / f"{'gather' if bounces == 1 else 'points'}-{key}.npz"
         if (found := _read(path, size)) is not None:
             return found
     except files.DAMAGE:
@@ -49,7 +54,11 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
     view, _ = renderer.frame(camera, gather=False)
     with renderer.ctx:
         seen = paper_scan.read_back(view.gbuffer)
-        found = fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
+        if bounces == 1:
+            found = fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
+        else:
+            pixels = fine_gather.chosen(seen, scene, COUNT)
+            found = fine_gather.Truth(pixels, _traced(scene, seen, pixels, vertices(bounces)))
     if not len(found.pixels):
         return None
     if path is not None:
@@ -58,6 +67,15 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
         except IrrsplatError as error:
             say(f"notice: {error}; the truth is not kept for the next time")
     return found
+
+
+def _traced(scene: Scene, seen: paper_scan.Seen, pixels: np.ndarray, bounces: int) -> np.ndarray:
+    """Return (N, 3) float32 path-traced irradiance of `bounces` at these pixels (N, 2)."""
+    at, nowhere = tuple(pixels.T), np.zeros((0, 3))
+    normal = seen.normal if seen.lit_normal is None else seen.lit_normal
+    points = seen.position[at], normal[at], seen.geometric[at]
+    halves = worker.at_points(scene, points, (nowhere, nowhere, nowhere), SIDE, bounces)["halves"]
+    return np.asarray(halves.mean(0), np.float32)
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:

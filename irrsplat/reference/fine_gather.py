@@ -15,6 +15,7 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
 
 SIDE = 128  # of a square of rays: 16 thousand directions
 _LIGHT_SAMPLES = 1024  # shadow rays per pixel to emissive surfaces, which few hemisphere samples hit if they are small
@@ -36,11 +37,17 @@ class Truth:
         return float(np.sqrt(np.mean((irradiance[tuple(self.pixels.T)] - E_ref) ** 2)) / E_ref.mean())
 
 
+def chosen(seen: Seen, scene: Scene, count: int) -> np.ndarray:
+    """Return (N, 2) at most `count` random smooth pixels: row from the top, column."""
+    candidates = np.argwhere(seen.smooth(SMOOTH_OFF * scene.diagonal))
+    found: np.ndarray = np.random.default_rng(0).permutation(candidates)[:count]
+    return found
+
+
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
     """Return the reference at `count` random smooth pixels of `seen`, or at as many as `seconds` allow."""
     ctx, scene = world.ctx, world.scene
-    candidates = np.argwhere(seen.smooth(SMOOTH_OFF * scene.diagonal))
-    pixels = np.random.default_rng(0).permutation(candidates)[:count]
+    pixels = chosen(seen, scene, count)
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
     normal = seen.normal if seen.lit_normal is None else seen.lit_normal

@@ -6,7 +6,8 @@ Importing this needs the extra `reference`. `main` is the process that the bench
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, TypedDict
 
 import drjit as dr
@@ -25,11 +26,12 @@ _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of 
 
 
 class TimedLevels(TypedDict):
-    """load: seconds until the scene can be traced. levels: (samples per point, seconds, relative RMSE), without compilation."""
+    """load: seconds until the scene can be traced. levels: for each filter ("": none) samples per point, seconds, seconds of
+    processor time and relative RMSE, without compilation."""
 
     load: float
     threads: int
-    levels: list[tuple[int, float, float]]
+    levels: dict[str, list[tuple[int, float, float, float]]]
 
 
 def timed(
@@ -41,26 +43,52 @@ def timed(
     bounces: int,
     enough: float,
     seconds: float,
+    mask: np.ndarray,
+    filters: Sequence[str],
     report: Callable[[float], object],
 ) -> TimedLevels:
     """Return times and errors of irradiance with `bounces` at `points`, (N, 3) each: positions, shading and geometric normals.
 
     judged: (M,) numbers of the points with reference irradiance `truth` (M, 3). method: "path", Mitsuba's own integrator on
     cosine-distributed rays, or "joined", Tracer's, which also connects every vertex to the first hits of each light's rays. Ends
-    at a relative RMSE of at most `enough`, or after `seconds`.
+    at a relative RMSE of at most `enough`, or after `seconds`. mask: (H, W) bool, the N pixels of the points. filters: qualities
+    of Open Image Denoise ("fast", "high"), each of which filters the picture of every level as well.
     """
     start = time.perf_counter()
     levels = {"path": _path, "joined": _joined}[method](scene, points, bounces)
     next(levels)
+    filtered = {"": lambda E: E} | {quality: partial(_denoised, mask, points[1], quality) for quality in filters}
+    for smooth in filtered.values():
+        smooth(np.zeros((len(points[0]), 3)))  # loads its weights
     load = time.perf_counter() - start
-    found: list[tuple[int, float, float]] = []
-    for count, took, E in levels:
-        off = E[judged] - truth
-        found.append((count, took, float(np.sqrt(np.mean(off**2)) / truth.mean())))
-        report(min(took / seconds, 1.0))
-        if found[-1][2] <= enough or took >= seconds:
+    found: dict[str, list[tuple[int, float, float, float]]] = {name: [] for name in filtered}
+    for count, traced, E in levels:
+        for name, smooth in filtered.items():
+            begun = _times()
+            off = smooth(E)[judged] - truth
+            took, processor = (traced + _times() - begun).tolist()
+            found[name].append((count, took, processor, float(np.sqrt(np.mean(off**2)) / truth.mean())))
+        report(min(traced[0] / seconds, 1.0))
+        if found[""][-1][3] <= enough or traced[0] >= seconds:
             break
     return {"load": load, "threads": dr.thread_count(), "levels": found}
+
+
+def _times() -> np.ndarray:
+    """Return (2,) the seconds now, and those of processor time."""
+    return np.array([time.perf_counter(), time.process_time()])
+
+
+def _denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray) -> np.ndarray:
+    """Return irradiance (N, 3) at the N pixels of the mask (H, W), filtered by Open Image Denoise with the normals (N, 3)."""
+    import pyoidn
+
+    pictures = np.zeros((3, *mask.shape, 3), np.float32)
+    for picture, values in zip(pictures, (np.maximum(E, 0.0), np.ones_like(normal), normal), strict=True):
+        picture[mask] = values
+    color, albedo, normals = pictures
+    found: np.ndarray = pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float)
+    return found
 
 
 def main() -> None:
@@ -68,7 +96,7 @@ def main() -> None:
     serve(timed)
 
 
-Level = tuple[int, float, np.ndarray]  # samples per point, seconds so far, irradiance (N, 3)
+Level = tuple[int, np.ndarray, np.ndarray]  # samples per point, `_times` so far, irradiance (N, 3)
 
 
 def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
@@ -93,11 +121,11 @@ def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounc
         return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) * np.pi
 
     batch(0)  # compiles
-    done, took, total = 0, 0.0, np.zeros((len(points[0]), 3))
+    done, took, total = 0, np.zeros(2), np.zeros((len(points[0]), 3))
     while True:
-        start = time.perf_counter()
+        start = _times()
         total += batch(1 + done)
-        took, done = took + time.perf_counter() - start, done + 1
+        took, done = took + _times() - start, done + 1
         if done & (done - 1) == 0:
             yield done * _BATCH, took, total / (done * _BATCH)
 
@@ -110,9 +138,9 @@ def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bou
     for side in _SIDES:
         few = slice(0, 256)
         tracer.irradiance(p[few], n[few], g[few], side, 1, bounces)  # compiles
-        start = time.perf_counter()
+        start = _times()
         E = tracer.irradiance(p, n, g, side, 1 + side, bounces)
-        yield side * side, time.perf_counter() - start, E
+        yield side * side, _times() - start, E
 
 
 def _world(scene: Scene) -> Any:

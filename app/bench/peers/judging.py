@@ -29,7 +29,8 @@ CPUS = max(1, os.cpu_count() or 1)  # threads, equal for all: ours, rtrace -n an
 class Measurement:
     """One measurement: settings of the `system`, seconds, and relative RMSE of irradiance.
 
-    further, further_rmse: the values of a further view with all kept data; None: unknown.
+    further, further_rmse: the values of a further view with all kept data; None: unknown. processor: seconds of processor
+    time; None: not measured.
     """
 
     system: str
@@ -38,6 +39,7 @@ class Measurement:
     rmse: float
     further: float | None
     further_rmse: float | None
+    processor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class JudgedView:
     """Visible points of a camera with reference irradiance.
 
     Points (N, 3) with shading and geometric normals; indices (M,) of the compared points; the reference there (M, 3) in W/m²,
-    with pixels as in `fine_gather.Truth`.
+    with pixels as in `fine_gather.Truth`. mask: (H, W) bool, the pixels of the points, row by row.
     """
 
     camera: Camera
@@ -68,6 +70,7 @@ class JudgedView:
     geometric: np.ndarray
     judged: np.ndarray
     truth: fine_gather.Truth
+    mask: np.ndarray
 
     def error(self, E: np.ndarray) -> float:
         """Return the relative RMSE of irradiance (N, 3) at the compared points."""
@@ -77,7 +80,7 @@ class JudgedView:
 
 def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
     """Return the visible points of `camera` and their reference; raise InputError without one."""
-    truth = gather_truth.truth(renderer, camera)
+    truth = gather_truth.truth(renderer, camera, trace=True)
     if truth is None or not truth.irradiance.any():
         bounces = renderer.settings.bounces
         if bounces == 1:
@@ -91,7 +94,7 @@ def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
         seen = paper_scan.read_back(shown.gbuffer)
     numbers = np.cumsum(seen.mask.ravel()).reshape(seen.mask.shape) - 1
     position, normal, geometric = (array[seen.mask] for array in (seen.position, seen.normal, seen.geometric))
-    return JudgedView(camera, position, normal, geometric, numbers[tuple(truth.pixels.T)], truth)
+    return JudgedView(camera, position, normal, geometric, numbers[tuple(truth.pixels.T)], truth, seen.mask)
 
 
 def fastest_first(measurements: Sequence[Measurement]) -> tuple[Measurement, ...]:

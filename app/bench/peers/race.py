@@ -28,6 +28,7 @@ TARGET = 0.05  # relative RMSE of the comparison
 INSTALL = "pip install 'irrsplat[peers]'"
 LEGEND = (
     "rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view",
+    "processor: seconds of processor time by all threads",
     f"further: the same view turned by {TURN:g}°, with the records or the ambient file kept; Mitsuba keeps nothing",
     *(peer.note for peer in PEERS if peer.note),
 )
@@ -90,12 +91,13 @@ def measured(
 def report(title: str, found: Sequence[Series]) -> Iterator[str]:
     """Yield the table of a scene, and its summary."""
     yield from ("", title, *LEGEND)
-    rows = [("system", "quality", "seconds", "rmse", "further s", "rmse")]
+    rows = [("system", "quality", "seconds", "processor", "rmse", "further s", "rmse")]
     for series in found:
         for one in series.measurements:
             known = one.further is not None and one.further_rmse is not None
             further = (f"{one.further:.3f}", f"{one.further_rmse:.1%}") if known else ("-", "-")
-            rows.append((one.system, one.quality, f"{one.seconds:.3f}", f"{one.rmse:.1%}", *further))
+            processor = "-" if one.processor is None else f"{one.processor:.3f}"
+            rows.append((one.system, one.quality, f"{one.seconds:.3f}", processor, f"{one.rmse:.1%}", *further))
     yield from columns(rows, left=2)
     for series in found:
         yield f"{series.measurements[0].system}: {series.about}" if series.measurements else series.about

@@ -52,7 +52,8 @@ PEERS: tuple[Peer, ...] = (
         "Mitsuba",
         "mitsuba:measure_path",
         "mitsuba",
-        "Mitsuba: its own integrator, `direct` for one bounce and `path` for more, on cosine-distributed rays from each pixel",
+        "Mitsuba: its own integrator, `direct` for one bounce and `path` for more, on cosine-distributed rays from each pixel;\n"
+        "+ OIDN: these irradiances as a picture, by the fast and the high filter of Open Image Denoise, with the normals",
     ),
     Peer(
         "Mitsuba, lamps joined",

@@ -3,6 +3,7 @@ installed."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,20 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(gather_truth, "COUNT", 150)
     monkeypatch.setattr(error_curve, "A", (0.6, 0.4))
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
+
+
+@pytest.mark.skipif(find_spec("mitsuba") is None or find_spec("pyoidn") is None, reason="the extra `peers` is not installed")
+@pytest.mark.long
+def test_open_image_denoise_takes_the_noise_of_a_plane() -> None:
+    """Independent noise of 30 % on constant light: a filter over hundreds of pixels leaves less than a fourth."""
+    from irrsplat.reference import trace_points
+
+    mask = np.ones((64, 96), bool)
+    mask[:9] = False
+    E = np.random.default_rng(0).normal(2.0, 0.6, (mask.sum(), 3))
+    for quality in ("fast", "high"):
+        found = trace_points._denoised(mask, np.broadcast_to([0.0, 0.0, 1.0], E.shape), quality, E)
+        assert found.shape == E.shape and np.sqrt(np.mean((found - 2.0) ** 2)) < 0.15
 
 
 @here
