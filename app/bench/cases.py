@@ -101,10 +101,11 @@ def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: 
     notify("")
 
 
-def warm_up(renderer: Renderer, camera: Camera) -> None:
-    """Render a cheap picture to compile all shaders and build the surface cache; leave the renderer empty."""
+def warm_up(renderer: Renderer, camera: Camera, surface: bool = True) -> None:
+    """Render a cheap picture to compile all shaders and build the surface cache, unless `surface` is False; leave the renderer
+    empty."""
     settings = renderer.settings
-    renderer.change(settings.with_values(QUICK))
+    renderer.change(settings.with_values(QUICK if surface else {**QUICK, "bounces": 1}))
     picture(renderer, camera)
     renderer.change(settings)
     renderer.forget()
