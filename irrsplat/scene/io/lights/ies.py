@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import may_read, refusal
-from irrsplat.core.words import number, quote
+from irrsplat.core.words import GREATEST, number, quote
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.model import Photometry
 
@@ -51,32 +51,38 @@ class _Numbers:
     """The numbers of a text in order, separated by blanks, commas and ends of lines."""
 
     def __init__(self, path: Path, text: list[str], start: int) -> None:
-        self.path = path
-        found = [(word, i + 1) for i in range(start, len(text)) for word in re.split(r"[\s,\x1a]+", text[i]) if word]
-        self._words, self._lines = [word for word, _ in found], [line for _, line in found]
-        self._end = max((i + 1 for i, line in enumerate(text) if line.strip()), default=1)
+        self.path, self._text, self._start = path, text, start
+        self._words = _words("\n".join(text[start:]))
         self._next = 0
 
     def error(self, message: str, back: int = 1) -> InputError:
         """Return an error with the place of the number `back` before the next."""
-        return InputError(message, self.path, self._lines[self._next - back])
+        ends = np.cumsum([len(_words(line)) for line in self._text[self._start :]])
+        line = int(np.searchsorted(ends, self._next - back, side="right"))
+        return InputError(message, self.path, self._start + line + 1)
 
     def take(self, what: str, count: int = 1) -> np.ndarray:
         """Return (count,) the next numbers; raise InputError, with their name `what`, for invalid or missing ones."""
         start, stop = self._next, self._next + count
         if stop > len(self._words):
             found = f", after {len(self._words) - start} of {count}" if count > 1 else ""
-            raise InputError(
-                f"the file ends in {what}{found}; it is cut off, or one of its counts is wrong", self.path, self._end
-            )
-        values = np.zeros(count)
-        for k in range(start, stop):
-            self._next = k + 1
+            end = max((i + 1 for i, line in enumerate(self._text) if line.strip()), default=1)
+            raise InputError(f"the file ends in {what}{found}; it is cut off, or one of its counts is wrong", self.path, end)
+        self._next = stop
+        words = self._words[start:stop]
+        try:
+            values = np.fromiter(map(float, words), float, count)
+            if (np.abs(values) <= GREATEST).all() and not any("_" in word for word in words):
+                return values
+        except ValueError:
+            pass
+        for k, word in enumerate(words, start + 1):
             try:
-                values[k - start] = number(self._words[k])
+                number(word)
             except ValueError as error:
+                self._next = k
                 raise self.error(f"{error}; expected {what}") from None
-        return values
+        raise AssertionError("a number is refused without a reason")
 
     def finish(self, where: str) -> None:
         """Raise InputError for surplus numbers."""
@@ -114,6 +120,11 @@ class _Numbers:
                 raise self.error(f"{what}: {values[first]:g} is out of order; {reason}", count - first)
         right = np.round(values / 90.0) * 90.0
         return np.where(np.abs(values - right) <= _ANGLE_TOLERANCE, right, values)
+
+
+def _words(text: str) -> list[str]:
+    """Return the words between blanks, commas, ends of lines and ends of files."""
+    return text.replace(",", " ").replace("\x1a", " ").split()
 
 
 def _range(low: int, high: int) -> str:
