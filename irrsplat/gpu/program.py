@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import moderngl
@@ -79,17 +80,30 @@ class Program:
         self._defines = dict(defines or {})
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
         self._gl: moderngl.Program | None = None
-        self._set_sources(self._sources())
+
+    @cached_property
+    def _source(self) -> list[shader_source.Source]:
+        """The vertex and the fragment shader. Many programs are never drawn: their files are not read."""
+        return self._sources()
+
+    @cached_property
+    def uniforms(self) -> dict[str, str]:
+        """The declared uniforms: name → type."""
+        return {name: kind for source in self._source for name, kind in source.uniforms.items()}
+
+    @cached_property
+    def units(self) -> dict[str, int]:
+        """The texture unit of each sampler."""
+        return {name: unit for unit, name in enumerate(name for name, kind in self.uniforms.items() if "sampler" in kind)}
 
     def _sources(self) -> list[shader_source.Source]:
         """Return the vertex and the fragment shader, read from their files."""
         return [shader_source.load(file, self._defines) for file in self._files]
 
     def _set_sources(self, sources: list[shader_source.Source]) -> None:
+        for derived in ("uniforms", "units"):
+            self.__dict__.pop(derived, None)
         self._source = sources
-        self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
-        samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
-        self.units = {name: unit for unit, name in enumerate(samplers)}
 
     def _linked(self, sources: list[shader_source.Source]) -> moderngl.Program:
         vertex, fragment, geometry = sources[0].text, sources[1].text, None
