@@ -240,7 +240,7 @@ class Refiner(Owner):
         return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (served > 0.0)))
 
     def _regather_finer(self, state: Refinement, shadows: ShadowMaps, budget: Budget) -> Refinement:
-        """Gather records again that are to look along more rays."""
+        """Gather records again that need more rays."""
         done = self.scheduler.gatherer.regather(shadows, state.finer, budget, self._side(state.doublings))
         return replace(state, finer=state.finer[done:])
 

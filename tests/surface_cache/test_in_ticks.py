@@ -54,6 +54,7 @@ def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeyp
     """
     for name in ("_PICTURE_SHARE", "_OLDEST_PICTURE"):
         monkeypatch.setattr(f"irrsplat.renderer.frames.{name}", 1e9)
+    monkeypatch.setattr("irrsplat.indirect.gathering.record_gatherer._FIRST_LIGHT", 1.0)  # not within the first frame
     with Renderer(room(), SIZE, ctx=ctx, **TRACED) as renderer:
         before = view = renderer.frame(seconds=2e-3)[0]
         while renderer.scheduler.gatherer.surface_now is None:

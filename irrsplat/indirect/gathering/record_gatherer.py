@@ -27,11 +27,11 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.site_layout import detail_for
 
-_PROBES_FROM = 64  # side of a gather, of which a glance's rays are a small part
-_FIRST_LIGHT = 12.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
+_PROBES_FROM = 64  # side of a gather, of which the rays of a first probe are a small part
+_FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
-_FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
-_LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
+_FEWEST = 16  # least side of a gather whose own rays measure its noise well
+_LOOKS = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
