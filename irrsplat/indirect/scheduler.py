@@ -209,8 +209,9 @@ class RecordScheduler(Owner):
         That work makes many tiles request records again. So it does not wait until none does: the last few would take rounds of
         their own, over and over. Return whether one part is done, and whether that was the last one and changed nothing.
         """
-        if self._changing:
-            return state, False, False
+        if self._changing:  # every pixel is splatted meanwhile, and the rest waits
+            coarse = state.pixel_stride > 1
+            return (replace(state, pixel_stride=1, closing=False) if coarse else state), coarse, False
         if not (state.checked or state.pixel_stride > 1):
             state = self._check(state, screen, shadows, budget, spots)
             if not state.checked or state.queue is not None:

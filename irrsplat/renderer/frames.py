@@ -196,5 +196,6 @@ class Frames(Owner):
         """Free the buffers of the last view except image and alpha; the next use makes them again."""
         self.stages.free_buffers()
         self.moving.stages.free_buffers()
+        self.leave_refinement()
         self._passes.drop("refiner")
         self.state = replace(self.state, view=ViewState(), shown=None)
