@@ -91,7 +91,7 @@ def _share(mistakes: Mistakes, parser: Parser) -> None:
 
 def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
     """Yield `argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE after it for its value."""
-    switches = {flag for d in SETTINGS.values() if d.kind == "bool" for flag in d.flags}
+    switches = {d.flag for d in SETTINGS.values() if d.kind == "bool"}
     for i, word in enumerate(argv):
         if word == "--":
             yield from argv[i:]

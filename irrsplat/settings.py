@@ -34,8 +34,7 @@ WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has 
 class Declaration:
     """Description of one setting, without its value.
 
-    word: what may be given in place of a number, if anything. former: the setting's name before version 0.2, still accepted as
-    flag, keyword and remembered preference; to be dropped in the version after.
+    word: what may be given in place of a number, if anything.
     """
 
     name: str
@@ -48,17 +47,11 @@ class Declaration:
     unit: str = ""
     word: str = ""
     choices: tuple[str, ...] = ()
-    former: str = ""
 
     @property
     def flag(self) -> str:
         """The command line's spelling, such as ``--gather-size``."""
-        return _flag(self.name)
-
-    @property
-    def flags(self) -> tuple[str, ...]:
-        """All the spellings that the command line takes: `flag` first, then the former one, if any."""
-        return (self.flag, _flag(self.former)) if self.former else (self.flag,)
+        return "--" + self.name.replace("_", "-")
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -117,10 +110,6 @@ class Declaration:
         return self.low is None or self.high is None or self.low <= value <= self.high
 
 
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
-
-
 def _declare(default: Any, kind: Kind, stage: str, help: str, **rest: Any) -> Any:
     return field(default=default, metadata={"default": default, "kind": kind, "stage": stage, "help": help, **rest})
 
@@ -149,7 +138,7 @@ class Settings:
         word="all",
     )
     gather: str = _declare(
-        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, or rays traced by shaders or by "
+        "auto", "choice", "gather", "how a record samples its hemisphere: one 150° plane, or rays traced by shaders or by "
         "Embree; auto: rays, by Embree where OpenGL is software",
         choices=("auto", "plane", "trace", "embree"),
     )  # fmt: skip
@@ -163,15 +152,15 @@ class Settings:
         unit="pixels",
     )
     ray_noise: float = _declare(
-        4.0, "float", "gather", "a record that serves only what is near does with a quarter of its rays where these tell its "
-        "irradiance to so many percent; 0: all rays for every record", low=0, high=100, unit="%",
+        4.0, "float", "gather", "a record that covers only its near surroundings has a quarter of the rays where their noise "
+        "is at most so many percent; 0: all rays for every record", low=0, high=100, unit="%",
     )  # fmt: skip
     light_samples: int = _declare(
-        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to what lamps light close by, "
-        "beside the rays that find them by chance; 0: off", low=0, high=4096,
+        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to places that lights close "
+        "by light, in addition to its hemisphere samples; 0: off", low=0, high=4096,
     )  # fmt: skip
-    gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
-    second_order: bool = _declare(True, "bool", "splat", "records say how their gradients change around them as well")
+    gradients: bool = _declare(True, "bool", "splat", "records store how irradiance changes with place and normal")
+    second_order: bool = _declare(True, "bool", "splat", "records store how their gradients change as well")
     radius: str = _declare(
         "hessian", "choice", "splat", "what R is: the harmonic mean distance to what a record sees, the same all around; or two "
         "radii, along and across, by the second derivatives of its light", choices=("harmonic", "hessian"),
@@ -181,11 +170,9 @@ class Settings:
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
     )  # fmt: skip
-    in_front: bool = _declare(
-        True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
-    )
+    in_front: bool = _declare(True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not cover it")
     adapt: float = _declare(
-        0.6, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        0.6, "float", "splat", "greatest relative difference between neighbouring records before their radii shrink; 0: off",
         low=0, high=10,
     )  # fmt: skip
     radius_min: float = _declare(
@@ -201,14 +188,14 @@ class Settings:
         True, "bool", "splat", "while a view fills or moves, every other pixel is splatted and the rest lie between; then all are"
     )
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
-        "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
+        "auto", "float", "examine", "a pixel requests a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
     )
     spread: float = _declare(
-        0.05, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
-        "mean of what they say; 0: off", low=0, high=10,
+        0.05, "float", "examine", "a pixel also requests a record where inter-record variance is greater: standard deviation "
+        "over mean; 0: off", low=0, high=10,
     )  # fmt: skip
     placement: str = _declare(
-        "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
+        "tiles", "choice", "examine", "where records go: tiles, coarse to fine, or the paper's random warm-up and scan order",
         choices=("tiles", "scan"),
     )  # fmt: skip
     warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
@@ -221,9 +208,8 @@ class Settings:
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
     fill_holes: bool = _declare(
-        True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them",
-        former="overture",
-    )  # fmt: skip
+        True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them"
+    )
     fade: bool = _declare(
         True, "bool", "composite", "new indirect light comes in over several frames of the viewer, so that it does not "
         "flicker in flight; at rest, and in a render, all of it is there",
@@ -234,7 +220,7 @@ class Settings:
     )  # fmt: skip
     quality: float = _declare(
         0.0, "float", "composite", "a render goes on until its estimated error is at most this, in percent of the mean indirect "
-        "light; 0: until every pixel is served", low=0, high=100, unit="%",
+        "light; 0: until every pixel is covered", low=0, high=100, unit="%",
     )  # fmt: skip
     exposure: float | Auto = _declare(
         "auto",
@@ -258,7 +244,6 @@ class Settings:
     )  # fmt: skip
     viewer_samples: int = _declare(
         64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536,
-        former="rest",
     )  # fmt: skip
     viewer_quality: float = _declare(
         1.0, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
@@ -299,27 +284,21 @@ class Settings:
         return tuple(getattr(self, name) for name, d in SETTINGS.items() if d.stage in stages)
 
     def with_values(self, values: Mapping[str, object]) -> Settings:
-        """A copy with `values` (by setting name, present or former) in place.
-
-        Raises InputError for an unknown name, for a setting given by both of its names, and for a bad value.
-        """
-        known: dict[str, object] = {}
-        for given, value in values.items():
-            name = present_name(given)
-            if name in known:
-                raise InputError(f"'{SETTINGS[name].former}' is the former name of '{name}'; give one of them")
-            known[name] = value
-        return replace(self, **cast(SettingValues, known))  # __post_init__ checks the types
+        """Return a copy with `values` by setting name. Raises InputError for an unknown name and for a bad value."""
+        for name in values:
+            check_name(name)
+        return replace(self, **cast(SettingValues, dict(values)))  # __post_init__ checks the types
 
 
 SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, **f.metadata) for f in fields(Settings)}
-_PRESENT_NAMES = {d.former: d.name for d in SETTINGS.values() if d.former}
 
 
 REMOVED = {  # settings of earlier versions: why they are gone
     "borrow": "every pixel gets a record where it needs one",
+    "overture": "it is called fill_holes",
     "neighbours": "adaptive radii do better with fewer records",
     "pixel_light_samples": "records hold the light of emissive surfaces with less error in the same time",
+    "rest": "it is called viewer_samples",
     "smooth": "it raised the error",
     "walls": "inter-record variance finds the same pixels",
 }
@@ -340,14 +319,12 @@ def removed(name: str) -> str | None:
     return None if why is None else f"setting '{name}' was removed: {why}; leave it out"
 
 
-def present_name(name: str) -> str:
-    """The setting that `name`, its present or its former one, stands for; raises InputError where there is none."""
-    name = _PRESENT_NAMES.get(name, name)
+def check_name(name: str) -> None:
+    """Raise InputError if `name` is not a setting."""
     if (message := removed(name)) is not None:
         raise InputError(message)
     if name not in SETTINGS:
         raise InputError(f"unknown setting '{name}'{did_you_mean(name, SETTINGS)}; the settings are {', '.join(SETTINGS)}")
-    return name
 
 
 class SettingValues(TypedDict, total=False):

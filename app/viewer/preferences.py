@@ -18,7 +18,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene import Camera, bundled
-from irrsplat.settings import PRESETS, SETTINGS, SettingValues, present_name
+from irrsplat.settings import PRESETS, SETTINGS, SettingValues, check_name
 
 VERSION = 1  # of both files
 RECENT = 10  # scenes
@@ -166,7 +166,7 @@ def _checked(data: dict[str, Any], notices: list[str]) -> Preferences:
     values: dict[str, object] = {}
     for name, value in given["values"].items():
         try:
-            name = present_name(name)
+            check_name(name)
             values[name] = SETTINGS[name].check(value)
         except (InputError, OverflowError):
             wrong.append((f"setting {quote(name)}", value))

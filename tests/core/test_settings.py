@@ -75,19 +75,11 @@ def test_the_keywords_for_type_checkers_are_the_settings() -> None:
     assert list(SettingValues.__annotations__) == list(SETTINGS)
 
 
-@pytest.mark.parametrize(("former", "present", "value"), [("overture", "fill_holes", False), ("rest", "viewer_samples", 7)])
-def test_former_names_of_settings_still_work(former: str, present: str, value: object) -> None:
-    default = Settings()
-    assert default.with_values({former: value}) == default.with_values({present: value})
-    assert getattr(preset("paper", **{former: value}), present) == value  # type: ignore[arg-type]
-    assert SETTINGS[present].flags == (f"--{present.replace('_', '-')}", f"--{former}")
-    with pytest.raises(InputError, match=f"'{former}' is the former name of '{present}'"):
-        default.with_values({former: value, present: value})
-
-
 def test_unknown_names() -> None:
     with pytest.raises(InputError, match=r"setting 'walls' was removed: .*; leave it out"):
         Settings().with_values({"walls": True})
+    with pytest.raises(InputError, match="setting 'overture' was removed: it is called fill_holes"):
+        preset(overture=False)  # type: ignore[call-arg]
     with pytest.raises(InputError, match=r"takes auto\|plane\|trace\|embree, not 'raster'; 'raster' was removed: rays see"):
         preset(gather="raster")
     with pytest.raises(InputError, match="unknown preset 'fast'; the presets are default"):

@@ -68,16 +68,13 @@ def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (),
 
 
 def add_setting(group: Any, declaration: Declaration) -> None:
-    """Add one setting, with its former flags."""
+    """Add one setting."""
     default = declaration.default
     word = default if not isinstance(default, bool) else "on" if default else "off"
     shown = f"{word:g}" if isinstance(word, float) else word
     text = f"{declaration.help} ({declaration.range}; default: {shown})"
     metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
-    dest = "set_" + declaration.name
-    group.add_argument(declaration.flag, dest=dest, metavar=metavar, help=text.replace("%", "%%"))
-    for former in declaration.flags[1:]:
-        group.add_argument(former, dest=dest, metavar=metavar, help=argparse.SUPPRESS)
+    group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text.replace("%", "%%"))
 
 
 def add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "", action: str = "store") -> None:

@@ -25,7 +25,7 @@ SMALL = ["--size", "2", "2"]
 
 
 def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Former names of settings still work, and a switch never swallows the scene."""
+    """A switch never takes the scene as its value."""
     assert cli.main(["render", "-o", "a.npz"]) == 0
     assert (fake.asked.scene.name, fake.asked.size, fake.asked.preset) == ("cornell", (800, 800), "default")
     assert fake.asked.settings == {} and fake.asked.figures is False
@@ -37,7 +37,7 @@ def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.Capture
     wanted = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
     assert fake.asked.settings == {**wanted, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
     for words, value in ((["--fill-holes"], True), (["--fill-holes", "OFF"], False), (["--fill-holes=off"], False)):
-        assert cli.main(["render", *SMALL, "-o", "a.png", "--rest", "5", *words, "plain.scene"]) == 0
+        assert cli.main(["render", *SMALL, "-o", "a.png", "--viewer-samples", "5", *words, "plain.scene"]) == 0
         assert fake.asked.scene.name == "plain" and fake.asked.settings == {
             "viewer_samples": 5,
             "fill_holes": value,
@@ -46,14 +46,14 @@ def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.Capture
 
 
 def test_help(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every setting is a flag with range and default; a setting's former name is left out."""
+    """Every setting is a flag with range and default."""
     monkeypatch.setenv("COLUMNS", "1000")
     assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out.split()[0] == "irrsplat"
     for command in ("view", "info", "verify", "bench", "render"):
         assert cli.main([command, "--help"]) == 0
         text = capsys.readouterr().out
-        assert f"usage: irrsplat {command}" in text and not re.search("--(rest|overture)", text)
+        assert f"usage: irrsplat {command}" in text
         args = [command, "a.stl", "--up-axis", "z", "--crease-angle", "25", "--time", "1.5"]
         loading = grammar.parse([*args, "-o", "a.png"] if command == "render" else args).loading
         assert loading == LoadOptions("z", 25.0, 1.5)
