@@ -184,19 +184,19 @@ def check_exr(path: Path, rows: int) -> None:
 @contextmanager
 def _part(folder: Path, make: Callable[[Path], object], ending: str = "") -> Iterator[Path]:
     """Yield a temporary file or folder in `folder`, made by `make`, locked by this process and removed at the end."""
-    handle = None
-    while handle is None:  # another process may remove the file before it is locked
-        part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
-        make(part)
-        handle = _lock(part)
+    handle, part = None, folder
     try:
+        while handle is None:  # another process may remove the file before it is locked
+            part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
+            make(part)
+            handle = _lock(part)
         yield part
-    finally:
-        if part.is_dir():
+    finally:  # an interruption may come before the lock
+        if part.is_dir() and part != folder:
             shutil.rmtree(part, ignore_errors=True)
-        else:
+        elif part.is_file():
             part.unlink(missing_ok=True)
-        if handle >= 0:
+        if handle is not None and handle >= 0:
             os.close(handle)
 
 
