@@ -63,6 +63,7 @@ class TraceGather(Gather):
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks)
         self.places_of_texels = places_of_texels(self.cell, places)
+        self._by_place = np.argsort(self.places_of_texels, kind="stable")  # each place has as many texels
         self.search = LightSearch(world, light_samples, self.share.size / np.pi, embree=embree)
         self.program = Program(
             ctx,
@@ -150,11 +151,10 @@ class TraceGather(Gather):
         """Have Embree trace the rays of records with these rows of `frames`; return (N, R) the triangles hit, None without it."""
         if self.first_hits is None:
             return None
-        order = np.argsort(self.places_of_texels, kind="stable")  # each place has as many texels
-        rays = self.rays[order].reshape(self.places, -1, 3)
+        rays = self.rays[self._by_place].reshape(self.places, -1, 3)
         found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), rays)
         hits = np.empty((rows.shape[1] // self.places, self.share.size), np.int32)
-        hits[:, order] = found.reshape(hits.shape)
+        hits[:, self._by_place] = found.reshape(hits.shape)
         lines = -(-hits.size // TABLE_COLUMNS)
         padded = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
         self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))

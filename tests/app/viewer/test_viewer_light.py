@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -16,18 +14,7 @@ from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.plane import horizontal
 from irrsplat.scene.model import Light
 from tests.support import worlds
-from tests.support.viewing import Driver, fresh, push, viewing, write_room
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    yield from fresh(one, tmp_path, monkeypatch)
+from tests.support.viewing import Driver, push
 
 
 def test_the_plane_has_the_values_of_a_light_meter(driver: Driver) -> None:
@@ -77,7 +64,7 @@ def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> No
 
 
 def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
-    """The floor behind the box does not see the lamp; all of its light is indirect, as much as the picture has there."""
+    """The floor behind the box does not see the light; all of its light is indirect, as much as the picture has there."""
     push(driver, "Ctrl+D")
     session = driver.session
     x, y = on_screen(session.camera, session.size, (-0.45, -1.0, -0.4)) or (0.0, 0.0)

@@ -13,6 +13,7 @@ from irrsplat.app.viewer.editing.scene_edit import object_name
 from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import unit
 from irrsplat.gather.record_frame import tangent_frames
+from irrsplat.gather.stratified import ray_directions
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.ray_caster import RayCaster
 
@@ -48,7 +49,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
     """Return the direct light of a surface point with a unit normal. caster: of the scene's triangles as they are drawn."""
     n = np.asarray(normal, float)
     start, frame = np.asarray(point) + _RISE * scene.diagonal * n, tangent_frames(n[None], np.zeros(1), 0)
-    rays = _hemisphere()
+    rays = ray_directions(_SIDE)
     hits = meshes_of(scene, caster.first_hits(start[None], frame, rays)[0])
 
     def blocker(end: np.ndarray) -> str:
@@ -108,14 +109,6 @@ def _unlit(light: Light, toward: np.ndarray, n: np.ndarray) -> str:
     if not any(light.color):
         return "off"
     return "behind the surface" if toward @ n <= 0.0 else "outside of its beam"
-
-
-def _hemisphere() -> np.ndarray:
-    """Return (_SIDE², 3) unit directions about z in proportion to the cosine: the middles of a grid's cells."""
-    u = (np.arange(_SIDE) + 0.5) / _SIDE
-    square, angle = np.repeat(u, _SIDE), 2.0 * math.pi * np.tile(u, _SIDE)
-    r = np.sqrt(square)
-    return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - square)], axis=1)
 
 
 def _point(values: np.ndarray) -> Point:
