@@ -22,7 +22,7 @@ from irrsplat.gpu.resource import Owner, Resource, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene
@@ -82,11 +82,11 @@ class PlaceLight(Tenant):
             _Drawn(self.ctx, where, settings.gradients) as drawn,
             PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
         ):
-            view, before = ViewState(_NOBODY), self.cache.count
+            view, before = ViewState((_NOBODY,)), self.cache.count
             for _ in range(settings.max_rounds):
                 view, _ = scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
-                if view.stalled or view.settled == (sums, settings.request_criteria):
+                if view.ended((sums, settings.request_criteria)):
                     break
                 screen = scheduler.screen(drawn.gbuffer, sums, _NOBODY)
                 view, _ = scheduler.gather_missing(view, screen, self.lit.shadows, _NOBODY, budget)
@@ -97,7 +97,7 @@ class PlaceLight(Tenant):
         served = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(served[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
-        return Gathered(irradiance, served, self.cache.count, view.settled is not None)
+        return Gathered(irradiance, served, self.cache.count, view.phase is Phase.SETTLED)
 
     def _reach(self, texel: float) -> Reach:
         """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""

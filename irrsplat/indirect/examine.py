@@ -56,6 +56,11 @@ class Examination:
     weight: np.ndarray
 
     @property
+    def requesting(self) -> int:
+        """The number of tiles that request a record."""
+        return int(np.count_nonzero(self.requests))
+
+    @property
     def holes(self) -> int:
         """The number of tiles with a pixel that no record covers."""
         return int(np.count_nonzero((self.requests > 0.0) & (self.weight <= 0.0)))

@@ -24,7 +24,7 @@ from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawn
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.view_state import Phase, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.model import Camera
 
@@ -182,7 +182,7 @@ class Refiner(Owner):
         weights = served / max(float(served.sum()), 1e-20)
         surface_error = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
         self._surface_error, index = (surface.refinements, surface_error), state.step % 2
-        self.scheduler.limit_radii(replace(state.fill, limited=True))  # the last test's records are new
+        self.scheduler.limit_radii(replace(state.fill, phase=Phase.FILL))  # the last test's records are new
         splats = self._splats[index].update(
             cache, gbuffer, camera, self.scheduler.settings, 1, self._reach[index] if state.step else None
         )
@@ -250,11 +250,12 @@ class Refiner(Owner):
         assert levels is not None
         fill, _ = self.scheduler.limit_radii(state.fill)
         splats = self._splats[index].update(self.cache, gbuffer, levels.camera, settings, 1, self._reach[index])
-        if not fill.stalled and fill.settled != (splats, settings.request_criteria):
+        of = splats, settings.request_criteria
+        if not fill.ended(of):
             side = self._side(state.doublings)
             screen = self.scheduler.screen(gbuffer, splats, levels.camera)
             fill, _ = self.scheduler.gather_missing(fill, screen, shadows, levels.camera, budget, side)
-            if not (fill.stalled or fill.settled == (splats, settings.request_criteria)):
+            if not fill.ended(of):
                 return replace(state, fill=fill, ended=fill.full)
         known = replace(state, error=None, check=None, uncertainty=None, next_levels=None, fill=ViewState())
         return replace(known, splats=splats, levels=levels, step=state.step + 1)

@@ -21,7 +21,7 @@ from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.site_selection import FEWER, chessboard, choose
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
 from irrsplat.records.culling import within
@@ -117,11 +117,14 @@ class RecordScheduler(Owner):
         numbers = stale if gbuffer is None else self.refresh_order.order(self.cache, gbuffer, camera, self.settings)
         return self.gatherer.regather(shadows, numbers, budget)
 
-    def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
-        """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;
-        whether any old one reaches otherwise now."""
-        changed = self.adaptation(self.settings, old_too=last or not state.limited, same_floor=state.queue is not None)
-        return replace(state, limited=True), changed
+    def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
+        """Compare new records with all others, as AdaptiveRadius does, and old ones as well if a view begins or, `last`, ends.
+
+        Return the view, and True if the reach of an old record has changed.
+        """
+        starts = view.phase is Phase.START
+        changed = self.adaptation(self.settings, old_too=last or starts, same_floor=view.queue is not None)
+        return replace(view, phase=Phase.FILL) if starts else view, changed
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
@@ -140,13 +143,14 @@ class RecordScheduler(Owner):
         """True while records are stale or provisional: their variance and their difference from probes have no meaning."""
         return len(self.cache.stale) > 0 or self.gatherer.provisional
 
-    def missing(self, screen: Screen) -> float:
-        """Return the share of the seen pixels that request a record now. Nothing is gathered."""
+    def need(self, screen: Screen) -> Need:
+        """Return what the view lacks now. Nothing is gathered."""
+        settings = self.settings
         with self.timers("examine"):
-            return screen.examine(self.settings).missing
+            return Need.found(screen.examine(settings), screen.pixel_stride, (screen.sums, settings.request_criteria))
 
     def gather_missing(
-        self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
+        self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the view lacks records, as far as the budget goes.
 
@@ -154,73 +158,75 @@ class RecordScheduler(Owner):
         """
         scan = self.settings.placement == "scan" and not side
         close = partial(self._close, screen=screen, shadows=shadows, budget=budget, spots=not (scan or side))
-        before, result = state, NOTHING_ASKED
+        result = NOTHING_ASKED
         if scan:
-            state, result = self._scan(state, screen, shadows, camera, budget)
-        elif state.queue is None:
+            view, result = self._scan(view, screen, shadows, camera, budget)
+        elif view.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
             if self._changing:
-                state = replace(state, check=None)
-            elif state.check is not None:
-                return self._check(state, screen, shadows, budget, True), replace(NOTHING_ASKED, complete=False)
-            if state.closing:
-                state, ended, _ = close(state)
-                return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
-            state = self._requested(state, screen, camera, budget, side)
-        if state.queue is not None:
+                view = replace(view, check=None)
+            elif view.check is not None:
+                return self._check(view, screen, shadows, budget, True), replace(NOTHING_ASKED, complete=False)
+            if view.phase is Phase.CLOSE:
+                view, ended, _ = close(view)
+                return replace(view, rounds=view.rounds + ended), replace(NOTHING_ASKED, complete=False)
+            view = self._requested(view, screen, camera, budget, side)
+        if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
-            done = self.gatherer.gather(shadows, _asked_by(state.queue, camera, screen.size), budget, side, state.near)
-            state = replace(state, queue=state.queue[done:] if done < len(state.queue) else None)
-            result = RoundResult(done, state.queue is None)
+            sites, near = view.queue
+            done = self.gatherer.gather(shadows, _asked_by(sites, camera, screen.size), budget, side, near)
+            view = replace(view, queue=view.queue.without(done))
+            result = RoundResult(done, view.queue is None)
 
-        state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
-            return state, result
-        few = state.requesting < FEWER
-        state = replace(state, crowded=not few, closing=state.closing or (few and state.crowded))
+            return view, result
+        fewer = view.need.requests < FEWER <= view.before.requests
+        view = replace(view, phase=Phase.CLOSE if fewer or view.phase is Phase.CLOSE else Phase.FILL)
         settled = False
         if not result.new:
-            state, ended, settled = close(state)
+            view, ended, settled = close(view)
             if not ended:
-                return state, replace(result, complete=False)
-        gained = state.coverage > before.coverage or state.holes < before.holes_before
-        state = replace(
-            state,
-            rounds=state.rounds + 1,
-            stalled_rounds=0 if gained else state.stalled_rounds + 1,
-            holes_before=state.holes,
-            settled=(screen.sums, self.settings.request_criteria) if settled else state.settled,
+                return view, replace(result, complete=False)
+        gained = view.need.less_than(view.before)
+        view = replace(
+            view,
+            phase=Phase.SETTLED if settled else view.phase,
+            rounds=view.rounds + 1,
+            stalled_rounds=0 if gained else view.stalled_rounds + 1,
+            before=view.need,
         )
-        return state, replace(result, complete=result.new > 0 or settled)
+        return view, replace(result, complete=result.new > 0 or settled)
 
-    def _requested(self, state: ViewState, screen: Screen, camera: Camera, budget: Budget, side: int) -> ViewState:
+    def _requested(self, view: ViewState, screen: Screen, camera: Camera, budget: Budget, side: int) -> ViewState:
         """Return the view with the queue of a new round, coarse to fine; None if there is nothing to gather."""
-        state, sites = self._select(state, screen)
+        view, queue = self._select(view, screen)
+        sites = queue.sites
         if budget.limited and not side:
             sites = sites[self.flight_order(sites.position, camera, screen.size)]
         room = self.room if side else self._room(len(sites), camera, screen.size)
-        return replace(state, queue=sites[:room] or None, full=room < len(sites))
+        sites, full = sites[:room], room < len(sites)
+        return replace(view, queue=Queue(sites, queue.near) if len(sites) else None, full=full)
 
     def _close(
-        self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
+        self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
     ) -> tuple[ViewState, bool, bool]:
         """Continue the work that waits until hardly any tile requests records: the spot check, then the reach of old records.
 
-        That work makes many tiles request records again. So it does not wait until none does: the last few would take rounds of
-        their own, over and over. Return whether one part is done, and whether that was the last one and changed nothing.
+        Both make many tiles request records again, so that they do not wait for the last few tiles. Return the view, True if one
+        part is done, and True if that was the last part and changed nothing.
         """
         if self._changing:  # every pixel is splatted meanwhile, and the rest waits
-            coarse = state.pixel_stride > 1
-            return (replace(state, pixel_stride=1, closing=False) if coarse else state), coarse, False
-        if not (state.checked or state.pixel_stride > 1):
-            state = self._check(state, screen, shadows, budget, spots)
-            if not state.checked or state.queue is not None:
-                return state, state.checked, False
+            coarse = view.pixel_stride > 1
+            return (replace(view, pixel_stride=1, phase=Phase.FILL) if coarse else view), coarse, False
+        if not (view.checked or view.pixel_stride > 1):
+            view = self._check(view, screen, shadows, budget, spots)
+            if not view.checked or view.queue is not None:
+                return view, view.checked, False
         if not self.adaptation.compare(self.settings, budget):
-            return state, False, False
-        state, limited = self.limit_radii(state, last=True)
-        unchanged = not limited and state.pixel_stride == 1  # else others may be missing
-        return replace(state, pixel_stride=1, closing=False), True, unchanged
+            return view, False, False
+        view, limited = self.limit_radii(view, last=True)
+        unchanged = not limited and view.pixel_stride == 1  # else others may be missing
+        return replace(view, pixel_stride=1, phase=Phase.FILL), True, unchanged
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
         """The places of a view, or of the part of it that `camera` draws, for a spot check, as SpotPass has them."""
@@ -228,31 +234,31 @@ class RecordScheduler(Owner):
         with self.timers("examine"):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
 
-    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
+    def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
         """Advance the spot check of a view that requests no record, as far as the budget goes, and queue records where it fails.
 
         There is no check with little room for further records, nor with settings that ignore inter-record variance.
         """
-        check, gatherer = state.check, self.gatherer
+        check, gatherer = view.check, self.gatherer
         if check is None:
             roomy = self.room > _ROOMY * self.settings.max_records
             if not (spots and roomy and self.settings.spread and gatherer.may_probe):
-                return replace(state, checked=True)
+                return replace(view, checked=True)
             left = self._checked.left(screen.spots())
             check = SpotCheck(left, left)
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
             check = replace(check, found=np.concatenate([check.found, more]))
             if len(check.found) < len(check.spots):
-                return replace(state, check=check)
+                return replace(view, check=check)
             if check.stage == len(SIDES) - 1:
                 break
             check = SpotCheck(check.whole, check.doubtful, stage=check.stage + 1)
             if budget.left <= 0.0:
-                return replace(state, check=check)
+                return replace(view, check=check)
         sites = check.doubtful.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
-        return replace(state, check=None, checked=True, queue=sites or None, near=False, stalled_rounds=0)
+        return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
 
     def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
         """Evict records to make room for new records where eviction is allowed; return the free number of records."""
@@ -272,14 +278,14 @@ class RecordScheduler(Owner):
         """Return the examination of a picture, or of the `part` that the buffers hold."""
         return self._passes.get("examine", (), lambda: ExaminePass(self.ctx))(gbuffer, splats, settings, part)
 
-    def _select(self, state: ViewState, screen: Screen) -> tuple[ViewState, Sites]:
-        """The sites of a new round, and with them the state in which the next one selects."""
+    def _select(self, view: ViewState, screen: Screen) -> tuple[ViewState, Queue]:
+        """Return the view with its present need, and the sites of a new round."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
+            need = Need.found(found, screen.pixel_stride, (screen.sums, settings.request_criteria))
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles
-            # of every other pixel a quarter of the tiles ask: about as many as would, were every pixel looked at
-            requests, step = int(np.count_nonzero(found.requests)) * screen.pixel_stride**2, state.step
+            requests, step = need.requests, view.step
             board = chessboard(step, reach, requests)
             tiles = choose(found.requests, board, settings.seed + step)
             while requests and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
@@ -287,23 +293,22 @@ class RecordScheduler(Owner):
                 board = chessboard(step, reach, requests)
                 tiles = choose(found.requests, board, settings.seed + step)
             step += requests > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
-            state = replace(state, missing=found.missing, holes=found.holes, requesting=requests, step=step, near=board.last)
-            return state, found.at(tiles)
+            return replace(view, need=need, step=step), Queue(found.at(tiles), board.last)
 
     def _scan(
-        self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
+        self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
     ) -> tuple[ViewState, RoundResult]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        scan, gbuffer, splats = state.scan, screen.gbuffer, screen.splats
+        scan, gbuffer, splats = view.scan, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # such a view is drawn whole
         if scan is None:
             with self.timers("gbuffer"):
                 scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
         self.gatherer.restore_surface(shadows, budget)
-        room = self._room(1, camera, gbuffer.position.size)
-        state = replace(state, scan=scan, full=not room)
+        room, of = self._room(1, camera, gbuffer.position.size), (screen.sums, self.settings.request_criteria)
+        view = replace(view, scan=scan, full=not room)
         if not room:
-            return replace(state, missing=self.missing(screen)), NOTHING_ASKED
+            return replace(view, need=self.need(screen)), NOTHING_ASKED
         more = iter(range(1, room))
 
         def goes_on() -> bool:
@@ -314,7 +319,7 @@ class RecordScheduler(Owner):
             sites, values, missing = scan.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
             self.cache.append(_asked_by(sites, camera, gbuffer.position.size), values)
-        return replace(state, missing=missing), RoundResult(len(sites), not record.stopped)
+        return replace(view, need=Need(missing, of=of)), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
 

@@ -3,52 +3,101 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
 
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import SpotCheck
 from irrsplat.indirect import paper_scan
-from irrsplat.scene.model import Camera
+from irrsplat.indirect.examine import Examination
 
 GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
 
 
+class Phase(Enum):
+    """The work that a view does next.
+
+    START: its old records are to be compared with each other. FILL: rounds of new records, coarse to fine. CLOSE: few tiles
+    request records, so that the spot check and the radii of old records are due. SETTLED: no pixel requests a record.
+    """
+
+    START = 0
+    FILL = 1
+    CLOSE = 2
+    SETTLED = 3
+
+
+class Need(NamedTuple):
+    """The result of an examination: what a view lacks.
+
+    missing: under-covered share of the seen pixels, 0..1. holes: tiles with a pixel that no record covers. requests: tiles that
+    request a record. of: the examined sums and the criteria.
+    """
+
+    missing: float = 1.0
+    holes: int = 0
+    requests: int = 0
+    of: tuple[object, ...] = ()
+
+    @classmethod
+    def found(cls, examination: Examination, pixel_stride: int, of: tuple[object, ...]) -> Need:
+        """Return what an examination of every `pixel_stride`-th pixel has found.
+
+        A quarter of the tiles requests a record if only every other pixel is examined.
+        """
+        return cls(examination.missing, examination.holes, examination.requesting * pixel_stride**2, of)
+
+    def less_than(self, before: Need) -> bool:
+        """True if a view lacks less than `before`."""
+        return self.missing < before.missing or self.holes < before.holes
+
+
+class Queue(NamedTuple):
+    """Sites that wait for a gather. near: True if they are as dense as sites may be: their records cover only what is near."""
+
+    sites: Sites
+    near: bool
+
+    def without(self, done: int) -> Queue | None:
+        """Return the queue after the first `done` sites; None if none is left."""
+        return Queue(self.sites[done:], self.near) if done < len(self.sites) else None
+
+
 @dataclass(frozen=True)
 class ViewState:
-    """One view's progress; `camera` and `subject` identify the view by all inputs of its requests."""
+    """One view's progress.
 
-    camera: Camera | None = None
+    subject: all inputs of its requests, the camera first; empty for no view. pixel_stride: 2 while only every other pixel is
+    splatted, in both directions. rounds: complete ones. stalled_rounds: in a row, without gain in coverage. step: of the site
+    selection, coarse to fine. need, before: at the beginning of the present round, and of the last complete one. queue: the rest
+    of the present round; None between rounds. check: the unfinished spot check; checked: True after it. full: True if the view
+    needs more records than there may be. scan: the view as the paper's algorithm traverses it.
+    """
+
     subject: tuple[object, ...] = ()
-    pixel_stride: int = 1  # 2 while only every other pixel is to be splatted, in both directions
-
-    # over all rounds
-    rounds: int = 0  # complete ones
-    coverage: float = 0.0  # covered share of the seen pixels when the present round began, 0..1
-    stalled_rounds: int = 0  # in a row, without gain in coverage and without fewer holes
-    limited: bool = False  # True once the old records have been compared with each other for this view
-    check: SpotCheck | None = None  # how far the spot check has come
-    checked: bool = False  # True once it is done and has requested records where the others were wrong
-    crowded: bool = False  # whether many tiles asked when the last complete round began
-    closing: bool = False  # whether what waits until hardly any tile asks is due: the spot check, the reach of old records
-    settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which no record was requested
-    examined_at: tuple[object, tuple[object, ...]] | None = None  # the sums and criteria of `coverage`, while nothing is gathered
-
-    # the present round
-    queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
-    near: bool = False  # whether they lie as close together as sites may: their records serve only what is near
-    missing: float = 0.0  # under-covered share of the seen pixels when it began
-    requesting: int = 0  # tiles that requested a record when it began
-    holes: int = 0  # tiles with a pixel that no record covered when it began
-    holes_before: int = 0  # when the round before it began
-    step: int = 0  # of the site selection, coarse to fine
-    full: bool = False  # whether the view needs more records than there may be
-    scan: paper_scan.View | None = None  # the view as the paper's algorithm goes through it
+    pixel_stride: int = 1
+    phase: Phase = Phase.START
+    rounds: int = 0
+    stalled_rounds: int = 0
+    step: int = 0
+    need: Need = Need()
+    before: Need = Need()
+    queue: Queue | None = None
+    check: SpotCheck | None = None
+    checked: bool = False
+    full: bool = False
+    scan: paper_scan.View | None = None
 
     @property
-    def ended(self) -> bool:
-        """True if no pixel requests a record any more, or if the remaining requests cannot be met."""
-        return self.settled is not None or self.stalled
+    def coverage(self) -> float:
+        """The covered share of the seen pixels at the beginning of the present round, 0..1."""
+        return 1.0 - self.need.missing
 
     @property
     def stalled(self) -> bool:
         """True if rounds no longer gain coverage: the remaining requests cannot be met."""
         return self.stalled_rounds >= GIVE_UP
+
+    def ended(self, of: tuple[object, ...]) -> bool:
+        """True if these sums and criteria leave no request, or only requests that cannot be met."""
+        return self.stalled or (self.phase is Phase.SETTLED and self.need.of == of)

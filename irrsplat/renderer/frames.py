@@ -1,14 +1,16 @@
-"""The frames of a renderer, one after the other: its rounds and their pictures, and the one State that each hands to the next.
+"""The frames of a renderer: the paper's stages in their order, each drawn if an input has changed (Jones 2010).
 
-Cameras are relative to the scene's origin here. Read `Frames.frame` first, and then `Rounds` (rounds.py), which is all of it
-but the picture.
+Cameras are relative to the scene's origin here. Read `Frames.frame` first, and then `Frames.round`, which has all stages but the
+picture.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.timing.clock import now
+from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -16,17 +18,20 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import Progress, View
+from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.refinement import Refiner
-from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.view_state import ViewState
+from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
+from irrsplat.indirect.splat_buffer import first_stride
+from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.renderer.moving import MovingViews
-from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
+from irrsplat.renderer.tiles import TileScreens
 from irrsplat.scene.model import Camera
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
+_RENEWAL = 0.6  # of the time for gathering: the share of stale records while pixels without a record wait too
 
 
 class Frames(Owner):
@@ -35,8 +40,9 @@ class Frames(Owner):
     def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State) -> None:
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
         self.stages = Stages(world, scheduler, timers)
-        self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), scheduler)
-        self.rounds = Rounds(self.stages, scheduler)
+        self.cache = scheduler.cache
+        self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), self.round)
+        self._tiles = TileScreens(self.stages, scheduler)
         self._passes = Workshop()  # the refiner
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -56,9 +62,9 @@ class Frames(Owner):
         if moving and self.moving.divisor(self.state) > 1:
             self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
             return self.moving(self.state, camera, budget, gather)
-        start, other = now(), camera != self.state.view.camera
+        start, other = now(), (camera,) != self.state.view.subject[:1]
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
-        self.state, done = self.rounds(self.state, camera, budget, gather, picture=shown is None)
+        self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
         surface = self.scheduler.gatherer.surface_now
@@ -69,7 +75,7 @@ class Frames(Owner):
             return shown.view, replace(done.progress, fading=shown.view.fading)
         start = now()
         fading = budget.limited and self.state.settings.fade
-        view = self.stages.draw_picture(self.state, done, fading, hurried=budget.limited)
+        view = self.stages.draw_picture(self.state, done, fading, hurried=budget.limited)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
@@ -77,6 +83,134 @@ class Frames(Owner):
             self.moving.note(self.state.costs.splat + self.state.costs.picture, seconds)
         self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
         return view, replace(done.progress, fading=view.fading)
+
+    def round(
+        self,
+        state: State,
+        camera: Camera,
+        budget: Budget,
+        gather: bool = True,
+        picture: bool = True,
+        stages: Stages | None = None,
+    ) -> tuple[State, Round]:
+        """Return the state after one round of a view, and the round.
+
+        gather: False leaves the cache as it is. picture: True if time is reserved for a picture. stages: of the view's size;
+        default: of whole views.
+        """
+        scheduler, cache, bounces = self.scheduler, self.cache, state.settings.most_bounces > 0
+        stages, later = stages or self.stages, state.costs.picture if picture else 0.0  # seconds
+        shadows = self.follow_scene(state, stages)  # 3.3
+        gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
+        view = self.view_state(state, camera)
+
+        reserve = state.costs.splat + later
+        ready = gather and bounces and self._light_records(view, shadows, budget, reserve)
+        renewed = 0
+        if ready:  # 2.1, records whose light has changed
+            part = budget.part(1.0 if view.coverage == 1.0 else _RENEWAL, reserve if picture else 0.0)
+            renewed = scheduler.refresh(shadows, gbuffer, camera, part)
+        if renewed or len(cache.stale):
+            view = replace(view, stalled_rounds=0)  # other light may cover what stalled
+        if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
+            # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
+            progress = self._progress(view, NOTHING_ASKED, renewed, cache.waiting)
+            return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
+
+        start = now()
+        view, _ = scheduler.limit_radii(view)
+        if view.stalled and view.pixel_stride > 1:
+            view = replace(view, pixel_stride=1, stalled_rounds=0)
+        screen = self._screen(state, camera, view.pixel_stride, stages)  # 2.2
+        if budget.limited:
+            self.ctx.finish()
+        costs = replace(state.costs, splat=now() - start)
+
+        view, requests = self._examine(view, screen, shadows, camera, budget.part(1.0, later), (bounces, ready, gather))
+        if requests.new and picture and budget.limited and len(cache.stale):  # a frame later, what moves has moved on
+            with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
+                screen = self._screen(state, camera, view.pixel_stride, stages)
+        progress = self._progress(view, requests, renewed, cache.waiting if bounces else None)
+        return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
+
+    def frozen(self, camera: Camera) -> Round:
+        """Return the round of a view by the present records: none is gathered, and nothing of other views is in the picture."""
+        state = self.state
+        shadows = self.follow_scene(state, self.stages)
+        gbuffer = None if state.tile else self.stages.draw_gbuffer(state, camera)
+        self.scheduler.limit_radii(ViewState(), last=True)  # the cache may have no limits yet, or those of other settings
+        screen = self._screen(state, camera, 1, self.stages)
+        missing = self.scheduler.need(screen).missing if state.settings.most_bounces > 0 else 0.0
+        return Round(camera, shadows, gbuffer, screen.splats, Progress(0, self.cache.count, 0, 1.0 - missing), frozen=True)
+
+    def view_state(self, state: State, camera: Camera) -> ViewState:
+        """Return the progress of this view, which begins anew where anything differs that decides which records it requests."""
+        view, subject = state.view, (camera, *state.view_subject)
+        if view.subject == subject:
+            return view
+        # coarse splats are interpolated between pixels, which would lose what normal maps add
+        whole = any(run.look.normal is not None for run in self.stages.world.runs)
+        return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
+
+    def follow_scene(self, state: State, stages: Stages) -> ShadowMaps:
+        """Let records and surface cache follow the scene's changes, and return its shadow maps."""
+        self.scheduler.apply(state.settings, self.scheduler.change_to(state.scene), stages.shadows(state))
+        return stages.draw_shadows(state)
+
+    def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:
+        """Advance the surface cache, which lights the records. Return True if records may be gathered in this round."""
+        gatherer = self.scheduler.gatherer
+        idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(self.cache.stale)
+        dark = gatherer.surface_now is None
+        ready = self.scheduler.prepare(shadows, budget.part(1.0, reserve), idle)
+        # the first light is shown at once: passes that gather records take a tenth of a second to make
+        first = dark and gatherer.surface_now is not None
+        return ready and not (first and budget.limited and budget.left <= 0.0)
+
+    def _screen(self, state: State, camera: Camera, stride: int, stages: Stages) -> Screen:
+        """Return the view for the examination, with the splats of all records at every `stride`-th pixel."""
+        if state.tile:
+            return self._tiles(state, camera, stride)
+        gbuffer = stages.draw_gbuffer(state, camera)
+        splats = stages.splats(state).update(self.cache, gbuffer, camera, state.settings, stride)
+        return self.scheduler.screen(gbuffer, splats, camera)
+
+    def _examine(
+        self,
+        view: ViewState,
+        screen: Screen,
+        shadows: ShadowMaps,
+        camera: Camera,
+        budget: Budget,
+        may: tuple[bool, bool, bool],
+    ) -> tuple[ViewState, RoundResult]:
+        """Examine the view, and gather where it lacks records (2.3 and 2.1).
+
+        may: True if the settings have bounces, if records may be gathered in this round, and if they may be gathered at all.
+        """
+        bounces, ready, gather = may
+        of = screen.sums, self.scheduler.settings.request_criteria
+        if not bounces:
+            return replace(view, need=Need(missing=0.0)), NOTHING_ASKED
+        if ready and not view.stalled:
+            if view.ended(of):
+                return view, NOTHING_ASKED
+            return self.scheduler.gather_missing(view, screen, shadows, camera, budget)
+        if view.need.of != of:  # the last round of a stalled view may have covered all
+            view = replace(view, need=self.scheduler.need(screen))
+        if gather or view.pixel_stride == 1:
+            return view, NOTHING_ASKED
+        return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=False)
+
+    def _progress(self, view: ViewState, requests: RoundResult, renewed: int, waiting: int | None) -> Progress:
+        """Return the progress of a view by a round.
+
+        renewed: records gathered again. waiting: records that wait for that; None without bounces, where nothing is gathered.
+        """
+        stale, made = (0, 1.0) if waiting is None else (waiting, self.scheduler.gatherer.surface_share)
+        return Progress(
+            view.rounds, self.cache.count, requests.new, view.coverage, renewed, stale, requests.complete, made, view.full
+        )
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """True if the last picture can stay for another frame: only new records would change it, and drawing takes time from
@@ -116,7 +250,8 @@ class Frames(Owner):
             self.leave_refinement()
         if not self.refines:
             state, view = self.state, self.state.view
-            shown = self.rounds.view_state(state, camera) is view and view.ended and view.pixel_stride == 1
+            ended = view.stalled or view.phase is Phase.SETTLED
+            shown = self.view_state(state, camera) is view and ended and view.pixel_stride == 1
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
             made_of = state.size, state.settings.gradients
@@ -144,7 +279,7 @@ class Frames(Owner):
 
     def _rests(self, camera: Camera) -> bool:
         """True if the present view is the unchanged view of `camera` and no record is stale."""
-        return self.rounds.view_state(self.state, camera) is self.state.view and not len(self.scheduler.cache.stale)
+        return self.view_state(self.state, camera) is self.state.view and not len(self.scheduler.cache.stale)
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
         """Return the picture of a refined view, and its progress."""
@@ -180,10 +315,10 @@ class Frames(Owner):
     def _dimmed_view(self, after: State) -> ViewState:
         """Return the progress of the present view after a mere dimming of lights, which the records follow at once."""
         view = self.state.view
-        if view.subject != self.state.view_subject:
+        if view.subject[1:] != self.state.view_subject:
             return view
-        subject = replace(self.state, scene=after.scene).view_subject
-        return replace(view, subject=subject, limited=False, settled=None, examined_at=None)
+        subject = view.subject[0], *replace(self.state, scene=after.scene).view_subject
+        return replace(view, subject=subject, phase=Phase.START, need=view.need._replace(of=()))
 
     def forget(self, shadows: bool) -> None:
         """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import moderngl
@@ -11,10 +12,8 @@ from irrsplat.core.timing.clock import now
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress, View
-from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
-from irrsplat.renderer.state import Costs, State
+from irrsplat.renderer.state import Costs, Round, State
 from irrsplat.scene.model import Camera
 
 _MOST = 4  # the largest divisor of width and height
@@ -25,11 +24,12 @@ _MARGIN = 0.7  # of that: a larger picture is drawn only if it is expected to ta
 class MovingViews(Owner):
     """Draws views of a moving camera in width and height divided by a number, which follows the time that pictures take.
 
-    stages: of the smaller pictures. Requests are measured in shares of the picture: views of any size place records alike.
+    stages: of the smaller pictures. rounds: Frames.round. Requests are measured in shares of the picture: views of any size place
+    records alike.
     """
 
-    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
-        self.stages, self.rounds = stages, Rounds(stages, scheduler)
+    def __init__(self, stages: Stages, rounds: Callable[..., tuple[State, Round]]) -> None:
+        self.stages, self.rounds = stages, rounds
         self._divisor, self._costs = 1, Costs()
         self._size = (0, 0)  # of the last view
 
@@ -53,7 +53,7 @@ class MovingViews(Owner):
         self.stages.draw_gbuffer(small, camera)
         self.stages.ctx.finish()
         seen = now() - start
-        small, done = self.rounds(small, camera, budget, gather)
+        small, done = self.rounds(small, camera, budget, gather, stages=self.stages)
         start = now()
         view = self.stages.draw_picture(small, done, state.settings.fade, hurried=True)
         self.stages.ctx.finish()

@@ -72,7 +72,7 @@ class WholeRenders:
     def coverage(self, camera: Camera) -> float:
         """Return the share of the pixels at which `camera` requests no record, as Renderer.coverage has it."""
         self.frames.leave_refinement()
-        return self.frames.rounds.frozen(self.frames.state, camera).progress.coverage
+        return self.frames.frozen(camera).progress.coverage
 
     def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
         """Return the last round of a view, and its statistics, as `converge` has them."""
@@ -82,9 +82,9 @@ class WholeRenders:
         start = time.perf_counter()
         done, stats = self._until_complete(camera, progress)
         if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
-            view, _ = frames.scheduler.limit_radii(frames.rounds.view_state(frames.state, camera), last=True)
+            view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
             frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
-            frames.state, done = frames.rounds(frames.state, camera, Budget(None), gather=False)
+            frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
@@ -100,7 +100,7 @@ class WholeRenders:
         complete, ended, done = cache.count + cache.evicted, False, None
         try:
             while not ended and stats["rounds"] < settings.max_rounds and not frames.state.view.stalled:
-                frames.state, done = frames.rounds(frames.state, camera, Budget(None))
+                frames.state, done = frames.round(frames.state, camera, Budget(None))
                 now = done.progress
                 complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete
                 stats["rounds"] += 1
@@ -117,7 +117,7 @@ class WholeRenders:
         frames = self.frames
         frames.timers.clear()
         start = time.perf_counter()
-        done = frames.rounds.frozen(frames.state, camera)
+        done = frames.frozen(camera)
         self.ctx.finish()
         return done, counted(done.progress, time.perf_counter() - start, progress)
 
@@ -213,9 +213,7 @@ class WholeRenders:
 
     def _splatted(self, count: int) -> np.ndarray:
         """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
-        camera = self.frames.state.view.camera
-        assert camera is not None
-        return self.stages.splatted(self.frames.state, camera, count)
+        return self.stages.splatted(self.frames.state, self.frames.state.view.subject[0], count)
 
     def described(self, samples: int, stops: float) -> Statistics:
         """Return the statistics that describe scene, settings and OpenGL renderer for a picture; `converge` adds its counts.

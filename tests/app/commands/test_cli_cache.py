@@ -19,7 +19,7 @@ from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.records import cache_file
-from irrsplat.renderer.rounds import Rounds
+from irrsplat.renderer.frames import Frames
 from tests.support.viewing import write_room
 
 FAST = ["--size", "20", "16", "--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
@@ -80,7 +80,7 @@ def test_a_second_render_gathers_nothing(place: Path, capsys: pytest.CaptureFixt
 
 def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ctrl-C in the third round leaves two whole rounds."""
-    advance, rounds = Rounds.__call__, iter(range(10))
+    advance, rounds = Frames.round, iter(range(10))
 
     def in_the_third(*args: Any, **rest: Any) -> Any:
         if next(rounds) == 2:
@@ -88,7 +88,7 @@ def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytes
         return advance(*args, **rest)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Rounds, "__call__", in_the_third)
+        patched.setattr(Frames, "round", in_the_third)
         assert cli.main([*RENDER, "-o", "a.png", "--stats", "a.json"]) == 130
     assert cli.main([*RENDER, "-o", "b.png", "--stats", "b.json"]) == 0
     assert 0 < stats("a.json")["records"] < stats("b.json")["records"] and stats("b.json")["converged"]
