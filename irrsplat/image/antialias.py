@@ -22,7 +22,7 @@ from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.indirect.splat import SplatPass, batches, splat_target
-from irrsplat.lighting.direct import DirectPass, Headlamp
+from irrsplat.lighting.direct import DirectPass, Headlamp, direct_target
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
@@ -136,7 +136,7 @@ class SampleBuffers(Owner):
         self.other: MeanPass | None = None  # means of the previous view
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = splat_target(ctx, size)
-        self.direct = Target(ctx, size, (4,))
+        self.direct = direct_target(ctx, size)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""

@@ -75,7 +75,7 @@ class Frames(Owner):
             return shown.view, replace(done.progress, fading=shown.view.fading)
         start = now()
         fading = budget.limited and self.state.settings.fade
-        view = self.stages.draw_picture(self.state, done, fading, hurried=budget.limited)  # 2.4, 2.5
+        view = self.stages.draw_picture(self.state, done, fading, budget.limited, moving)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -25,12 +27,22 @@ from irrsplat.image.view import View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
-from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
+from irrsplat.surface_cache.cache import SurfaceCache
+
+
+class Lighting(NamedTuple):
+    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone. exact: as DirectPass has it."""
+
+    shadows: ShadowMaps
+    casting: World | None
+    headlamp: Headlamp | None
+    exact: bool
 
 
 class Stages(Owner):
@@ -133,53 +145,61 @@ class Stages(Owner):
         lamps = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
         return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows, world=world))
 
-    def draw_picture(self, state: State, done: Round, fading: bool = False, hurried: bool = False) -> View:
-        """The picture of a round: direct light, normalised indirect light, and their blend.
+    def draw_picture(self, state: State, done: Round, fading: bool = False, hurried: bool = False, moving: bool = False) -> View:
+        """Return the picture of a round: direct light, normalised indirect light, and their blend.
 
-        fading: what the records say comes in over several pictures. hurried: direct light waits for nothing."""
-        settings, gbuffer, summed, shadows, camera = state.settings, done.gbuffer, done.splats, done.shadows, done.camera
-        assert gbuffer is not None and summed is not None
+        fading: True if temporal accumulation blends it with earlier pictures. hurried: True if direct light waits for no tree of
+        rays. moving: True if shadow maps alone decide the shadows.
+        """
+        settings, gbuffer, splats = state.settings, done.gbuffer, done.splats
+        assert gbuffer is not None and splats is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
-        backdrop, headlamp = backdrop_of(state.scene, settings, sky_maps(self.world)), state.headlamp_of(camera)
-        held = None if surface is None else surface.result
-        lit_by = shadows, self._casting(state, hurried), headlamp
-        subject = gbuffer, lit_by, summed, settings.blend, filling, held, backdrop
+        lighting = Lighting(done.shadows, self._casting(state, hurried), state.headlamp_of(done.camera), not moving)
+        backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
+        subject = gbuffer, lighting, splats, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not fading:
             temporal_filter.forget()
         left = temporal_filter.left(subject)
 
-        def light() -> moderngl.Texture:
-            with self.timers("direct"):
-                for band in bands(state.size):
-                    direct = self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp, world=lit_by[1], band=band)
-                    stop_for_input(self.ctx)
-                return direct
-
-        def compose() -> View:
+        def draw() -> View:
             stop_for_input()
-            splats = summed
-            if fading or surface is not None:
-                with self.timers("composite"):
-                    found = None if surface is None else surface.uniforms()
-                    provisional = self.scheduler.gatherer.provisional
-                    splats = temporal_filter(splats, gbuffer, camera, subject, (shadows, held), found, provisional)
-                stop_for_input()
-            splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
-            sums = splats.sums
+            shown = self._accumulated(done, subject, surface) if fading or surface is not None else splats
+            shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
+            sums = shown.sums
             if done.sparing:
-                self._spare(state, splats if sums is summed.sums else None)
-            direct = self._memo.get("direct", (gbuffer, lit_by), light)
+                self._spare(state, shown if sums is splats.sums else None)
+            direct = self._memo.get("direct", (gbuffer, lighting), lambda: self._direct(state, gbuffer, lighting))
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
                 if filling and surface is None and (done.frozen or settings.most_bounces == 1):
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 stop_for_input()
-                image, alpha = composite_pass(sums, direct, gbuffer, backdrop, camera, settings)
-            return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
+                image, alpha = composite_pass(sums, direct, gbuffer, backdrop, done.camera, settings)
+            return View(done.camera, gbuffer, direct, shown, sums, image, alpha, backdrop=backdrop, fading=left > 0)
 
-        return self._memo.get("picture", (subject, left), compose)
+        return self._memo.get("picture", (subject, left), draw)
+
+    def _accumulated(self, done: Round, subject: object, surface: SurfaceCache | None) -> SplatBuffer:
+        """Return the sums of a round, blended with those of earlier pictures; holes take the values of the `surface` cache."""
+        temporal_filter, gbuffer, splats = self.temporal_filter, done.gbuffer, done.splats
+        assert temporal_filter is not None and gbuffer is not None and splats is not None
+        scene = done.shadows, None if surface is None else surface.result
+        lookup, provisional = None if surface is None else surface.uniforms(), self.scheduler.gatherer.provisional
+        with self.timers("composite"):
+            blended = temporal_filter(splats, gbuffer, done.camera, subject, scene, lookup, provisional)
+        stop_for_input()
+        return blended
+
+    def _direct(self, state: State, gbuffer: GBuffer, lighting: Lighting) -> moderngl.Texture:
+        """Return the direct outgoing radiance of a view."""
+        draw = partial(self._direct_pass(state), gbuffer, lighting.shadows, headlamp=lighting.headlamp, world=lighting.casting)
+        with self.timers("direct"):
+            for band in bands(state.size):
+                direct = draw(band=band, exact=lighting.exact)
+                stop_for_input(self.ctx)
+        return direct
 
     def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
         """The picture that was drawn last with more `samples` a pixel, as Renderer.accumulate has it."""

@@ -1,12 +1,13 @@
-// Direct light at every pixel, with four shadow samples per light (Jones 2010, sections 2.4 and 3.3). Without SHADOW_RAYS they are
-// dithered; with SHADOW_RAYS a ray decides where they differ.
+// Direct light at every pixel, with four shadow samples per light (Jones 2010, sections 2.4 and 3.3). They are dithered by default.
+// With SHADOW_MARKS, the pixels at which they differ are marked in the depth buffer. With SHADOW_RAYS, a ray decides there.
 #include "generated/gbuffer_material.glsl"
 #include "lib/texel.glsl"
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
 #include "lib/octahedral.glsl"
-#if SHADOW_RAYS
+#if SHADOW_RAYS || SHADOW_MARKS
 #include "generated/vertex_table.glsl"
+#include "lib/rays/triangles.glsl"
 #include "lib/normals.glsl"
 #endif
 
@@ -21,7 +22,7 @@ uniform vec4 headlamp;       // where it is, and its W/sr
 
 const float SMOOTH = 0.99999;  // cosine of the angle between geometric and interpolated normal, below which facets stand for a curve
 
-#if SHADOW_RAYS
+#if SHADOW_RAYS || SHADOW_MARKS
 uniform int lit;             // triangles of lower numbers are those that light sees
 
 // The place on the curved surface that facets stand for, at the point p of such a facet: the mean of the projections of p onto the
@@ -48,6 +49,9 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 p = texel_at(position, pixel), n = texel_at(normal, pixel);
     out_direct = vec4(0.0);
+#if SHADOW_MARKS
+    gl_FragDepth = 0.0;
+#endif
     if (p.w == 0.0) return;
     // interleaved gradient noise (Jimenez 2014) rotates the pattern from pixel to pixel
     float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy + vec2(picture_corner), vec2(0.06711056, 0.00583715)))) + rotation;
@@ -59,7 +63,7 @@ void main()
     Receiver receiver = Receiver(p.xyz, m, g, FLAT);
     if (dot(n.xyz, g) < SMOOTH)
     {
-#if SHADOW_RAYS
+#if SHADOW_RAYS || SHADOW_MARKS
         int triangle = int(texel_at(emission, pixel).w);
         if (triangle < lit) receiver.p = curved_place(p.xyz, n.xyz, triangle);
         receiver.g = n.xyz;
@@ -77,5 +81,8 @@ void main()
     out_direct = vec4(E, 1.0);
 #else
     out_direct = vec4(reflected_radiance(material_at(pixel), E), 1.0);
+#endif
+#if SHADOW_MARKS
+    gl_FragDepth = undecided ? 1.0 : 0.0;
 #endif
 }

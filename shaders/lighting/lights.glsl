@@ -143,6 +143,10 @@ float shadow_ray(int i, Receiver r)
 }
 #endif
 
+#if SHADOW_MARKS
+bool undecided = false;  // whether the shadow samples of a light differ here, so that a ray has to decide
+#endif
+
 // The share, 0..1, of `taps` dithered shadow samples that light i reaches; rotation: cosine and sine of the angle of their pattern.
 float visibility(int i, Receiver r, int taps, vec2 rotation)
 {
@@ -194,20 +198,26 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         float next = shadow_gap(t, abs(away.x) > abs(away.y) ? vec2(sign(away.x), 0.0) : vec2(0.0, sign(away.y)));
         return float((next >= -t.beside ? next : own) <= t.tolerance);
     }
-#if SHADOW_RAYS
-    // Where the four texels around the receiver all see its plane, it is lit, and where they all see something before it, it is in
-    // shadow. Else a ray decides.
+#if SHADOW_RAYS || SHADOW_MARKS
+    // If the four texels around the receiver all see its plane, it is lit. If they all see something before it, it is in shadow.
+    // Else a ray decides, in a draw of its own: a loop makes the whole program slow on software renderers.
     vec4 gaps = vec4(shadow_gap(t, vec2(-0.5)), shadow_gap(t, vec2(0.5, -0.5)), shadow_gap(t, vec2(-0.5, 0.5)), shadow_gap(t, vec2(0.5)));
     bool lit = all(lessThanEqual(gaps, vec4(t.tolerance))) && all(greaterThanEqual(gaps, vec4(-t.beside)));
     bool dark = all(greaterThan(gaps, vec4(t.beside)));
+#if SHADOW_MARKS
+    vec4 known = vec4(greaterThanEqual(gaps, vec4(-t.beside))), free = known * vec4(lessThanEqual(gaps, vec4(t.tolerance)));
+    undecided = undecided || !(lit || dark);
+    return lit || dark ? float(lit) : dot(free, vec4(1.0)) / max(dot(known, vec4(1.0)), 1.0);
+#else
     float seen = lit ? 1.0 : 0.0;
-    bool undecided = !lit && !dark;
-    while (undecided)  // a loop, since software renderers run an `if` for all pixels
+    bool open = !lit && !dark;
+    while (open)  // a loop, since software renderers run an `if` for all pixels
     {
         seen = shadow_ray(i, r);
-        undecided = false;
+        open = false;
     }
     return seen;
+#endif
 #else
     // y: whether a texel sees the receiver. One whose centre lies beyond an edge of the receiver sees what is far behind: in a
     // corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
