@@ -40,7 +40,7 @@ def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
 
     picture_alone: only image and alpha are read.
     """
-    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 24  # summed: temporally filtered, or with holes filled
+    gbuffer, splats, image, direct, summed = 68, 35, 20, 20, 24  # summed: temporally filtered, or with holes filled
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     if settings.samples > 1:

@@ -312,7 +312,8 @@ class SurfaceCache(Owner):
             assert self._follower is not None
             self._stood_in, self.last_change = False, self._follower.change
             return True
-        if budget.limited and not self._detail.level and self._outdated:
+        detail, outdated = self._detail, budget.limited and self._outdated
+        if outdated and not detail.level and detail.rays_in_all > COARSE.rays_in_all:
             self._coarse = coarse = self._coarse or self._level(COARSE)
             if not coarse.complete:
                 changed = coarse.advance(shadows, budget)

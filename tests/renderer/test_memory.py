@@ -102,7 +102,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_made(
     picture = str(tmp_path / "x.png")
     assert cli.main(["render", "--size", "8192", "8192", "-o", picture, "--tile-size", "0"]) == 2
     assert capsys.readouterr().err == (
-        "irrsplat: size 8192x8192 needs 9.0 GB of memory, and 4.0 GB are free here: take a smaller size\n"
+        "irrsplat: size 8192x8192 needs 9.3 GB of memory, and 4.0 GB are free here: take a smaller size\n"
     )
     monkeypatch.setattr(memory, "available", lambda: 2_000_000_000)
     assert cli.main(["render", "--size", "4096", "4096", "-o", picture, "-o", str(tmp_path / "x.exr")]) == 2

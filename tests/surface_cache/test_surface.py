@@ -172,7 +172,7 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     eye = Camera((1.2, 1.6, 1.4), (0.1, 0.0, 0.0), fov=50.0)
     parts = (box((-2, 0, -2), (2, 2, 2), grey, outward=False), box((-0.41, 0, -0.33), (0.37, 0.5, 0.29), grey))
     world = scene(*parts, lights=(lamp((0.6, 1.7, 0.8), 4.0),), camera=eye)
-    with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512}) as renderer:
+    with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512, "gather_size": 32}) as renderer:
         view, _ = renderer.frame(gather=False)
         assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None
         renderer.scheduler.prepare(renderer.shadows, Budget(None))
