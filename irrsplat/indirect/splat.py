@@ -127,8 +127,6 @@ class SplatPass(Owner):
             normal=gbuffer.normal,
             **some,
             pixel_stride=pixel_stride,
-            cut=settings.kernel == "cut",
-            in_front=settings.in_front,
         )
 
     def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:

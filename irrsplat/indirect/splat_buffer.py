@@ -23,9 +23,9 @@ _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few
 
 
 def first_stride(settings: Settings, size: tuple[int, int]) -> int:
-    """The pixel stride with which a view of `size` begins: 2 where the settings want every other pixel first, else 1, as for the
-    paper's scan, which goes from pixel to pixel."""
-    wanted = settings.coarse and settings.placement != "scan" and settings.most_bounces > 0
+    """The pixel stride with which a view of `size` begins: 2 for every other pixel first; 1 for all of them, as for the paper's
+    scan, which goes from pixel to pixel."""
+    wanted = settings.placement != "scan" and settings.most_bounces > 0
     return 2 if wanted and size[1] >= _LEAST_HEIGHT else 1
 
 

@@ -19,7 +19,7 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
-_SETTINGS = ("a", "adapt", "gradients", "second_order", "radius")  # settings that limits depend on
+_SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Material, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 8  # raise it whenever the content of files or the inputs of records change
+FORMAT = 9  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # array of the viewpoints of spot checks, absent in older files
@@ -78,7 +78,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     """Return the inputs of the records of this scene and these settings."""
     vertices, faces, closed = flatten(scene)
     lights = [light.key for light in scene.lights]
-    names = ["seed", "bounces", "gather", "gather_size", "ray_noise", "light_samples", "shadow_size", "gradients", "placement"]
+    names = ["seed", "bounces", "gather", "gather_size", "light_samples", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return CacheKey(
         geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),

@@ -44,7 +44,6 @@ class CoveragePass(Owner):
             pixel=camera.pixel((width, height)),
             position=gbuffer.position,
             normal=gbuffer.normal,
-            in_front=settings.in_front,
         )
         pixels: np.ndarray = np.frombuffer(target.textures[0].read(), "f4")[: records.count]
         return pixels

@@ -132,7 +132,7 @@ class _Table:
         n, n_k, axis = columns["normal"][asking], columns["normal"][other], columns["axis"][other]
         reach = self.bounded(self.radii[other], columns["screen"][asking, None])
         distance = record_distance(apart, axis, reach / settings.a)
-        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.in_front)
+        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.hessian)
         counts = w > 1.0 / settings.a
         Y = columns["irradiance"][other] @ LUMINANCE
         if settings.gradients:
@@ -142,7 +142,7 @@ class _Table:
             there = self._extrapolated(Y, slope, apart, n_k, axis, columns["curvature"][other] * (trust * trust)[:, None])
             w = w * np.where(Y > 0.0, np.clip(there / np.where(Y > 0.0, _FAINT * Y, 1.0), _LEAST_KNOWN, 1.0), 1.0)
             Y = there
-        k = w if settings.kernel == "cut" else np.maximum(w - 1.0 / settings.a, 0.0)
+        k = np.maximum(w - 1.0 / settings.a, 0.0) if settings.hessian else w
         return np.where(counts, np.stack([w, k, k * Y, k * Y * Y]), 0.0)
 
     @staticmethod
@@ -159,7 +159,7 @@ class _Table:
         up, along = (apart * n_k).sum(1), (apart * axis).sum(1)
         across = np.maximum((apart * apart).sum(1) - up * up - along * along, 0.0)
         more = np.clip(0.5 * (curvature[:, 0] * along * along + curvature[:, 1] * across), -0.5, 0.5)
-        if not self.settings.second_order:
+        if not self.settings.hessian:
             more = np.zeros_like(more)
         found: np.ndarray = np.clip(Y + slope + more * Y, 0.0, np.maximum(2.0 * Y, 0.0))
         return found

@@ -79,7 +79,7 @@ class Renderer(Tenant):
             self_test.check(self.ctx)
             state = self._tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-            self.world = made.enter_context(World(self.ctx, scene, state.settings.texture_memory))
+            self.world = made.enter_context(World(self.ctx, scene))
             self.cache = made.enter_context(RecordCache(self.ctx))
             self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
             self._frames = made.enter_context(Frames(self.world, self.scheduler, self.timers, state))

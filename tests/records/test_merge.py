@@ -100,13 +100,13 @@ def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None
 
 
 def test_what_goes_depends_on_what_records_say_by_the_settings() -> None:
-    """Without derivatives or second order, other records are removed; their number is equal in each case."""
+    """Without derivatives, or with the paper's weights, other records are removed; their number is equal in each case."""
     with Renderer(room(), (40, 30), **FAST) as renderer:
         renderer.render()
         state, settings = renderer.scheduler.state(), renderer.settings
     count = len(state.records["name"])
     kept = []
-    for change in ({}, {"gradients": False}, {"a": 0.9}, {"second_order": False, "radius": "harmonic"}):
+    for change in ({}, {"gradients": False}, {"a": 0.9}, {"weights": "paper"}):
         done = prune(state, replace(settings, **change), count // 2)
         assert len(done.state.records["name"]) == count // 2
         kept.append(tuple(done.state.records["name"]))
