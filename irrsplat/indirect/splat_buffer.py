@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import moderngl
 import numpy as np
@@ -106,8 +105,7 @@ class ViewSplats(Owner):
             if first == 0:
                 self.splat_pass.clear(gbuffer, pixel_stride)
             if first < count:
-                sight = partial(self.splat_pass.farthest, gbuffer, camera, pixel_stride)
-                numbers = reaching(cache, first, camera, self.size, settings, sight)
+                numbers = reaching(cache, first, camera, self.size, settings)
                 if first == 0 and noted:
                     cache.mark_seen(numbers)
                 for chosen in batches(numbers):

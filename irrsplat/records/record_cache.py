@@ -17,7 +17,7 @@ from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
-from irrsplat.records.motion import carried, concerned, passed_through, swallowed
+from irrsplat.records.motion import carried, concerned, swallowed
 from irrsplat.scene.change import SceneChange
 
 _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
@@ -350,7 +350,7 @@ class RecordCache(Owner):
     def move_with_meshes(self, change: SceneChange) -> np.ndarray:
         """Move records on moved meshes, with their content, and raise `due` of records that see the change.
 
-        Return the numbers of the records to keep: outside the moved meshes, and not carried through unmoved ones.
+        Return the numbers of the records to keep: those outside the moved meshes.
         """
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
@@ -360,9 +360,6 @@ class RecordCache(Owner):
         there["due"] += concerned(self.positions, geometric, triangle, change)
         moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
-            there_still = kept[moved.numbers]
-            ways = self.positions[moved.numbers[there_still]].astype(float), moved.position[there_still]
-            kept[moved.numbers[there_still]] = ~passed_through(*ways, change)
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):
                 there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])
