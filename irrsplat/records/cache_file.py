@@ -12,7 +12,7 @@ import json
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -21,7 +21,6 @@ import numpy as np
 
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
-from irrsplat.core.record_layout import GATHERED
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.records.scene_stamp import Earlier, SceneStamp, stamp_of
@@ -127,11 +126,10 @@ def _image_digest(image: Image) -> bytes:
 
 def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     """Return the state with only the records of these numbers, ascending, and with radius limits not yet computed."""
-    whole = {name: state.records[name] for name in ("clocks", "dark")}
+    whole = {name: state.records[name] for name in ("clocks", "luminance_floor")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
     records["limit"] = np.ones_like(records["limit"])
-    irradiance = records["content"][:, GATHERED.index("irradiance"), :3]
-    records["dark"] = np.array(record_cache.luminance_floor(irradiance))
+    records["luminance_floor"] = np.array(record_cache.luminance_floor(records["irradiance"]))
     return replace(state, records=records, adapted=AdaptiveRadiusState(), checked=np.zeros(0, np.int64))
 
 
@@ -154,7 +152,7 @@ def stamp(scene: Scene) -> SceneStamp:
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
-    about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces), "settings": dict(state.settings)}
+    about = {"adapted": astuple(state.adapted), "bounces": dict(state.bounces), "settings": dict(state.settings)}
     text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
     payload = io.BytesIO()
     arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **scene.arrays, **state.records}
@@ -204,7 +202,8 @@ def read_any(path: files.Pathlike) -> Content:
             raise ValueError(_CHECKED)
         records = {name: array for name, array in arrays.items() if name not in scene.arrays}
         record_cache.check_state(records)
-        adapted = AdaptiveRadiusState.from_json(about["adapted"])
+        limited, compared, inputs = about["adapted"]
+        adapted = AdaptiveRadiusState(int(limited), int(compared), tuple(inputs))
         return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"], checked), scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error

@@ -17,9 +17,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from irrsplat.core import record_layout
 from irrsplat.core.color import LUMINANCE
-from irrsplat.core.record_layout import COLUMNS, GATHERED
+from irrsplat.core.record_layout import COLUMNS
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
 from irrsplat.records.weight import LUNES, error_scale, own_radii, record_distance, record_weight
@@ -97,11 +96,9 @@ class _Table:
     @classmethod
     def of(cls, state: CacheState, settings: Settings) -> _Table:
         records = state.records
-        texels = dict(zip(GATHERED, np.moveaxis(records["content"], 1, 0), strict=True))
-        texels |= {name: records[name] for name in ("position", "normal", "limit")}
-        columns = {name: record_layout.unpack(texels, name).astype(float) for name in COLUMNS}
-        columns["screen"] = records["screen"].astype(float)
-        floor = float(records["dark"])
+        columns = {name: records[name].astype(float) for name in (*COLUMNS, "screen")}
+        columns |= {name: columns[name][:, :3] for name in ("position", "normal")}
+        floor = float(records["luminance_floor"])
         radii = settings.a * own_radii(columns, floor, settings) * columns["limit"][:, None]
         return cls(columns, radii, floor, settings)
 
@@ -248,15 +245,15 @@ def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
     epoch, view, _ = (int(clock) for clock in clocks.max(0))
     records: dict[str, np.ndarray] = {}
     for name in states[0].records:
-        if name not in ("clocks", "dark"):
+        if name not in ("clocks", "luminance_floor"):
             records[name] = np.concatenate([state.records[name] for state in states])
-    counts = [len(state.records["name"]) for state in states]
+    counts = [len(state.records["id"]) for state in states]
     source = np.repeat(np.arange(len(states)), counts)
-    records["era"] = records["era"] + (epoch - clocks[:, 0])[source]
-    records["viewed"] = records["viewed"] + (view - clocks[:, 1])[source]
-    records["name"] = np.arange(len(source))
+    records["epoch"] = records["epoch"] + (epoch - clocks[:, 0])[source]
+    records["last_view"] = records["last_view"] + (view - clocks[:, 1])[source]
+    records["id"] = np.arange(len(source))
     records["clocks"] = np.array([epoch, view, len(source)])
-    records["dark"] = np.array(luminance_floor(records["content"][:, GATHERED.index("irradiance"), :3]))
+    records["luminance_floor"] = np.array(luminance_floor(records["irradiance"]))
     return replace(states[0], records=records, bounces=_bounces(states)), source
 
 

@@ -240,7 +240,7 @@ def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) 
     assert "format 99" in refused(renderer, path) and whole != path.read_bytes()
 
 
-@pytest.mark.parametrize("missing", ["content", "limit", "position", "about", None])
+@pytest.mark.parametrize("missing", ["irradiance", "limit", "position", "about", None])
 def test_a_file_that_lacks_something_is_refused(saved: Path, path: Path, renderer: Renderer, missing: str | None) -> None:
     """A valid checksum with invalid content: a missing array, or (None) one of another length."""
     whole = saved.read_bytes()

@@ -170,7 +170,7 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, tra
         old.frame()
         frame, after = old.render(), old.scene
         assert frame.stats["triangles"] == room().triangles and frame.stats["converged"]
-        found, truth = old.cache.gathered(*HELD), gathered_afresh(old)
+        found, truth = old.cache.records.read(*HELD), gathered_afresh(old)
         assert all(np.array_equal(found[name], truth[name]) for name in HELD)
     with Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
         view, _ = fresh.frame(gather=False)

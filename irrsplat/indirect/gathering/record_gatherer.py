@@ -238,8 +238,8 @@ class RecordGatherer(Owner):
                 rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
                 for light in lights:
                     self._reduced(light, scratch)(look, numbers=rows)
-                    found.append(scratch.gathered(*LINEAR))
-            held = self.cache.gathered(*LINEAR)
+                    found.append(scratch.records.read(*LINEAR))
+            held = self.cache.records.read(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
             after["irradiance"] = np.maximum(after["irradiance"], 0.0)
             self.cache.correct(after, chosen)
@@ -329,7 +329,7 @@ class RecordGatherer(Owner):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
-                self.cache.set_gather_sizes(numbers, self._gather(shadows, numbers, size, np.full(len(numbers), near)))
+                self.cache.gather_sizes[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
