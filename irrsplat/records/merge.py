@@ -113,21 +113,21 @@ class _Table:
         return found
 
     @cached_property
-    def asked_within(self) -> np.ndarray:
+    def widest(self) -> np.ndarray:
         """(N,) metres, the greatest distance of records that may contribute to each place."""
         widest = float(self.radii.max(initial=0.0))
         found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
         return found
 
-    def say(self, asking: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `asking` (P,).
+    def contributions(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `place` (P,).
 
         The formulas are those of shaders/indirect/splat.frag; all 0 where a record does not contribute.
         """
         settings, columns = self.settings, self.columns
-        apart = columns["position"][asking] - columns["position"][other]
-        n, n_k, axis = columns["normal"][asking], columns["normal"][other], columns["axis"][other]
-        reach = self.bounded(self.radii[other], columns["screen"][asking, None])
+        apart = columns["position"][place] - columns["position"][other]
+        n, n_k, axis = columns["normal"][place], columns["normal"][other], columns["axis"][other]
+        reach = self.bounded(self.radii[other], columns["screen"][place, None])
         distance = record_distance(apart, axis, reach / settings.a)
         w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.hessian)
         counts = w > 1.0 / settings.a
@@ -176,9 +176,9 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y² in the order of `say`."""
+    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y²."""
 
-    said: tuple[sparse.csr_matrix, ...]
+    values: tuple[sparse.csr_matrix, ...]
 
     @classmethod
     def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
@@ -188,14 +188,14 @@ class _Pairs:
         to the others. None: all pairs.
         """
         position, count = table.columns["position"], len(table)
-        asking = np.arange(count) if source is None else np.flatnonzero(source > 0)
-        asking = asking[np.argsort(table.asked_within[asking], kind="stable")]  # keeps the search radius of batches small
+        places = np.arange(count) if source is None else np.flatnonzero(source > 0)
+        places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
         rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros((4, 0))]
-        parts = [asking[start : start + _AT_ONCE] for start in range(0, len(asking), _AT_ONCE)][::-1]
+        parts = [places[start : start + _AT_ONCE] for start in range(0, len(places), _AT_ONCE)][::-1]
         while parts:
             part = parts.pop()
-            near, within = cKDTree(position[part]), float(table.asked_within[part].max())
+            near, within = cKDTree(position[part]), float(table.widest[part].max())
             if len(part) > 1 and near.count_neighbors(tree, within) > _PAIRS:
                 parts += [part[len(part) // 2 :], part[: len(part) // 2]]
                 continue
@@ -203,29 +203,29 @@ class _Pairs:
             i, j = part[found["i"]], found["j"]
             wanted = i != j if source is None else j < i
             i, j = i[wanted], j[wanted]
-            said = table.say(i, j)
-            counts = said[0] > 0.0
+            shares = table.contributions(i, j)
+            counts = shares[0] > 0.0
             rows.append(i[counts])
             columns.append(j[counts])
-            values.append(said[:, counts])
+            values.append(shares[:, counts])
         where = np.concatenate(rows), np.concatenate(columns)
         return cls(tuple(sparse.csr_matrix((one, where), (count, count)) for one in np.concatenate(values, axis=1)))
 
     def sums(self, kept: np.ndarray) -> np.ndarray:
         """Return (4, N), the summed contributions of the `kept` (N,) records at all places."""
-        return np.stack([said @ kept.astype(float) for said in self.said])
+        return np.stack([one @ kept.astype(float) for one in self.values])
 
     def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
         """Return (N,) Σw at each place of the kept records of other caches."""
-        pairs = self.said[0].tocoo()
+        pairs = self.values[0].tocoo()
         counts = kept[pairs.col] & (source[pairs.row] != source[pairs.col])
         return np.bincount(pairs.row[counts], pairs.data[counts], len(kept))
 
     def apart(self, numbers: np.ndarray) -> np.ndarray:
         """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""
-        rank = np.full(self.said[0].shape[0], len(numbers))
+        rank = np.full(self.values[0].shape[0], len(numbers))
         rank[numbers] = np.arange(len(numbers))
-        pairs = self.said[0].tocoo()
+        pairs = self.values[0].tocoo()
         both = (rank[pairs.row] < len(numbers)) & (rank[pairs.col] < len(numbers))
         later = np.maximum(rank[pairs.row[both]], rank[pairs.col[both]])
         free = np.ones(len(numbers), bool)

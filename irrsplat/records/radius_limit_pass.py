@@ -18,13 +18,14 @@ from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.gpu.time_budget import Budget, Pace
-from irrsplat.records import point_grid
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
 _TABLE = 64, 1024  # columns and rows of the records limited by one draw; narrow, so that near records share a draw
+_MAX_CELLS = 32  # of a grid along an axis
+_SAMPLE = 4096  # points in the sample that places a grid's planes
 _MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
 
 
@@ -62,7 +63,7 @@ class RadiusLimitPass(Owner):
             if first and old:
                 new = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, first)]
                 works.append((_near(cache, first, settings), new, DrawState(blend="min")))
-            works = [(numbers[np.argsort(grids[0].cells.find(cache.positions[numbers]), kind="stable")], grids, state)
+            works = [(numbers[np.argsort(grids[0].find(cache.positions[numbers]), kind="stable")], grids, state)
                      for numbers, grids, state in works]  # fmt: skip
             total = sum(len(numbers) for numbers, _, _ in works)
             for count in self._pace.batches(total - start, total, budget or Budget(None)):
@@ -118,16 +119,31 @@ class RadiusLimitPass(Owner):
 
 
 class _Grid(Owner):
-    """A grid of points (N, 3) on the GPU for shaders/records/point_grid.glsl; first: the number of the first point."""
+    """A grid of points (N, 3) float32, N > 0, for shaders/records/point_grid.glsl; first: the number of the first point.
+
+    K³ cells lie between K + 1 planes across each axis, with about equal numbers of points between neighbouring planes: quantiles
+    keep cells fine despite a few distant points. K is √N/8, within 1 and _MAX_CELLS. A point on a plane belongs to the cell above
+    it.
+    """
 
     def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
-        self.cells = point_grid.build(points)
-        order, starts = self.cells.order, self.cells.starts
-        self.edges = table_texture(ctx, np.pad(self.cells.edges, ((0, 0), (0, 1)))[None])
+        self.cells = int(np.clip(np.sqrt(len(points)) / 8.0, 1, _MAX_CELLS))
+        sample = np.sort(points[:: -(-len(points) // _SAMPLE)], axis=0)
+        inner = sample[len(sample) * np.arange(1, self.cells) // self.cells]
+        self.planes = np.concatenate([points.min(0)[None], inner, points.max(0)[None]])
+        cell = self.find(points)
+        order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])
+        self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None])
         self.starts = float_texture(ctx, (TABLE_COLUMNS, -(-len(starts) // TABLE_COLUMNS)), 1)
         texel_table.write(self.starts, 0, starts[:, None])
         self.places = float_texture(ctx, (TABLE_COLUMNS, -(-len(order) // TABLE_COLUMNS)))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
+
+    def find(self, points: np.ndarray) -> np.ndarray:
+        """Return (N,) the numbers of the cells of points (N, 3); the outermost cells extend to infinity."""
+        x, y, z = (np.searchsorted(e, p, side="right") for e, p in zip(self.planes[1:-1].T, points.T, strict=True))
+        cells: np.ndarray = (z * self.cells + y) * self.cells + x
+        return cells
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -136,12 +152,8 @@ class _Grid(Owner):
     @property
     def uniforms(self) -> Uniforms:
         """Uniforms of records/point_grid.glsl."""
-        return {
-            "grid_edges": self.edges,
-            "grid_starts": self.starts,
-            "grid_points": self.places,
-            "grid_cells": self.cells.cells,
-        }
+        textures = {"grid_edges": self.edges, "grid_starts": self.starts, "grid_points": self.places}
+        return {**textures, "grid_cells": self.cells}
 
 
 def _grids(ctx: moderngl.Context, positions: np.ndarray, first: int) -> Iterator[_Grid]:
