@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except MemoryError:
         if debug:
             traceback.print_exc()
-        return fail("out of memory; take a smaller --size, fewer --buffers, or less --texture-memory", 1)
+        return fail("out of memory; take a smaller --size, or fewer --buffers", 1)
     except ModuleNotFoundError as error:
         if debug:
             traceback.print_exc()

@@ -21,6 +21,7 @@ All = Literal["all"]
 Value = bool | int | float | str  # of one setting
 Kind = Literal["bool", "choice", "int", "float"]
 
+MOST_ROUNDS = 1000  # rounds after which a render or a bake stops and says so
 LEAST_TILE, MOST_TILE = 16, 4096  # pixels along a side of the tiles that a picture is drawn in
 
 # of the weight, the same in shaders/records/weight.glsl and on the CPU
@@ -122,11 +123,6 @@ class Settings:
     shadow_size: int = _declare(
         1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
-    texture_memory: int = _declare(
-        1024, "int", "gbuffer", "memory for the images that surfaces wear; the largest are halved until all fit; what light sees "
-        "of them takes 1/16 of what it is when a scene is opened, and at most 64 MiB, beside it",
-        low=1, high=65536, unit="MiB",
-    )  # fmt: skip
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
         "all",
@@ -151,26 +147,16 @@ class Settings:
         high=256,
         unit="pixels",
     )
-    ray_noise: float = _declare(
-        4.0, "float", "gather", "a record that covers only its near surroundings has a quarter of the rays where their noise "
-        "is at most so many percent; 0: all rays for every record", low=0, high=100, unit="%",
-    )  # fmt: skip
     light_samples: int = _declare(
         512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to places that lights close "
         "by light, in addition to its hemisphere samples; 0: off", low=0, high=4096,
     )  # fmt: skip
     gradients: bool = _declare(True, "bool", "splat", "records store how irradiance changes with place and normal")
-    second_order: bool = _declare(True, "bool", "splat", "records store how their gradients change as well")
-    radius: str = _declare(
-        "hessian", "choice", "splat", "what R is: the harmonic mean distance to what a record sees, the same all around; or two "
-        "radii, along and across, by the second derivatives of its light", choices=("harmonic", "hessian"),
+    weights: str = _declare(
+        "hessian", "choice", "splat", "weights and radii of records: the paper's, by distance, cut off at 1/a; or radii along "
+        "and across by the second derivatives of light, and weights that fall to 0 at the rim", choices=("paper", "hessian"),
     )  # fmt: skip
     a: float = _declare(0.6, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
-    kernel: str = _declare(
-        "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
-        choices=("smooth", "cut"),
-    )  # fmt: skip
-    in_front: bool = _declare(True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not cover it")
     adapt: float = _declare(
         0.6, "float", "splat", "greatest relative difference between neighbouring records before their radii shrink; 0: off",
         low=0, high=10,
@@ -184,9 +170,6 @@ class Settings:
         "as the least; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
-    coarse: bool = _declare(
-        True, "bool", "splat", "while a view fills or moves, every other pixel is splatted and the rest lie between; then all are"
-    )
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
         "auto", "float", "examine", "a pixel requests a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
     )
@@ -199,7 +182,6 @@ class Settings:
         choices=("tiles", "scan"),
     )  # fmt: skip
     warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
-    max_rounds: int = _declare(128, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
     max_records: int = _declare(
         200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
         low=100, high=4_000_000,
@@ -210,10 +192,6 @@ class Settings:
     fill_holes: bool = _declare(
         True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them"
     )
-    fade: bool = _declare(
-        True, "bool", "composite", "new indirect light comes in over several frames of the viewer, so that it does not "
-        "flicker in flight; at rest, and in a render, all of it is there",
-    )  # fmt: skip
     samples: int = _declare(
         1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
         low=1, high=65536,
@@ -275,9 +253,14 @@ class Settings:
         return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
 
     @property
+    def hessian(self) -> bool:
+        """True if `weights` are by the Hessian, and not the paper's."""
+        return self.weights == "hessian"
+
+    @property
     def widest(self) -> float:
         """The greatest radius that a record may have, in R_k."""
-        return WIDE if self.gradients and self.radius == "hessian" else 1.0
+        return WIDE if self.gradients and self.hessian else 1.0
 
     def of(self, *stages: str) -> tuple[Value, ...]:
         """The values of all the settings of these stages."""
@@ -295,11 +278,20 @@ SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, **f.metadat
 
 REMOVED = {  # settings of earlier versions: why they are gone
     "borrow": "every pixel gets a record where it needs one",
+    "coarse": "views begin with every other pixel, except in the paper's order of placement",
+    "fade": "frames of the viewer accumulate, except in the paper's order of placement",
+    "in_front": "weights chooses it, hessian for on and paper for off",
+    "kernel": "weights chooses it, hessian for smooth and paper for cut",
+    "max_rounds": f"a render stops after {MOST_ROUNDS} rounds",
     "overture": "it is called fill_holes",
     "neighbours": "adaptive radii do better with fewer records",
     "pixel_light_samples": "records hold the light of emissive surfaces with less error in the same time",
+    "radius": "weights chooses it, hessian for hessian and paper for harmonic",
+    "ray_noise": "4 % is the limit of noise up to which a record has a quarter of the rays, and gather_size 128 has them all",
     "rest": "it is called viewer_samples",
+    "second_order": "weights chooses it, hessian for on and paper for off",
     "smooth": "it raised the error",
+    "texture_memory": "images of surfaces have at most 1024 MiB",
     "walls": "inter-record variance finds the same pixels",
 }
 
@@ -331,32 +323,24 @@ class SettingValues(TypedDict, total=False):
     """Some settings by name: what `render`, `Renderer` and `preset` take as keywords."""
 
     shadow_size: int
-    texture_memory: int
     seed: int
     bounces: int | All
     gather: str
     gather_size: int
-    ray_noise: float
     light_samples: int
     gradients: bool
-    second_order: bool
-    radius: str
+    weights: str
     a: float
-    kernel: str
-    in_front: bool
     adapt: float
     radius_min: float
     radius_max: float
-    coarse: bool
     tolerance: float | Auto
     spread: float
     placement: str
     warmup: int
-    max_rounds: int
     max_records: int
     blend: float
     fill_holes: bool
-    fade: bool
     samples: int
     quality: float
     exposure: float | Auto
@@ -373,28 +357,21 @@ PRESETS: dict[str, SettingValues] = {
         "gather": "plane",
         "gather_size": 64,
         "placement": "scan",
-        "kernel": "cut",
-        "in_front": False,
         "gradients": False,
-        "second_order": False,
-        "radius": "harmonic",
+        "weights": "paper",
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
         "fill_holes": False,
-        "fade": False,
-        "coarse": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },
     "reference": {
         "gather_size": 128,
-        "ray_noise": 0.0,
         "a": 0.2,
         "radius_min": 0.25,
         "radius_max": 2.0,
         "shadow_size": 2048,
-        "max_rounds": 1000,
     },
     "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }

@@ -27,7 +27,7 @@ from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.lit_scene import LitScene
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.settings import SettingValues, preset
+from irrsplat.settings import MOST_ROUNDS, SettingValues, preset
 
 OnBake = Callable[[float, str], None]  # called with the completed share 0..1 and a message
 _NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the rounds take one, but only a view depends on it
@@ -57,7 +57,7 @@ class PlaceLight(Tenant):
         self, scene: Scene, preset_name: str, ctx: moderngl.Context | None = None, **settings: Unpack[SettingValues]
     ) -> None:
         self.scene = scene
-        self.settings = replace(preset(preset_name, **settings), placement="tiles", coarse=False)
+        self.settings = replace(preset(preset_name, **settings), placement="tiles")
         with self._moving_in(ctx) as made:
             self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
             self.world, self.cache = self.lit.world, self.lit.cache
@@ -83,7 +83,7 @@ class PlaceLight(Tenant):
             PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
         ):
             view, before = ViewState((_NOBODY,)), self.cache.count
-            for _ in range(settings.max_rounds):
+            for _ in range(MOST_ROUNDS):
                 view, _ = scheduler.limit_radii(view)
                 sums = splats.update(self.cache)
                 if view.ended((sums, settings.request_criteria)):

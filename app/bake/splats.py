@@ -101,8 +101,6 @@ class PlaceSplats(Owner):
             normal=self.gbuffer.normal,
             **some,
             pixel_stride=1,
-            cut=self.settings.kernel == "cut",
-            in_front=self.settings.in_front,
         )
         table.release()
 

@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
     flags.add_scene(parser)
     arguments.add(parser, values.number, values.count)
     flags.add_preset(parser, "default")
-    flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup", "coarse"))
+    flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup"))
 
 
 def run(args: argparse.Namespace) -> int:

@@ -301,7 +301,7 @@ def _bounces_notice(stats: Sequence[Statistics]) -> str | None:
 def _unserved(stats: Sequence[Statistics]) -> str:
     """Return the end of the notice on incomplete pictures: the limit to raise."""
     full = any(one.get("full") for one in stats)
-    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
+    return f"before every pixel was served; raise {'--max-records or ' if full else ''}--a"
 
 
 COMMAND = Command(add, run, check_files=check_files)

@@ -104,7 +104,7 @@ def render(
 
 def count(data: bytes) -> int:
     """Return the number of records in a cache file's bytes."""
-    return len(_contents([data])[0].state.records["name"]) if data else 0
+    return len(_contents([data])[0].state.records["id"]) if data else 0
 
 
 def split(numbers: range, parts: int) -> list[range]:

@@ -18,16 +18,12 @@ if TYPE_CHECKING:
 # Changes to the preset, in words and in settings
 TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("without gradients, and all that needs them", {"gradients": False}),
-    ("gradients, but no second order", {"second_order": False}),
-    ("radii by distance, not by the Hessian", {"radius": "harmonic"}),
+    ("weights and radii of the paper", {"weights": "paper"}),
     ("without radii that adapt", {"adapt": 0.0}),
     ("no records where others contradict each other", {"spread": 0.0}),
     ("without limits of the radius", {"radius_min": 0.0, "radius_max": 0.0}),
-    ("weights cut off at 1/a", {"kernel": "cut"}),
-    ("records in front speak as well", {"in_front": False}),
     ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
     ("a gather of 32²", {"gather_size": 32}),
-    ("all rays for every record", {"ray_noise": 0.0}),
     ("the paper's placement", {"placement": "scan"}),
 )
 CURVE = (1.6, 0.65)  # further points of the preset's curve: factors of its records' radii
@@ -72,7 +68,7 @@ def measured(
 
 def paper(render: Rendered, records: int, given: SettingValues) -> Measured:
     """Measure the preset `paper` at the a that gives about `records`; its warm-up is at most the published share."""
-    shared = cast(SettingValues, {k: v for k, v in given.items() if k in ("bounces", "seed", "shadow_size", "max_rounds")})
+    shared = cast(SettingValues, {k: v for k, v in given.items() if k in ("bounces", "seed", "shadow_size")})
     warmup = min(1000, round(WARMUP * records))
     best: Measured | None = None
     a, bounds = 0.3, (0.01, 2.0)

@@ -49,7 +49,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     if stats.get("interrupted"):
         raise KeyboardInterrupt
     if not stats.get("converged", True):
-        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
+        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --a")
     out(heading(scene, args))
     rows.insert(1, ("records", f"{stats.get('records', 0):,}", ""))
     for name, value, remark in rows:

@@ -22,18 +22,15 @@ from tests.support.truth import SIZE, compare, load_reference  # noqa: E402
 IMAGES = ROOT / "docs" / "images" / "tutorial"
 LADDER: tuple[tuple[str, str, SettingValues], ...] = (  # from the preset paper to the default: name, words, what it switches on
     ("published", "as published, its radiometry corrected", {}),
-    ("tiles", "placement coarse to fine, not in scan order", {"placement": "tiles", "coarse": True}),
+    ("tiles", "placement coarse to fine, not in scan order", {"placement": "tiles"}),
     ("hemisphere", "the whole hemisphere, not one plane", {"gather": "auto"}),
-    ("kernel", "weights that fall to 0 at the rim", {"kernel": "smooth"}),
-    ("front", "no records in front or behind", {"in_front": True}),
     ("gradients", "irradiance vector and translation gradient", {"gradients": True}),
-    ("second", "second derivatives", {"second_order": True}),
     ("limits", "a radius of 0.5 to 7 % of the picture's height", {"radius_min": 0.5, "radius_max": 7.0}),
-    ("hessian", "radii from the Hessian, along and across", {"radius": "hessian"}),
+    ("weights", "weights and radii from the Hessian", {"weights": "hessian"}),
     ("adapt", "records that disagree with others shrink", {"adapt": 0.6}),
     ("spread", "more records where some disagree", {"spread": 0.05}),
 )
-SHOWN = ("published", "hemisphere", "kernel", "gradients", "limits", "spread")
+SHOWN = ("published", "hemisphere", "gradients", "limits", "weights", "spread")
 SHARED: SettingValues = {
     "a": 0.6,
     "bounces": 1,

@@ -222,7 +222,7 @@ def check_errors(ctx: moderngl.Context) -> None:
     """Raise GLError if OpenGL has recorded an error since the last check, so that the result is unreliable."""
     error = ctx.error
     if error == "GL_OUT_OF_MEMORY":
-        raise GLError("OpenGL is out of memory; take a smaller size, or less --texture-memory")
+        raise GLError("OpenGL is out of memory; take a smaller size")
     if error != "GL_NO_ERROR":
         raise GLError(f"OpenGL reports {error}; the picture would be wrong. IRRSPLAT_DEBUG=1 and irrsplat doctor tell more")
 

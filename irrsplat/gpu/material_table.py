@@ -19,19 +19,17 @@ from irrsplat.scene.model import Scene, Texture
 from irrsplat.scene.seen_by_light import face_counts
 
 _MOST_LAYER_BYTES = 64 << 20  # of all layers, approximately
-_LAYER_SHARE = 1 / 16  # of the memory for images, at most
 
 
 class MaterialTable(Owner):
     """The table of shaders/lib/material_table.glsl: one column per material, by its number.
 
-    It also owns the layers of the materials' textures, made at first use. texture_memory: MiB for images, including the layers.
+    It also owns the layers of the materials' textures, made at first use.
     """
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
+    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx, self._cut_out = ctx, face_counts(scene).cut_out > 0
-        memory = min(_LAYER_SHARE * (texture_memory << 20), _MOST_LAYER_BYTES)
-        self.plan = plan(_by_area(scene), memory, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
+        self.plan = plan(_by_area(scene), _MOST_LAYER_BYTES, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
         self.texture = table_texture(ctx, self._rows(scene))
 
     def _rows(self, scene: Scene) -> np.ndarray:

@@ -33,18 +33,15 @@ _LARGE = 100_000  # triangles
 
 
 class World(Owner):
-    """A scene on the GPU, shared by all passes that draw it or trace rays in it, and updated when the scene changes.
+    """A scene on the GPU, shared by all passes that draw it or trace rays in it, and updated when the scene changes."""
 
-    texture_memory: MiB for its images, including the layers that light meets.
-    """
-
-    def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
+    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
         vertices, faces, _ = flatten(scene)
         counts = face_counts(scene)
         with ExitStack() as made:  # frees the geometry if the materials fail
             self.geometry = made.enter_context(Geometry(ctx, vertices, faces, counts))
-            self.materials = MaterialTable(ctx, scene, texture_memory)
+            self.materials = MaterialTable(ctx, scene)
             made.pop_all()
         self.runs = runs(scene)  # of triangles that a camera draws with equal state
         self.derived = Workshop()  # resources that other modules derive from the scene, freed with it

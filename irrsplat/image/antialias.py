@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import moderngl
 
@@ -151,7 +150,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     yield
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
-        numbers = reaching(inputs.cache, 0, camera, buffers.size, settings, partial(passes.splat.farthest, gbuffer, camera))
+        numbers = reaching(inputs.cache, 0, camera, buffers.size, settings)
         for some in batches(numbers):
             passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
             yield

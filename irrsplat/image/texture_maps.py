@@ -112,7 +112,7 @@ class TextureMaps(Owner):
         width, height = image.pixels.shape[1::-1]
         now = "x".join(map(str, _halved(width, height, count)))
         return (
-            f"{len(smaller)} of {len({use.image for use in counts})} images are scaled down to fit into --texture-memory "
+            f"{len(smaller)} of {len({use.image for use in counts})} images are scaled down to fit into "
             f"{self.memory} MiB: {image.name or 'the largest'}, {width}x{height}, is shown as {now}",
         )
 

@@ -182,7 +182,7 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     rows, columns = _box(p_k, r, camera, width, height)
     apart = seen.position[rows, columns] - p_k
     distance = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a)
-    w = record_weight(distance, apart, seen.normal[rows, columns], n_k, r / settings.a, settings.in_front)
+    w = record_weight(distance, apart, seen.normal[rows, columns], n_k, r / settings.a, settings.hessian)
     weight[rows, columns] += np.where(seen.mask[rows, columns] & (w > 1.0 / a), w, np.float32(0.0))
 
 

@@ -59,7 +59,7 @@ class RecordScheduler(Owner):
     ) -> None:
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
-        self.adaptation = AdaptiveRadius(world.ctx, settings, cache, timers)
+        self.adaptation = AdaptiveRadius(world.ctx, cache, timers)
         self.flight_order = FlightOrder()
         self._passes = Workshop()
         self._checked = PlacesChecked()
@@ -98,7 +98,6 @@ class RecordScheduler(Owner):
             self._checked.forget()
         if kept is not None:
             self.adaptation.keep(kept)
-        self.adaptation.change(self.settings)
 
     def expire(self) -> None:
         """Gather everything again."""
@@ -325,7 +324,7 @@ class RecordScheduler(Owner):
 
     def served(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """(N,) float32: about how many pixels of a view each record serves."""
-        return self.refresh_order.coverage_pass(self.cache.records, gbuffer, camera, self.settings)
+        return self.refresh_order.covered(self.cache.records, gbuffer, camera, self.settings)
 
     def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
         """Return the number of records in the frustum of a view of `size` (width, height), hidden records included."""

@@ -12,7 +12,6 @@ from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
-from irrsplat.records.culling import TILE
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -48,20 +47,10 @@ class SplatPass(Owner):
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
         self.target = splat_target(ctx, size)
         self.small: Target | None = None  # made at first use
-        self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"TILE": TILE})
-        self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (
-            self.numbers,
-            *self.programs.values(),
-            self.empty,
-            self.target,
-            self.small,
-            self.tiles,
-            self.distances,
-        )
+        return (self.numbers, *self.programs.values(), self.empty, self.target, self.small)
 
     def free_all_but_sums(self) -> None:
         """Free the weights, the depths and the smaller buffer; after that, this can only be released."""
@@ -81,12 +70,6 @@ class SplatPass(Owner):
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
         target = target or self._of(pixel_stride)
         self.empty(target, state=DrawState(depth="1"), position=gbuffer.position, pixel_stride=pixel_stride)
-
-    def farthest(self, gbuffer: GBuffer, camera: Camera, pixel_stride: int = 1) -> np.ndarray:
-        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere. Of those
-        pixels that a buffer of this stride has."""
-        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye, pixel_stride=pixel_stride)
-        return self.distances.read()[::-1, :, 0]
 
     def __call__(
         self,
@@ -127,8 +110,6 @@ class SplatPass(Owner):
             normal=gbuffer.normal,
             **some,
             pixel_stride=pixel_stride,
-            cut=settings.kernel == "cut",
-            in_front=settings.in_front,
         )
 
     def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import moderngl
 import numpy as np
@@ -23,9 +22,9 @@ _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few
 
 
 def first_stride(settings: Settings, size: tuple[int, int]) -> int:
-    """The pixel stride with which a view of `size` begins: 2 where the settings want every other pixel first, else 1, as for the
-    paper's scan, which goes from pixel to pixel."""
-    wanted = settings.coarse and settings.placement != "scan" and settings.most_bounces > 0
+    """The pixel stride with which a view of `size` begins: 2 for every other pixel first; 1 for all of them, as for the paper's
+    scan, which goes from pixel to pixel."""
+    wanted = settings.placement != "scan" and settings.most_bounces > 0
     return 2 if wanted and size[1] >= _LEAST_HEIGHT else 1
 
 
@@ -106,8 +105,7 @@ class ViewSplats(Owner):
             if first == 0:
                 self.splat_pass.clear(gbuffer, pixel_stride)
             if first < count:
-                sight = partial(self.splat_pass.farthest, gbuffer, camera, pixel_stride)
-                numbers = reaching(cache, first, camera, self.size, settings, sight)
+                numbers = reaching(cache, first, camera, self.size, settings)
                 if first == 0 and noted:
                     cache.mark_seen(numbers)
                 for chosen in batches(numbers):

@@ -11,25 +11,22 @@ import io
 import json
 import math
 import zipfile
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
-from irrsplat.core.record_layout import GATHERED
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
-from irrsplat.records.scene_stamp import Earlier, SceneStamp, stamp_of
-from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Image, Material, Scene
+from irrsplat.records.scene_stamp import Earlier, SceneStamp, hashed, stamp
+from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 8  # raise it whenever the content of files or the inputs of records change
+FORMAT = 9  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # array of the viewpoints of spot checks, absent in older files
@@ -76,62 +73,18 @@ class Content:
 
 def key(scene: Scene, settings: Settings) -> CacheKey:
     """Return the inputs of the records of this scene and these settings."""
-    vertices, faces, closed = flatten(scene)
-    lights = [light.key for light in scene.lights]
-    names = ["seed", "bounces", "gather", "gather_size", "ray_noise", "light_samples", "shadow_size", "gradients", "placement"]
+    names = ["seed", "bounces", "gather", "gather_size", "light_samples", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
-    return CacheKey(
-        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),
-        lights=_hash(json.dumps(lights).encode()),
-        settings={name: getattr(settings, name) for name in names},
-    )
-
-
-def _sky(scene: Scene) -> tuple[object, ...]:
-    """Return the sky's radiance; the up vector counts only for a sky with a gradient."""
-    if scene.environment is not None:
-        return (scene.environment.digest.hex(),)
-    return (tuple(scene.sky), tuple(scene.sky_gradient), tuple(scene.up)) if any(scene.sky_gradient) else (tuple(scene.sky),)
-
-
-def _materials(scene: Scene) -> Iterator[bytes]:
-    """Yield the hash input of the scene's materials."""
-    for material in scene.materials:
-        yield from _material(material)
-
-
-def _material(material: Material) -> Iterator[bytes]:
-    """Yield the hash input of a material: all values, and images as bytes.
-
-    Normal maps do not count: they change shading normals, not records.
-    """
-    values = replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)
-    yield repr(values).encode()
-    for texture in (material.albedo_texture, material.emission_texture):
-        if texture is not None:
-            yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest)).encode()
-            yield repr(texture.image.pixels.shape).encode()
-            yield _image_digest(texture.image)
-        else:
-            yield b""
-
-
-_digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images are immutable and may be large
-
-
-def _image_digest(image: Image) -> bytes:
-    if image not in _digests:
-        _digests[image] = hashlib.sha256(image.pixels.tobytes()).digest()
-    return _digests[image]
+    lights = hashed(json.dumps([light.key for light in scene.lights]).encode())
+    return CacheKey(stamp(scene).geometry, lights, {name: getattr(settings, name) for name in names})
 
 
 def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     """Return the state with only the records of these numbers, ascending, and with radius limits not yet computed."""
-    whole = {name: state.records[name] for name in ("clocks", "dark")}
+    whole = {name: state.records[name] for name in ("clocks", "luminance_floor")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
     records["limit"] = np.ones_like(records["limit"])
-    irradiance = records["content"][:, GATHERED.index("irradiance"), :3]
-    records["dark"] = np.array(record_cache.luminance_floor(irradiance))
+    records["luminance_floor"] = np.array(record_cache.luminance_floor(records["irradiance"]))
     return replace(state, records=records, adapted=AdaptiveRadiusState(), checked=np.zeros(0, np.int64))
 
 
@@ -145,16 +98,9 @@ def carried_over(state: CacheState, then: Earlier) -> CacheState:
     return selected(state, np.flatnonzero(~gone)) if gone.any() else state
 
 
-def stamp(scene: Scene) -> SceneStamp:
-    """Return the stamp of a scene for a cache file."""
-    hashes = {material: _hash(*_material(material)) for material in scene.materials}
-    around = _hash(repr(_sky(scene)).encode())
-    return stamp_of(scene, around, [hashes[mesh.material] for mesh in scene.meshes])
-
-
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
-    about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces), "settings": dict(state.settings)}
+    about = {"adapted": astuple(state.adapted), "bounces": dict(state.bounces), "settings": dict(state.settings)}
     text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
     payload = io.BytesIO()
     arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **scene.arrays, **state.records}
@@ -204,7 +150,8 @@ def read_any(path: files.Pathlike) -> Content:
             raise ValueError(_CHECKED)
         records = {name: array for name, array in arrays.items() if name not in scene.arrays}
         record_cache.check_state(records)
-        adapted = AdaptiveRadiusState.from_json(about["adapted"])
+        limited, compared, inputs = about["adapted"]
+        adapted = AdaptiveRadiusState(int(limited), int(compared), tuple(inputs))
         return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"], checked), scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
@@ -276,10 +223,3 @@ def _differing(was: Mapping[str, object], now: Mapping[str, object]) -> str:
 
 def _word(value: object) -> str:
     return ("on" if value else "off") if isinstance(value, bool) else str(value)
-
-
-def _hash(*parts: bytes) -> str:
-    whole = hashlib.sha256()
-    for part in parts:
-        whole.update(len(part).to_bytes(8, "little") + part)
-    return whole.hexdigest()

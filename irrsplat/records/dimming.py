@@ -16,7 +16,7 @@ def dim(cache: RecordCache, factor: np.ndarray) -> None:
     """
     f = np.asarray(factor, np.float32)
     numbers = np.arange(cache.count)
-    found = cache.gathered(*LINEAR)
+    found = cache.records.read(*LINEAR)
     before = luminance_floor(cache.values[:, :3])
     cache.correct({name: values * (f if name == "irradiance" else f[:, None]) for name, values in found.items()}, numbers)
     if before > 0.0:  # the split into dark and bright records stays

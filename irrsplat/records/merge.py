@@ -17,9 +17,8 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from irrsplat.core import record_layout
 from irrsplat.core.color import LUMINANCE
-from irrsplat.core.record_layout import COLUMNS, GATHERED
+from irrsplat.core.record_layout import COLUMNS
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
 from irrsplat.records.weight import LUNES, error_scale, own_radii, record_distance, record_weight
@@ -97,11 +96,9 @@ class _Table:
     @classmethod
     def of(cls, state: CacheState, settings: Settings) -> _Table:
         records = state.records
-        texels = dict(zip(GATHERED, np.moveaxis(records["content"], 1, 0), strict=True))
-        texels |= {name: records[name] for name in ("position", "normal", "limit")}
-        columns = {name: record_layout.unpack(texels, name).astype(float) for name in COLUMNS}
-        columns["screen"] = records["screen"].astype(float)
-        floor = float(records["dark"])
+        columns = {name: records[name].astype(float) for name in (*COLUMNS, "screen")}
+        columns |= {name: columns[name][:, :3] for name in ("position", "normal")}
+        floor = float(records["luminance_floor"])
         radii = settings.a * own_radii(columns, floor, settings) * columns["limit"][:, None]
         return cls(columns, radii, floor, settings)
 
@@ -116,23 +113,23 @@ class _Table:
         return found
 
     @cached_property
-    def asked_within(self) -> np.ndarray:
+    def widest(self) -> np.ndarray:
         """(N,) metres, the greatest distance of records that may contribute to each place."""
         widest = float(self.radii.max(initial=0.0))
         found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
         return found
 
-    def say(self, asking: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `asking` (P,).
+    def contributions(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `place` (P,).
 
         The formulas are those of shaders/indirect/splat.frag; all 0 where a record does not contribute.
         """
         settings, columns = self.settings, self.columns
-        apart = columns["position"][asking] - columns["position"][other]
-        n, n_k, axis = columns["normal"][asking], columns["normal"][other], columns["axis"][other]
-        reach = self.bounded(self.radii[other], columns["screen"][asking, None])
+        apart = columns["position"][place] - columns["position"][other]
+        n, n_k, axis = columns["normal"][place], columns["normal"][other], columns["axis"][other]
+        reach = self.bounded(self.radii[other], columns["screen"][place, None])
         distance = record_distance(apart, axis, reach / settings.a)
-        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.in_front)
+        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.hessian)
         counts = w > 1.0 / settings.a
         Y = columns["irradiance"][other] @ LUMINANCE
         if settings.gradients:
@@ -142,7 +139,7 @@ class _Table:
             there = self._extrapolated(Y, slope, apart, n_k, axis, columns["curvature"][other] * (trust * trust)[:, None])
             w = w * np.where(Y > 0.0, np.clip(there / np.where(Y > 0.0, _FAINT * Y, 1.0), _LEAST_KNOWN, 1.0), 1.0)
             Y = there
-        k = w if settings.kernel == "cut" else np.maximum(w - 1.0 / settings.a, 0.0)
+        k = np.maximum(w - 1.0 / settings.a, 0.0) if settings.hessian else w
         return np.where(counts, np.stack([w, k, k * Y, k * Y * Y]), 0.0)
 
     @staticmethod
@@ -159,7 +156,7 @@ class _Table:
         up, along = (apart * n_k).sum(1), (apart * axis).sum(1)
         across = np.maximum((apart * apart).sum(1) - up * up - along * along, 0.0)
         more = np.clip(0.5 * (curvature[:, 0] * along * along + curvature[:, 1] * across), -0.5, 0.5)
-        if not self.settings.second_order:
+        if not self.settings.hessian:
             more = np.zeros_like(more)
         found: np.ndarray = np.clip(Y + slope + more * Y, 0.0, np.maximum(2.0 * Y, 0.0))
         return found
@@ -179,9 +176,9 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y² in the order of `say`."""
+    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y²."""
 
-    said: tuple[sparse.csr_matrix, ...]
+    values: tuple[sparse.csr_matrix, ...]
 
     @classmethod
     def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
@@ -191,14 +188,14 @@ class _Pairs:
         to the others. None: all pairs.
         """
         position, count = table.columns["position"], len(table)
-        asking = np.arange(count) if source is None else np.flatnonzero(source > 0)
-        asking = asking[np.argsort(table.asked_within[asking], kind="stable")]  # keeps the search radius of batches small
+        places = np.arange(count) if source is None else np.flatnonzero(source > 0)
+        places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
         rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros((4, 0))]
-        parts = [asking[start : start + _AT_ONCE] for start in range(0, len(asking), _AT_ONCE)][::-1]
+        parts = [places[start : start + _AT_ONCE] for start in range(0, len(places), _AT_ONCE)][::-1]
         while parts:
             part = parts.pop()
-            near, within = cKDTree(position[part]), float(table.asked_within[part].max())
+            near, within = cKDTree(position[part]), float(table.widest[part].max())
             if len(part) > 1 and near.count_neighbors(tree, within) > _PAIRS:
                 parts += [part[len(part) // 2 :], part[: len(part) // 2]]
                 continue
@@ -206,29 +203,29 @@ class _Pairs:
             i, j = part[found["i"]], found["j"]
             wanted = i != j if source is None else j < i
             i, j = i[wanted], j[wanted]
-            said = table.say(i, j)
-            counts = said[0] > 0.0
+            shares = table.contributions(i, j)
+            counts = shares[0] > 0.0
             rows.append(i[counts])
             columns.append(j[counts])
-            values.append(said[:, counts])
+            values.append(shares[:, counts])
         where = np.concatenate(rows), np.concatenate(columns)
         return cls(tuple(sparse.csr_matrix((one, where), (count, count)) for one in np.concatenate(values, axis=1)))
 
     def sums(self, kept: np.ndarray) -> np.ndarray:
         """Return (4, N), the summed contributions of the `kept` (N,) records at all places."""
-        return np.stack([said @ kept.astype(float) for said in self.said])
+        return np.stack([one @ kept.astype(float) for one in self.values])
 
     def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
         """Return (N,) Σw at each place of the kept records of other caches."""
-        pairs = self.said[0].tocoo()
+        pairs = self.values[0].tocoo()
         counts = kept[pairs.col] & (source[pairs.row] != source[pairs.col])
         return np.bincount(pairs.row[counts], pairs.data[counts], len(kept))
 
     def apart(self, numbers: np.ndarray) -> np.ndarray:
         """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""
-        rank = np.full(self.said[0].shape[0], len(numbers))
+        rank = np.full(self.values[0].shape[0], len(numbers))
         rank[numbers] = np.arange(len(numbers))
-        pairs = self.said[0].tocoo()
+        pairs = self.values[0].tocoo()
         both = (rank[pairs.row] < len(numbers)) & (rank[pairs.col] < len(numbers))
         later = np.maximum(rank[pairs.row[both]], rank[pairs.col[both]])
         free = np.ones(len(numbers), bool)
@@ -248,15 +245,15 @@ def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
     epoch, view, _ = (int(clock) for clock in clocks.max(0))
     records: dict[str, np.ndarray] = {}
     for name in states[0].records:
-        if name not in ("clocks", "dark"):
+        if name not in ("clocks", "luminance_floor"):
             records[name] = np.concatenate([state.records[name] for state in states])
-    counts = [len(state.records["name"]) for state in states]
+    counts = [len(state.records["id"]) for state in states]
     source = np.repeat(np.arange(len(states)), counts)
-    records["era"] = records["era"] + (epoch - clocks[:, 0])[source]
-    records["viewed"] = records["viewed"] + (view - clocks[:, 1])[source]
-    records["name"] = np.arange(len(source))
+    records["epoch"] = records["epoch"] + (epoch - clocks[:, 0])[source]
+    records["last_view"] = records["last_view"] + (view - clocks[:, 1])[source]
+    records["id"] = np.arange(len(source))
     records["clocks"] = np.array([epoch, view, len(source)])
-    records["dark"] = np.array(luminance_floor(records["content"][:, GATHERED.index("irradiance"), :3]))
+    records["luminance_floor"] = np.array(luminance_floor(records["irradiance"]))
     return replace(states[0], records=records, bounces=_bounces(states)), source
 
 

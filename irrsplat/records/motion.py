@@ -1,4 +1,4 @@
-"""Records and moved meshes: records on a mesh move with it; records inside it or carried through a surface are dropped."""
+"""Records and moved meshes: records on a mesh move with it; records inside it are dropped."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ _LIFT = 1e-3  # of a mesh's diagonal: height above its surface of the tested poi
 _AT_ONCE = 1 << 18  # pairs of a point and a triangle
 _ON_IT = 0.3  # for points on a moved mesh: all their surroundings move relative to them, though most are far away
 _LEAST_CONCERN = 0.01  # for points that do not see a moved mesh, but may see its shadow
-_SHORTEST = 1e-4  # of a way: shortest part, not halved further
-_ROUNDING = 1e-6  # of the coordinates: least distance behind a plane that counts as a crossing
 _RIGID = 1e-3  # greatest deviation from a rotation that rounding of triangles gives the map of a rigid motion
 
 
@@ -70,67 +68,6 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
         volume = (a * np.cross(b, c)).sum(-1)
         sums += np.arctan2(volume, x * y * z + (a * b).sum(-1) * z + (b * c).sum(-1) * x + (c * a).sum(-1) * y).sum(1)
     return sums / (2.0 * np.pi)
-
-
-def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> np.ndarray:
-    """Return (N,) True where an unmoved triangle separates points (N, 3) from their new positions (N, 3), metres.
-
-    A record carried through a floor holds the light of the other side, and could contribute to the pixels above.
-    """
-    found = np.zeros(len(start), bool)
-    if not len(start):
-        return found
-    low, high = np.minimum(start, end).min(0), np.maximum(start, end).max(0)
-    for number, mesh in enumerate(change.old.meshes):
-        beside = number in change.moved or not len(mesh.faces)
-        if not beside and (mesh.positions.min(0) <= high).all() and (mesh.positions.max(0) >= low).all():
-            found |= _blocked(start, end, mesh.positions[mesh.faces])
-    return found
-
-
-def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray, part: tuple[float, float] = (0.0, 1.0)) -> np.ndarray:
-    """Return passed_through for triangles (T, 3, 3) in the box of a `part` of the ways.
-
-    With many triangles, ways longer than the extent of the points are halved; otherwise the points are divided, so that each
-    group tests few triangles.
-    """
-    begins, ends = (start + share * (end - start) for share in part)
-    low, high = np.minimum(begins, ends).min(0), np.maximum(begins, ends).max(0)
-    corners = corners[((corners.min(1) <= high) & (corners.max(1) >= low)).all(1)]
-    found = np.zeros(len(start), bool)
-    if len(start) * len(corners) <= _AT_ONCE:
-        return _crosses(start, end, corners)
-    apart = np.ptp(begins, axis=0)
-    if np.abs(ends - begins).max() > apart.max() and part[1] - part[0] > _SHORTEST:
-        middle = 0.5 * (part[0] + part[1])
-        for half in ((part[0], middle), (middle, part[1])):
-            left = np.flatnonzero(~found)
-            if len(left):
-                found[left] = _blocked(start[left], end[left], corners, half)
-        return found
-    if len(start) > 1:
-        order = np.argsort(begins[:, np.argmax(apart)], kind="stable")
-        for some in (order[: len(start) // 2], order[len(start) // 2 :]):
-            found[some] = _blocked(start[some], end[some], corners, part)
-        return found
-    return _crosses(start, end, corners)
-
-
-def _crosses(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return (N,) True where the whole way crosses one of the triangles (T, 3, 3)."""
-    found = np.zeros(len(start), bool)
-    a, b, c = corners.astype(float).swapaxes(0, 1)
-    normal = unit(np.cross(b - a, c - a))
-    before, after = (points @ normal.T - (a * normal).sum(1) for points in (start, end))
-    rounding = _ROUNDING * max(float(np.abs(start).max()), float(np.abs(end).max()))
-    points, triangles = np.nonzero((before * after < 0.0) & (np.abs(after) > rounding))
-    height = before[points, triangles]
-    share = height / (height - after[points, triangles])
-    at = start[points] + share[:, None] * (end[points] - start[points])
-    three = corners[triangles].astype(float)
-    sides = np.cross(np.roll(three, -1, axis=1) - three, at[:, None] - three)
-    found[points[((sides * normal[triangles, None]).sum(-1) >= 0.0).all(1)]] = True
-    return found
 
 
 def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:

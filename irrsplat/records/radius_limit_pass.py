@@ -5,7 +5,8 @@ A grid of the records' places finds the pairs within COMPARED_WITHIN radii a·R.
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterator
+from contextlib import ExitStack
 
 import moderngl
 import numpy as np
@@ -17,18 +18,15 @@ from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.gpu.time_budget import Budget, Pace
-from irrsplat.records import point_grid
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
-_TABLE = (
-    64,
-    1024,
-)  # columns and rows of the records limited by one draw; narrow, so that near records share a draw
+_TABLE = 64, 1024  # columns and rows of the records limited by one draw; narrow, so that near records share a draw
+_MAX_CELLS = 32  # of a grid along an axis
+_SAMPLE = 4096  # points in the sample that places a grid's planes
 _MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
-_RECENT = 2048  # records: the newest have a grid of their own up to this number, so that the other grids stay valid
 
 
 class RadiusLimitPass(Owner):
@@ -41,13 +39,11 @@ class RadiusLimitPass(Owner):
         self.write = Program(ctx, "records/radius_limit_write")
         self.targets = float_texture(ctx, _TABLE, 1)
         self.found = Target(ctx, _TABLE, (1,))
-        self.out: Target | None = None  # the cache's own texture
-        self._grids: dict[tuple[int, int], _Grid] = {}
         self._pace = Pace(ctx)  # of records
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.program, self.write, self.targets, self.found, self.out, *self._grids.values())
+        return (self.program, self.write, self.targets, self.found)
 
     def __call__(
         self, cache: RecordCache, first: int, settings: Settings, old: bool = True, start: int = 0, budget: Budget | None = None
@@ -60,36 +56,40 @@ class RadiusLimitPass(Owner):
         """
         if first == cache.count:
             return 0, True
-        limit = cache.records.textures["limit"]
-        if self.out is None or self.out.textures[0] is not limit:
-            if self.out is not None:
-                self.out.release()
-            self.out = Target(self.ctx, cache.records.size, textures=[limit])
-        everything = self._grids_of(cache.positions, 0)
-        works = [(np.arange(first, cache.count), everything, DrawState())]
-        if first and old:
-            works.append((_near(cache, first, settings), self._grids_of(cache.positions, first), DrawState(blend="min")))
-        works = [(numbers[np.argsort(grids[0].cells.find(cache.positions[numbers]), kind="stable")], grids, state)
-                 for numbers, grids, state in works]  # fmt: skip
-        total = sum(len(numbers) for numbers, _, _ in works)
-        for count in self._pace.batches(total - start, total, budget or Budget(None)):
-            before = 0
-            for numbers, grids, state in works:
-                low, high = (min(max(end - before, 0), len(numbers)) for end in (start, start + count))
-                if low < high:
-                    self._limit(cache, numbers[low:high], grids, settings, state, old)
-                before += len(numbers)
-            start += count
+        with ExitStack() as made:
+            out = made.enter_context(Target(self.ctx, cache.records.size, textures=[cache.records.textures["limit"]]))
+            everything = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, 0)]
+            works = [(np.arange(first, cache.count), everything, DrawState())]
+            if first and old:
+                new = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, first)]
+                works.append((_near(cache, first, settings), new, DrawState(blend="min")))
+            works = [(numbers[np.argsort(grids[0].find(cache.positions[numbers]), kind="stable")], grids, state)
+                     for numbers, grids, state in works]  # fmt: skip
+            total = sum(len(numbers) for numbers, _, _ in works)
+            for count in self._pace.batches(total - start, total, budget or Budget(None)):
+                before = 0
+                for numbers, grids, state in works:
+                    low, high = (min(max(end - before, 0), len(numbers)) for end in (start, start + count))
+                    if low < high:
+                        self._limit(out, cache, numbers[low:high], grids, settings, state, old)
+                    before += len(numbers)
+                start += count
         return start, start == total
 
     def _limit(
-        self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState, by_all: bool
+        self,
+        out: Target,
+        cache: RecordCache,
+        numbers: np.ndarray,
+        others: list[_Grid],
+        settings: Settings,
+        state: DrawState,
+        by_all: bool,
     ) -> None:
-        """Limit the records of these numbers, sorted by place, by those in the grids.
+        """Write the limits of the records of these numbers, sorted by place, by those in the grids.
 
-        state: combination of a limit with the one in the cache.
+        out: the cache's limits. state: combination of a limit with the one in the cache.
         """
-        assert self.out is not None
         records, width = cache.records, _TABLE[0]
         for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
             part = numbers[start : start + _TABLE[0] * _TABLE[1]]
@@ -108,7 +108,7 @@ class RadiusLimitPass(Owner):
                     by_all=by_all,
                 )
             self.write(
-                self.out,
+                out,
                 state=state,
                 mode=moderngl.POINTS,
                 vertices=len(part),
@@ -117,39 +117,33 @@ class RadiusLimitPass(Owner):
                 table=records.size,
             )
 
-    def _grids_of(self, positions: np.ndarray, first: int) -> list[_Grid]:
-        """Return grids of all records from number `first` on; a grid whose records have not moved is used again."""
-        count, made = len(positions), {}
-        settled = max(count // _RECENT * _RECENT, first)
-        cuts = sorted({first, *range(-(-first // _MAX_IN_GRID) * _MAX_IN_GRID, settled, _MAX_IN_GRID), settled, count})
-        for low, high in pairwise(cuts):
-            old, points = self._grids.pop((low, high), None), positions[low:high]
-            if old is not None and not np.array_equal(old.points, points):
-                old.release()
-                old = None
-            made[low, high] = old or _Grid(self.ctx, points.copy(), low)
-        if first == 0:
-            self._forget()
-        self._grids |= made
-        return list(made.values())
-
-    def _forget(self) -> None:
-        for one in self._grids.values():
-            one.release()
-        self._grids.clear()
-
 
 class _Grid(Owner):
-    """A grid of points (N, 3) on the GPU for shaders/records/point_grid.glsl; first: the number of the first point."""
+    """A grid of points (N, 3) float32, N > 0, for shaders/records/point_grid.glsl; first: the number of the first point.
+
+    K³ cells lie between K + 1 planes across each axis, with about equal numbers of points between neighbouring planes: quantiles
+    keep cells fine despite a few distant points. K is √N/8, within 1 and _MAX_CELLS. A point on a plane belongs to the cell above
+    it.
+    """
 
     def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
-        self.points, self.cells = points, point_grid.build(points)
-        order, starts = self.cells.order, self.cells.starts
-        self.edges = table_texture(ctx, np.pad(self.cells.edges, ((0, 0), (0, 1)))[None])
+        self.cells = int(np.clip(np.sqrt(len(points)) / 8.0, 1, _MAX_CELLS))
+        sample = np.sort(points[:: -(-len(points) // _SAMPLE)], axis=0)
+        inner = sample[len(sample) * np.arange(1, self.cells) // self.cells]
+        self.planes = np.concatenate([points.min(0)[None], inner, points.max(0)[None]])
+        cell = self.find(points)
+        order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])
+        self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None])
         self.starts = float_texture(ctx, (TABLE_COLUMNS, -(-len(starts) // TABLE_COLUMNS)), 1)
         texel_table.write(self.starts, 0, starts[:, None])
         self.places = float_texture(ctx, (TABLE_COLUMNS, -(-len(order) // TABLE_COLUMNS)))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
+
+    def find(self, points: np.ndarray) -> np.ndarray:
+        """Return (N,) the numbers of the cells of points (N, 3); the outermost cells extend to infinity."""
+        x, y, z = (np.searchsorted(e, p, side="right") for e, p in zip(self.planes[1:-1].T, points.T, strict=True))
+        cells: np.ndarray = (z * self.cells + y) * self.cells + x
+        return cells
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -158,12 +152,14 @@ class _Grid(Owner):
     @property
     def uniforms(self) -> Uniforms:
         """Uniforms of records/point_grid.glsl."""
-        return {
-            "grid_edges": self.edges,
-            "grid_starts": self.starts,
-            "grid_points": self.places,
-            "grid_cells": self.cells.cells,
-        }
+        textures = {"grid_edges": self.edges, "grid_starts": self.starts, "grid_points": self.places}
+        return {**textures, "grid_cells": self.cells}
+
+
+def _grids(ctx: moderngl.Context, positions: np.ndarray, first: int) -> Iterator[_Grid]:
+    """Yield grids of all records from number `first` on."""
+    for low in range(first, len(positions), _MAX_IN_GRID):
+        yield _Grid(ctx, positions[low : low + _MAX_IN_GRID], low)
 
 
 def _near(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:

@@ -17,7 +17,7 @@ from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
-from irrsplat.records.motion import carried, concerned, passed_through, swallowed
+from irrsplat.records.motion import carried, concerned, swallowed
 from irrsplat.scene.change import SceneChange
 
 _FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
@@ -28,33 +28,36 @@ PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
 @dataclass(frozen=True)
 class _Column:
-    """A CPU array with a row for each record: shape and type of a row, and its name in files (None: not saved)."""
+    """A CPU array with a row for each record: shape and type of a row; saved: files have it, by the same name."""
 
     shape: tuple[int, ...]
     dtype: str
-    file_name: str | None
     meaning: str
+    saved: bool = True
 
 
 _COLUMNS: dict[str, _Column] = {
-    "position": _Column((4,), "f4", "position", "xyz, world space"),
-    "normal": _Column((4,), "f4", "normal", "xyz, unit shading normal"),
-    "geometric": _Column((4,), "f4", "geometric", "xyz, unit geometric normal"),
-    "triangle": _Column((), "i8", "triangle", "number of the triangle that it lies on, -1: not known"),
-    "epoch": _Column((), "i8", "era", "the invalidation epoch that it was gathered in"),
-    "values": _Column((4,), "f4", None, "E in W/m² and R_k in metres, where `values_read`; in files they are among the textures"),
-    "values_read": _Column((), "?", None, "whether `values` has what the GPU has"),
-    "last_view": _Column((), "i8", "viewed", "number of the last view that had it in sight"),
-    "id": _Column((), "i8", "name", "what it is known by, whatever number it has"),
-    "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
-    "gather_size": _Column((), "i8", None, "side of the gather that it comes from; 0: it is as the settings have it"),
-    "screen": _Column((), "f4", "screen", "metres that the image is high there, in the view that asked for it; 0: not known"),
-    "probe": _Column((PROBED,), "f4", "probes", "what a few directions say: see change_probe.py; R = 0: not looked yet"),
-    "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
-    "due": _Column((), "f4", None, "how much may have changed around it since `probe` was looked at, about; in files it is 0"),
+    "position": _Column((4,), "f4", "xyz, world space"),
+    "normal": _Column((4,), "f4", "xyz, unit shading normal"),
+    "geometric": _Column((4,), "f4", "xyz, unit geometric normal"),
+    "triangle": _Column((), "i8", "number of the triangle that it lies on, -1: not known"),
+    "epoch": _Column((), "i8", "the invalidation epoch that it was gathered in"),
+    "values": _Column((4,), "f4", "E in W/m² and R_k in metres, where `values_read`", saved=False),
+    "values_read": _Column((), "?", "whether `values` has what the GPU has", saved=False),
+    "last_view": _Column((), "i8", "number of the last view that had it in sight"),
+    "id": _Column((), "i8", "what it is known by, whatever number it has"),
+    "frame_rotation": _Column((), "i8", "what the rotation of its frame is drawn from: see Sites"),
+    "gather_size": _Column((), "i8", "side of the gather that it comes from; 0: it is as the settings have it", saved=False),
+    "screen": _Column((), "f4", "metres that the image is high there, in the view that asked for it; 0: not known"),
+    "probe": _Column(
+        (PROBED,), "f4", "E in W/m², R in metres, M and ∇E from few directions: see change_probe.py; R = 0: no probe yet"
+    ),
+    "drift": _Column((), "f4", "change of `probe` since the record was gathered, 0..1; 1 where it is not known"),
+    "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
 }
 _COUNTED = 1 << 53  # more than any counter of records reaches
-_FILED = {name: column.file_name for name, column in _COLUMNS.items() if column.file_name is not None}
+_SAVED = [name for name, column in _COLUMNS.items() if column.saved]
+_ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.source != "site"]  # and in files, by the same names
 
 
 class RecordCache(Owner):
@@ -179,13 +182,7 @@ class RecordCache(Owner):
 
     def read(self) -> dict[str, np.ndarray]:
         """Return the records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
-        values = self.values
-        return {
-            "position": self.positions.copy(),
-            "normal": self._columns["normal"][: self.count, :3].copy(),
-            "irradiance": values[:, :3].copy(),
-            "radius": values[:, 3].copy(),
-        }
+        return self.records.read("position", "normal", "irradiance", "radius")
 
     def sites(self, numbers: np.ndarray | slice) -> Sites:
         """Return the sites of the records of these numbers."""
@@ -200,11 +197,6 @@ class RecordCache(Owner):
         number = int(np.searchsorted(ids, id))
         return number if number < self.count and ids[number] == id else None
 
-    @property
-    def ids(self) -> np.ndarray:
-        """(N,) the ids of the records, ascending."""
-        return self._columns["id"][: self.count]
-
     def id_of(self, number: int) -> int:
         """Return the id of a record, which stays when earlier records are dropped."""
         return int(self._columns["id"][number])
@@ -213,18 +205,17 @@ class RecordCache(Owner):
 
     @property
     def probes(self) -> np.ndarray:
-        """(N, PROBED) float32, writable: coarse E in W/m², R in metres, M and ∇E from a few directions (change_probe.py); R = 0:
-        no probe yet."""
+        """(N, PROBED) float32, writable."""
         return self._columns["probe"][: self.count]
 
     @property
     def due(self) -> np.ndarray:
-        """(N,) float32, writable: estimated change around each record since its last probe; 0: none."""
+        """(N,) float32, writable."""
         return self._columns["due"][: self.count]
 
     @property
     def drift(self) -> np.ndarray:
-        """(N,) float32, writable: change of `probes` since each record was gathered, 0..1; 1 where it is not known."""
+        """(N,) float32, writable."""
         return self._columns["drift"][: self.count]
 
     def update_luminance_floor(self) -> None:
@@ -291,17 +282,13 @@ class RecordCache(Owner):
 
     @property
     def gather_sizes(self) -> np.ndarray:
-        """(N,) the side of the gather of each record; 0: as the settings have it."""
+        """(N,) writable."""
         return self._columns["gather_size"][: self.count]
 
-    def set_gather_sizes(self, numbers: np.ndarray, sizes: np.ndarray | int) -> None:
-        """Note the side of the gather of the records of these numbers; 0: as the settings have it."""
-        self._columns["gather_size"][numbers] = sizes
-
     def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0) -> None:
-        """Mark the records of these numbers as refreshed, no longer stale. sizes: as in `set_gather_sizes`."""
+        """Mark the records of these numbers as refreshed, no longer stale. sizes: sides of their gathers."""
         columns = self._columns
-        self.set_gather_sizes(numbers, sizes)
+        columns["gather_size"][numbers] = sizes
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
         columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # taken before the change of the scene
@@ -350,7 +337,7 @@ class RecordCache(Owner):
     def move_with_meshes(self, change: SceneChange) -> np.ndarray:
         """Move records on moved meshes, with their content, and raise `due` of records that see the change.
 
-        Return the numbers of the records to keep: outside the moved meshes, and not carried through unmoved ones.
+        Return the numbers of the records to keep: those outside the moved meshes.
         """
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
@@ -360,29 +347,34 @@ class RecordCache(Owner):
         there["due"] += concerned(self.positions, geometric, triangle, change)
         moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
-            there_still = kept[moved.numbers]
-            ways = self.positions[moved.numbers[there_still]].astype(float), moved.position[there_still]
-            kept[moved.numbers[there_still]] = ~passed_through(*ways, change)
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):
                 there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])
             there["probe"][moved.numbers[~moved.rigid]] = 0.0
             vectors = there["probe"][moved.numbers, 4:].reshape(-1, 6, 3)
             there["probe"][moved.numbers, 4:] = np.einsum("nij,nkj->nki", moved.linear_map, vectors).reshape(-1, 18)
+            directions = {name: rows[moved.numbers] for name, rows in self.records.read("vectors", "gradient", "axis").items()}
+            axis = unit(np.einsum("nij,nj->ni", moved.linear_map, directions.pop("axis")))
+            turned = {name: np.einsum("nij,ncj->nci", moved.linear_map, rows) for name, rows in directions.items()}
             texels = {name: there[name] for name in ("position", "normal")}
-            texels |= self._rotated(moved.numbers, moved.linear_map)
+            texels |= self._corrected(turned | {"axis": axis}, moved.numbers)
             textures = {name: self._filled(name, rows) for name, rows in texels.items()}
             self.revision += 1
             self._replace(textures)
         self._columns = {**self._columns, **columns}
         return np.flatnonzero(kept)
 
-    def gathered(self, *names: str) -> dict[str, np.ndarray]:
-        """Return these columns of the records, (N, …) float32 each; see record_layout.COLUMNS."""
-        return self.records.read(*names)
-
     def correct(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
         """Overwrite columns of the records of these numbers (K,); values: (K, …) by the names of the columns."""
+        textures = {name: self._filled(name, rows) for name, rows in self._corrected(values, numbers).items()}
+        columns = {**self._columns, "values_read": self._columns["values_read"].copy()}
+        columns["values_read"][numbers] = False
+        self._columns = columns
+        self.revision += 1
+        self._replace(textures)
+
+    def _corrected(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the texels of the textures that these columns lie in, with `values` as in `correct`."""
         names = {texture for column in values for texture, _ in record_layout.COLUMNS[column].slots}
         texels = {name: texel_table.read(self.ctx, self._textures[name], 0, self.count).copy() for name in names}
         rows = {name: array[numbers] for name, array in texels.items()}
@@ -390,26 +382,6 @@ class RecordCache(Owner):
             record_layout.pack(rows, name, value)
         for name, array in texels.items():
             array[numbers] = rows[name]
-        textures = {name: self._filled(name, array) for name, array in texels.items()}
-        columns = {**self._columns, "values_read": self._columns["values_read"].copy()}
-        columns["values_read"][numbers] = False
-        self._columns = columns
-        self.revision += 1
-        self._replace(textures)
-
-    def _rotated(self, numbers: np.ndarray, maps: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the texels of directions (M, ∇E, the axis) after linear maps (K, 3, 3) of these records (K,)."""
-        directed = ("vectors", "gradient", "axis")
-        names = {texture for column in directed for texture, _ in record_layout.COLUMNS[column].slots}
-        texels = {name: texel_table.read(self.ctx, self._textures[name], 0, self.count).copy() for name in names}
-        for name in directed:
-            values = record_layout.unpack(texels, name)
-            if name == "axis":
-                values[numbers] = unit(np.einsum("nij,nj->ni", maps, values[numbers]))
-            else:
-                for colour in range(3):
-                    values[numbers, colour] = np.einsum("nij,nj->ni", maps, values[numbers, colour])
-            record_layout.pack(texels, name, values)
         return texels
 
     # ---- files -------------------------------------------------------------------------------------------------------
@@ -419,32 +391,30 @@ class RecordCache(Owner):
 
         stale: mark all records as stale in the result.
         """
-        kept = {file_name: self._columns[name][: self.count].copy() for name, file_name in _FILED.items()}
-        content = [texel_table.read(self.ctx, self._textures[name], 0, self.count) for name in GATHERED]
         return {
-            **kept,
-            "content": np.stack(content, axis=1),
-            "limit": texel_table.read(self.ctx, self._textures["limit"], 0, self.count),
+            **{name: self._columns[name][: self.count].copy() for name in _SAVED},
+            **{name: rows.copy() for name, rows in self.records.read(*_ON_GPU).items()},  # row by row, as files hold them
             "clocks": np.array([self.invalidation_epoch + stale, self._view, self._next_id]),
-            "dark": np.array(self.luminance_floor),
+            "luminance_floor": np.array(self.luminance_floor),
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Replace all records by those of `state`. Raises KeyError or ValueError for an invalid state, and changes nothing."""
         check_state(state)
-        count = len(state["name"])
+        count = len(state["id"])
         self._reserve(count)
         columns = {name: array.copy() for name, array in self._columns.items()}
-        for name, file_name in _FILED.items():
-            columns[name][:count] = state[file_name]
+        for name in _SAVED:
+            columns[name][:count] = state[name]
         for name in ("values_read", "gather_size", "due"):
             columns[name][:count] = 0
-        texels = {"position": columns["position"][:count], "normal": columns["normal"][:count], "limit": state["limit"]}
-        texels |= dict(zip(GATHERED, np.moveaxis(state["content"], 1, 0), strict=True))
+        texels = {name: np.zeros((count, channels), "f4") for name, channels in TEXTURES.items()}
+        texels |= {name: columns[name][:count] for name in ("position", "normal")}
+        for name in _ON_GPU:
+            record_layout.pack(texels, name, state[name])
         textures = {name: self._filled(name, rows) for name, rows in texels.items()}
         epoch, view, next_id = (int(clock) for clock in state["clocks"])
-        floor = float(state["dark"])
-        self._columns, self.count, self._stale, self.luminance_floor = columns, count, None, floor
+        self._columns, self.count, self._stale, self.luminance_floor = columns, count, None, float(state["luminance_floor"])
         self.invalidation_epoch, self._view, self._next_id = epoch, view, next_id
         self.revision += 1
         self._replace(textures)
@@ -458,9 +428,9 @@ def luminance_floor(irradiance: np.ndarray) -> float:
 
 def check_state(state: Mapping[str, np.ndarray]) -> None:
     """Raise KeyError or ValueError if the arrays of RecordCache.state are incomplete, of wrong shape or not finite."""
-    count = len(state["name"])
-    shapes: dict[str, tuple[int, ...]] = {file_name: (count, *_COLUMNS[name].shape) for name, file_name in _FILED.items()}
-    shapes |= {"content": (count, len(GATHERED), 4), "limit": (count, 1), "clocks": (3,), "dark": ()}
+    count = len(state["id"])
+    shapes = {name: (count, *_COLUMNS[name].shape) for name in _SAVED}
+    shapes |= {name: (count, *record_layout.COLUMNS[name].shape) for name in _ON_GPU} | {"clocks": (3,), "luminance_floor": ()}
     for name, shape in shapes.items():
         found = state[name]
         if found.shape != shape or found.dtype.kind not in "fiu" or not np.isfinite(found).all():

@@ -2,39 +2,57 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.records.coverage_pass import CoveragePass
+from irrsplat.core.buffers import GBuffer, Records
+from irrsplat.core.memo import Memo
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import Target
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 
-@dataclass(frozen=True)
-class _Order:
-    """The numbers of stale records in order, with the inputs of the order: view, epoch and evictions of the cache."""
-
-    numbers: np.ndarray
-    gbuffer: GBuffer | None = None
-    epoch: int = -1
-    evicted: int = 0
-
-
 class RefreshOrder(Owner):
-    """Priority order of a cache's stale records, updated for each view and each invalidation."""
+    """Priority order of a cache's stale records, updated for each view and each invalidation.
+
+    gradients: records have derivatives.
+    """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
-        self.coverage_pass = CoveragePass(ctx, gradients)
-        self._made = _Order(np.zeros(0, np.intp))
+        self.ctx = ctx
+        self.program = Program(ctx, "records/coverage", "lib/fullscreen", record_defines(gradients))
+        self.targets = Workshop()
+        self._memo = Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.coverage_pass,)
+        return (self.program, self.targets)
+
+    def covered(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
+        """Return (N,) float32, the number of pixels that each record covers, by samples of its bounding box on screen.
+
+        The number is 0 for hidden or off-screen records.
+        """
+        target = self.targets.get("target", records.size, lambda: Target(self.ctx, records.size, (1,)))
+        width, height = gbuffer.position.size
+        columns = records.size[0]
+        self.program(
+            target,
+            scissor=(0, 0, columns, -(-records.count // columns)),
+            **records.uniforms,
+            count=records.count,
+            clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
+            **view_radius_uniforms(camera, (width, height), settings),
+            pixel=camera.pixel((width, height)),
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+        )
+        pixels: np.ndarray = np.frombuffer(target.textures[0].read(), "f4")[: records.count]
+        return pixels
 
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (N,) the numbers of the stale records in the order of their refresh.
@@ -42,14 +60,14 @@ class RefreshOrder(Owner):
         Priority is the product of covered pixels, age in invalidations, and change of light: no record in view waits for ever,
         even under constant change of light. Hidden records come last, the oldest first.
         """
-        made, epoch, evicted = self._made, cache.invalidation_epoch, cache.evicted
-        if made.gbuffer is not gbuffer or (made.epoch, made.evicted) != (epoch, evicted):
+
+        def made() -> np.ndarray:
             stale = cache.stale
-            if len(stale):
-                waited = cache.age(stale)
-                served = self.coverage_pass(cache.records, gbuffer, camera, settings)[stale]
-                stale = stale[np.lexsort((-waited, -served * waited * cache.drift[stale]))]
-            made = _Order(stale, gbuffer, epoch, evicted)
-        waiting = made.numbers[cache.age(made.numbers) > 0]
-        self._made = _Order(waiting, gbuffer, epoch, evicted)
-        return waiting
+            if not len(stale):
+                return stale
+            waited = cache.age(stale)
+            covered = self.covered(cache.records, gbuffer, camera, settings)[stale]
+            return stale[np.lexsort((-waited, -covered * waited * cache.drift[stale]))]
+
+        numbers = self._memo.get("order", (gbuffer, cache.invalidation_epoch, cache.evicted), made)
+        return numbers[cache.age(numbers) > 0]

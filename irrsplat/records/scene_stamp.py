@@ -1,16 +1,17 @@
-"""Scene stamp of a cache file: the part of the scene that is needed to find later changes."""
+"""Scene stamp of a cache file: hashes of the geometry, materials and sky, and the places of meshes, to find later changes."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, astuple, dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from irrsplat.scene.looks import order
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Image, Material, Scene
 from irrsplat.scene.motion import hidden
 
 _MOST_VERTICES = 1_000_000  # 24 MB in a file; moved meshes of a larger scene count as replaced
@@ -79,28 +80,66 @@ class SceneStamp:
     @property
     def first_triangles(self) -> np.ndarray:
         """(M,) the number of the first triangle of each mesh."""
-        return _first([mesh.triangles for mesh in self.meshes], self.order)
+        counts, first = [mesh.triangles for mesh in self.meshes], np.zeros(len(self.meshes), np.intp)
+        first[list(self.order)] = np.cumsum([0, *(counts[i] for i in self.order)])[:-1]
+        return first
+
+    @property
+    def geometry(self) -> str:
+        """Hash of all that records depend on in the scene except lights; names do not count."""
+        return hashed(repr((self.around, self.order, [astuple(replace(mesh, name="")) for mesh in self.meshes])).encode())
 
 
-def stamp_of(scene: Scene, around: str, materials: Sequence[str]) -> SceneStamp:
-    """Return the stamp of a scene. around: a hash of its sky; materials: a hash for each mesh."""
+def stamp(scene: Scene) -> SceneStamp:
+    """Return the stamp of a scene for a cache file."""
+    materials = {material: hashed(*_material(material)) for material in scene.materials}
     meshes = tuple(
         MeshStamp(
             mesh.name,
-            _hash(mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
-            _hash(mesh.positions, mesh.normals),
-            material,
+            hashed(mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
+            hashed(mesh.positions, mesh.normals),
+            materials[mesh.material],
             len(mesh.positions),
             len(mesh.faces),
         )
-        for mesh, material in zip(scene.meshes, materials, strict=True)
+        for mesh in scene.meshes
     )
     held = scene.meshes if sum(mesh.vertices for mesh in meshes) <= _MOST_VERTICES else ()
     positions, normals = (
         np.concatenate([np.zeros((0, 3), np.float32), *(getattr(mesh, name) for mesh in held)])
         for name in ("positions", "normals")
     )
-    return SceneStamp(scene.name, around, tuple(scene.origin), meshes, tuple(order(scene)), positions, normals)
+    return SceneStamp(scene.name, hashed(_sky(scene)), tuple(scene.origin), meshes, tuple(order(scene)), positions, normals)
+
+
+def _sky(scene: Scene) -> bytes:
+    """Return the hash input of the sky; the up vector counts only for a sky with a gradient."""
+    if scene.environment is not None:
+        return scene.environment.digest
+    return repr((tuple(scene.sky), (scene.sky_gradient, scene.up) if any(scene.sky_gradient) else ())).encode()
+
+
+def _material(material: Material) -> Iterator[bytes]:
+    """Yield the hash input of a material: all values, and images as bytes.
+
+    Normal maps do not count: they change shading normals, not records.
+    """
+    yield repr(replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)).encode()
+    for texture in (material.albedo_texture, material.emission_texture):
+        if texture is None:
+            yield b""
+        else:
+            yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest, texture.image.pixels.shape)).encode()
+            yield _image_digest(texture.image)
+
+
+_digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images are immutable and may be large
+
+
+def _image_digest(image: Image) -> bytes:
+    if image not in _digests:
+        _digests[image] = hashlib.sha256(image.pixels.tobytes()).digest()
+    return _digests[image]
 
 
 @dataclass(frozen=True)
@@ -156,16 +195,10 @@ def _twins(stamp: SceneStamp, present: SceneStamp) -> dict[int, int]:
     return twins
 
 
-def _first(counts: Sequence[int], order: Sequence[int]) -> np.ndarray:
-    """Return (M,) the first triangle of each mesh, for `counts` by mesh and numbering in this order."""
-    first = np.zeros(len(counts), np.intp)
-    first[list(order)] = np.cumsum([0, *(counts[i] for i in order)])[:-1]
-    return first
-
-
-def _hash(*parts: np.ndarray | None) -> str:
+def hashed(*parts: np.ndarray | bytes | None) -> str:
+    """Return the SHA-256 of the parts and their lengths, as hexadecimal digits."""
     whole = hashlib.sha256()
     for part in parts:
-        data = b"" if part is None else part.tobytes()
+        data = b"" if part is None else part if isinstance(part, bytes) else part.tobytes()
         whole.update(len(data).to_bytes(8, "little") + data)
-    return whole.hexdigest()[:32]
+    return whole.hexdigest()

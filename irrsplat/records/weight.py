@@ -24,8 +24,7 @@ def record_uniforms(settings: Settings) -> Uniforms:
     """Return the uniforms of shaders/records/weight.glsl and record.glsl that depend on the settings."""
     return {
         "a": settings.a,
-        "hessian": settings.radius == "hessian",
-        "second_order": settings.second_order,
+        "hessian": settings.hessian,
     }
 
 
@@ -48,7 +47,7 @@ def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, setting
         E = np.maximum(Y, max(luminance_floor, 1e-20))
         R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
     radii: np.ndarray = np.stack([R, R], axis=1)
-    if settings.gradients and settings.radius == "hessian":
+    if settings.gradients and settings.hessian:
         known = columns["axis"].any(axis=1)
         curvature = np.maximum(np.abs(columns["curvature"]), 1e-14)
         square = (2.0 * error_scale(Y, luminance_floor) / np.maximum(Y, 1e-20))[:, None] / curvature

@@ -74,7 +74,7 @@ class Frames(Owner):
             self.state = replace(self.state, shown=older)
             return shown.view, replace(done.progress, fading=shown.view.fading)
         start = now()
-        fading = budget.limited and self.state.settings.fade
+        fading = budget.limited and self.state.settings.placement != "scan"
         view = self.stages.draw_picture(self.state, done, fading, budget.limited, moving)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()

@@ -79,7 +79,7 @@ class Renderer(Tenant):
             self_test.check(self.ctx)
             state = self._tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-            self.world = made.enter_context(World(self.ctx, scene, state.settings.texture_memory))
+            self.world = made.enter_context(World(self.ctx, scene))
             self.cache = made.enter_context(RecordCache(self.ctx))
             self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
             self._frames = made.enter_context(Frames(self.world, self.scheduler, self.timers, state))
@@ -354,7 +354,7 @@ class Renderer(Tenant):
         progress: Callable[[Progress], None] | None = None,
         sparing: bool = False,
     ) -> tuple[View, Statistics]:
-        """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
+        """Rounds until the examination finds nothing, or the most rounds are done; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
         each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is

@@ -64,11 +64,10 @@ class Stages(Owner):
     # ---- what draws ------------------------------------------------------------------------------------------------
 
     def texture_maps(self, state: State) -> TextureMaps:
-        """The images that the g-buffer's surfaces wear, within the settings' memory."""
+        """The images that the g-buffer's surfaces wear."""
         if self.whole is not None:
             return self.whole.texture_maps(state)
-        memory = state.settings.texture_memory
-        return self._passes.get("textures", memory, lambda: TextureMaps(self.ctx, memory))
+        return self._passes.get("textures", (), lambda: TextureMaps(self.ctx))
 
     def _gbuffer_pass(self, state: State) -> GBufferPass:
         size, maps = state.size, self.texture_maps(state)
@@ -125,7 +124,7 @@ class Stages(Owner):
             with self.timers("gbuffer"):
                 return self._gbuffer_pass(state)(self.world, camera)
 
-        inputs = camera, state.scene.meshes, state.size, *state.settings.of("gbuffer")
+        inputs = camera, state.scene.meshes, state.size
         return self._memo.get("gbuffer", inputs, draw)
 
     @property

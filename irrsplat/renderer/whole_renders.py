@@ -26,6 +26,7 @@ from irrsplat.renderer.state import Round
 from irrsplat.renderer.tiles import TiledPictures
 from irrsplat.renderer.tiling import Tiling, check_tiled
 from irrsplat.scene.model import Camera
+from irrsplat.settings import MOST_ROUNDS
 
 OnRound = Callable[[Progress], None]
 _TOLD = 1.0  # seconds after which progress is told while a render is refined
@@ -94,12 +95,12 @@ class WholeRenders:
 
         Ctrl-C ends the rounds with the records of the last complete one.
         """
-        frames, cache, settings = self.frames, self.cache, self.frames.state.settings
+        frames, cache = self.frames, self.cache
         stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
         stats["error"] = None
         complete, ended, done = cache.count + cache.evicted, False, None
         try:
-            while not ended and stats["rounds"] < settings.max_rounds and not frames.state.view.stalled:
+            while not ended and stats["rounds"] < MOST_ROUNDS and not frames.state.view.stalled:
                 frames.state, done = frames.round(frames.state, camera, Budget(None))
                 now = done.progress
                 complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete

@@ -11,8 +11,6 @@ uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in
 #if REFINED
 uniform sampler2D reach;     // the share of `a` that holds at each pixel of the sums
 #endif
-uniform bool cut;            // the paper's kernel: w itself, cut off where it falls to 1/a
-uniform bool in_front;       // reject records in front of the pixel's surface or behind it
 
 flat in vec3 v_place;
 flat in vec3 v_normal;
@@ -48,7 +46,7 @@ void main()
     vec4 p = texel_at(position, pixel);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
-    float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
+    float w = record_weight(apart, v_axis, v_radii, n, v_normal);
     float least = 1.0 / a;
 #if REFINED
     least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
@@ -63,7 +61,7 @@ void main()
     vec3 E = v_irradiance;
 #endif
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
-    float k = v_share * (cut ? w : w - least);
+    float k = v_share * (hessian ? w - least : w);
 #if GRADIENTS
     // (p - p_k)·∇E: the gradient moves with the point
     float Y_k = dot(E, LUMINANCE);

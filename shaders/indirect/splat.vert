@@ -7,7 +7,6 @@ in int in_number;                      // of the record
 
 uniform mat4 clip_from_world;
 uniform vec3 forward;                  // unit, the view axis
-uniform bool in_front;                 // reject records in front of the pixel's surface or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
 
 flat out vec3 v_place;                 // p_k
@@ -61,7 +60,7 @@ void main()
     vec3 axis = to_eye / d;
     vec3 u = perpendicular(axis);
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
-    if (in_front)
+    if (hessian)
     {
         // Then only a slab of the ellipsoid can be reached. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
         // is at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4: the quad is turned to the ellipse on screen, and shrunk to it.

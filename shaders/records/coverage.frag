@@ -5,7 +5,6 @@ uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform mat4 clip_from_world;
 uniform float pixel;         // size of a pixel at distance 1, in metres
-uniform bool in_front;       // as in splat.frag
 uniform int count;           // of the records
 
 layout(location = 0) out float out_pixels;
@@ -21,7 +20,7 @@ bool serves(ivec2 at)
     vec4 q = texelFetch(position, at, 0);
     vec3 apart = q.xyz - p;
     vec2 R = vec2(ellipse.along, ellipse.across) / a;
-    return q.w > 0.0 && record_weight(apart, ellipse.axis, R, texelFetch(normal, at, 0).xyz, n_k, in_front) > 1.0 / a;
+    return q.w > 0.0 && record_weight(apart, ellipse.axis, R, texelFetch(normal, at, 0).xyz, n_k) > 1.0 / a;
 }
 
 void main()

@@ -1,4 +1,4 @@
-// Finding points by place in a grid of irrsplat/records/point_grid.py.
+// Finding points by place in a grid of irrsplat/records/radius_limit_pass.py.
 #include "lib/table.glsl"
 
 uniform sampler2D grid_edges;   // texel i: the i-th plane across x, y and z

@@ -5,8 +5,7 @@
 #include "lib/table.glsl"
 #include "records/error_scale.glsl"
 
-uniform bool hessian;           // radii go by second derivatives; else by the harmonic mean distance
-uniform bool second_order;      // records extrapolate by second derivatives too
+// Include records/weight.glsl before this file: it declares `hessian`.
 
 // Where a record's error reaches the tolerated size: an ellipse in its tangent plane.
 struct Ellipse
@@ -34,10 +33,10 @@ float record_share(ivec2 texel)
     return record_enclosed(texel) ? HARDLY : 1.0;
 }
 
-// The record's second derivatives along its axis and across it; 0 where they are not known or the settings want none.
+// The record's second derivatives along its axis and across it; 0 where they are not known or the weights are the paper's.
 vec2 usable_curvature(ivec2 texel)
 {
-    return second_order && record_axis(texel) != vec3(0.0) ? record_curvature(texel) : vec2(0.0);
+    return hessian && record_axis(texel) != vec3(0.0) ? record_curvature(texel) : vec2(0.0);
 }
 
 // How far the record holds by what it knows itself, before it is scaled by a. With second derivatives, a·R is where the error of

@@ -2,7 +2,8 @@
 // merge.py have the same in numpy.
 #include "generated/constants.glsl"
 
-uniform float a;  // the error that is tolerated (Ward et al. 1988)
+uniform float a;       // the error that is tolerated (Ward et al. 1988)
+uniform bool hessian;  // weights and radii are by second derivatives; else the paper's, by the harmonic mean distance
 
 const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
 
@@ -16,12 +17,12 @@ float record_distance(vec3 apart, vec3 axis, vec2 R)
     return sqrt(along * along / (R.x * R.x) + across / (R.y * R.y));
 }
 
-// Ward et al. 1988: w = 1/(|p - p_k|/R + √(1 - n·n_k)); n, n_k: unit normals of the point and of the record. With `in_front`, 0
+// Ward et al. 1988: w = 1/(|p - p_k|/R + √(1 - n·n_k)); n, n_k: unit normals of the point and of the record. By the Hessian, 0
 // for a record that faces away, or lies in front of the point's surface or behind it.
-float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_front)
+float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k)
 {
     float cosine = dot(n, n_k);
-    if (in_front && (cosine <= 0.0 || abs(dot(apart, n + n_k)) * 0.5 > IN_FRONT * R.y)) return 0.0;
+    if (hessian && (cosine <= 0.0 || abs(dot(apart, n + n_k)) * 0.5 > IN_FRONT * R.y)) return 0.0;
     return 1.0 / max(record_distance(apart, axis, R) + sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR);
 }
 

@@ -48,7 +48,7 @@ def test_words_that_are_values() -> None:
     assert SETTINGS["seed"].parse("7") == 7
     assert SETTINGS["tolerance"].parse("AUTO") == "auto"
     assert (SETTINGS["bounces"].parse("All"), SETTINGS["bounces"].parse("3")) == ("all", 3)
-    assert SETTINGS["fade"].parse("on") is True
+    assert SETTINGS["gradients"].parse("on") is True
     assert SETTINGS["gather"].parse("plane") == "plane"
 
 
@@ -78,6 +78,8 @@ def test_the_keywords_for_type_checkers_are_the_settings() -> None:
 def test_unknown_names() -> None:
     with pytest.raises(InputError, match=r"setting 'walls' was removed: .*; leave it out"):
         Settings().with_values({"walls": True})
+    with pytest.raises(InputError, match="setting 'kernel' was removed: weights chooses it, hessian for smooth"):
+        Settings().with_values({"kernel": "cut"})
     with pytest.raises(InputError, match="setting 'overture' was removed: it is called fill_holes"):
         preset(overture=False)  # type: ignore[call-arg]
     with pytest.raises(InputError, match=r"takes auto\|plane\|trace\|embree, not 'raster'; 'raster' was removed: rays see"):

@@ -30,8 +30,8 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
-from irrsplat.records.coverage_pass import CoveragePass
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
+from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
@@ -68,7 +68,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for gradients in (False, True):
         yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
-        yield CoveragePass(ctx, gradients)
+        yield RefreshOrder(ctx, gradients)
         yield RadiusLimitPass(ctx, gradients)
     for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield simple(ctx)

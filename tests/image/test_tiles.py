@@ -15,6 +15,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.image import gbuffer
 from irrsplat.image.frame import RECORDS
 from irrsplat.lighting import gl_limits
+from irrsplat.renderer import whole_renders
 from irrsplat.renderer.stages import Stages
 from irrsplat.scene.model import Camera, Material
 from tests.image.test_normal_maps import bumpy, tilted
@@ -44,20 +45,17 @@ def cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize(
-    ("settings", "tile"),
-    [
-        ({"bounces": "all", "max_rounds": 1}, 128),
-        ({"bounces": 0, "max_rounds": 1}, 160),
-        ({"samples": 2, "backdrop": "sky"}, 100),
-    ],
+    ("settings", "tile", "rounds"),
+    [({"bounces": "all"}, 128, 1), ({"bounces": 0}, 160, 1), ({"samples": 2, "backdrop": "sky"}, 100, 50)],
     ids=str,
 )
-def test_tiles_make_the_same_picture(settings: dict[str, Any], tile: int) -> None:
+def test_tiles_make_the_same_picture(monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], tile: int, rounds: int) -> None:
+    monkeypatch.setattr(whole_renders, "MOST_ROUNDS", rounds)
     world = room(sky=0.5)
     whole = irrsplat.render(world, SIZE, **{**CHEAP, **settings})
     with Renderer(world, SIZE, tile_size=tile, **{**CHEAP, **settings}) as renderer:
         same(whole, renderer.render())
-        if "max_rounds" not in settings:
+        if rounds > 1:
             assert renderer.render().stats["records"] == whole.stats["records"], "nothing is missing any more"
 
 

@@ -52,7 +52,7 @@ class StandInRecorder:
     "settings",
     [
         preset("paper", a=0.5),
-        preset("paper", a=1.0, in_front=True),
+        preset("paper", a=1.0, weights="hessian"),
         preset("paper", a=0.5, radius_min=3.0, radius_max=10.0),
     ],
 )

@@ -14,6 +14,7 @@ from irrsplat.core.buffers import SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.indirect.temporal_filter import CHANGING, PICTURES, SHARE, TemporalFilter
 from irrsplat.renderer import Renderer
+from irrsplat.renderer.stages import Stages
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import gbuffer_of, on_plane
@@ -93,5 +94,6 @@ def test_flicker_is_less_with_fading_than_without(monkeypatch: pytest.MonkeyPatc
     first, second, settled = flicker.measure(scene, (48, 36), frames=frames)
     assert [f.case for f in (first, second, settled)] == ["first", "second", "settled"]
     assert settled.rms < 0.05 and first.records <= second.records <= settled.records
-    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | {"fade": False} | more)))
+    draw = Stages.draw_picture
+    monkeypatch.setattr(Stages, "draw_picture", lambda stages, state, done, *_, **__: draw(stages, state, done))
     assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), frames=frames)).rms

@@ -85,10 +85,10 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
         M, gradient = (np.einsum("ncx,c->nx", v, LUMINANCE) for v in (made.M, made.gradient))
         E = error_scale(Y, made.dark)
         radii = np.minimum(radii, (E / np.linalg.norm(gradient, axis=1))[:, None])
-        if settings.radius == "hessian":
+        if settings.hessian:
             bends = np.abs(made.bend[known]) * (Y / E)[known, None]
             radii[known] = np.minimum(np.sqrt(2.0 / bends), made.farthest[known, None])
-        if settings.second_order:
+        if settings.hessian:
             bend = made.bend
     apart = made.p[None] - made.p[:, None]
     d = np.linalg.norm(apart, axis=2)
@@ -110,8 +110,7 @@ BASE = Settings(a=0.4, adapt=0.3)
 VARIANTS = {
     "default": BASE,
     "without gradients": replace(BASE, gradients=False),
-    "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
-    "first order": replace(BASE, second_order=False),
+    "weights of the paper": replace(BASE, weights="paper"),
 }
 
 
@@ -144,9 +143,9 @@ def test_a_record_that_agrees_with_others_keeps_its_radius(ctx: moderngl.Context
     """On a plane with linear E and exact gradients, all extrapolations agree; with quadratic E, by bends."""
     slope = np.array([0.5, 0.0, 0.3])
     linear, bent = of_field(ctx, slope, np.array([1e-6, 0.0, 1e-6])), of_field(ctx, slope, np.array([-0.3, 0.0, 0.8]))
-    assert (linear.limits(Settings(adapt=0.01, radius="harmonic", second_order=False))[:200] == 1.0).all()
+    assert (linear.limits(Settings(adapt=0.01, weights="paper"))[:200] == 1.0).all()
     assert (bent.limits(Settings(adapt=0.01))[:200] == 1.0).all()
-    assert (bent.limits(Settings(adapt=0.01, second_order=False))[:200] < 0.5).mean() > 0.9
+    assert (bent.limits(Settings(adapt=0.01, weights="paper"))[:200] < 0.5).mean() > 0.9
 
 
 def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx: moderngl.Context) -> None:
@@ -180,7 +179,7 @@ def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context
 
     Some rooms' records arrive late, and some rooms' first records are removed, so that grids are rebuilt.
     """
-    settings, many = replace(BASE, radius="harmonic"), 45
+    settings, many = replace(BASE, weights="paper"), 45
     rooms = [Made(ctx, 900, seed) for seed in (1, 2, 3)]
     alone = [made.limits(settings)[:900] for made in rooms]
     whole = Made(ctx, 900 * many)

@@ -63,10 +63,10 @@ def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_
 
     The halves have a fifth more records, so that merging has an effect.
     """
-    count = len(flights.whole.records["name"])
+    count = len(flights.whole.records["id"])
     merged = merge(flights.halves, Settings().with_values(flights.halves[0].settings)).state
-    both = sum(len(half.records["name"]) for half in flights.halves)
-    assert both > 1.2 * count and len(merged.records["name"]) <= 1.15 * count
+    both = sum(len(half.records["id"]) for half in flights.halves)
+    assert both > 1.2 * count and len(merged.records["id"]) <= 1.15 * count
     once, apart = (error(state, tmp_path / "a.cache") for state in (flights.whole, merged))
     assert abs(apart - once) <= 0.006
 
@@ -74,19 +74,19 @@ def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_
 def test_a_cache_merged_with_itself_is_itself(flights: Flights) -> None:
     half = flights.halves[0]
     done = merge([half, half, half], preset(**MADE))
-    assert done.dropped == 2 * len(half.records["name"])
-    for name in ("position", "content", "normal", "triangle", "turn"):
+    assert done.dropped == 2 * len(half.records["id"])
+    for name in ("position", "irradiance", "gradient", "normal", "triangle", "frame_rotation"):
         assert np.array_equal(done.state.records[name], half.records[name])
-    ids = done.state.records["name"]
+    ids = done.state.records["id"]
     assert (np.diff(ids) > 0).all() and done.state.records["clocks"][2] > ids[-1]
 
 
 def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None:
     """Compare half of the records at random with pruning to half: pruning leaves fewer under-covered pixels."""
     whole, settings = flights.whole, preset(**MADE)
-    count = len(whole.records["name"])
+    count = len(whole.records["id"])
     done = prune(whole, settings, count // 2)
-    assert len(done.state.records["name"]) == count // 2 and done.dropped == count - count // 2
+    assert len(done.state.records["id"]) == count // 2 and done.dropped == count - count // 2
     chance = np.sort(np.random.default_rng(2).choice(count, count // 2, replace=False))
     scene, path = irrsplat.load("cornell"), tmp_path / "a.cache"
     missing = []
@@ -100,14 +100,14 @@ def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None
 
 
 def test_what_goes_depends_on_what_records_say_by_the_settings() -> None:
-    """Without derivatives or second order, other records are removed; their number is equal in each case."""
+    """Without derivatives, or with the paper's weights, other records are removed; their number is equal in each case."""
     with Renderer(room(), (40, 30), **FAST) as renderer:
         renderer.render()
         state, settings = renderer.scheduler.state(), renderer.settings
-    count = len(state.records["name"])
+    count = len(state.records["id"])
     kept = []
-    for change in ({}, {"gradients": False}, {"a": 0.9}, {"second_order": False, "radius": "harmonic"}):
+    for change in ({}, {"gradients": False}, {"a": 0.9}, {"weights": "paper"}):
         done = prune(state, replace(settings, **change), count // 2)
-        assert len(done.state.records["name"]) == count // 2
-        kept.append(tuple(done.state.records["name"]))
+        assert len(done.state.records["id"]) == count // 2
+        kept.append(tuple(done.state.records["id"]))
     assert len(set(kept)) == 4

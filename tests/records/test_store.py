@@ -121,8 +121,8 @@ def test_stale_records_stay_stale(path: Path) -> None:
 
 
 def test_what_only_splatting_depends_on_may_be_another(saved: Path) -> None:
-    """With other a, kernels and radii, records stay and their radii are recomputed, as in one renderer."""
-    other = {"a": 0.8, "adapt": 0.2, "kernel": "cut", "radius": "harmonic", "max_rounds": 50, "blend": 0.7}
+    """With other a, weights and radii, records stay and their radii are recomputed, as in one renderer."""
+    other = {"a": 0.8, "adapt": 0.2, "weights": "paper", "blend": 0.7}
     with Renderer(room(), SIZE, **FAST) as whole:
         whole.render()
         whole.change(whole.settings.with_values(other))
@@ -240,7 +240,7 @@ def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) 
     assert "format 99" in refused(renderer, path) and whole != path.read_bytes()
 
 
-@pytest.mark.parametrize("missing", ["content", "limit", "position", "about", None])
+@pytest.mark.parametrize("missing", ["irradiance", "limit", "position", "about", None])
 def test_a_file_that_lacks_something_is_refused(saved: Path, path: Path, renderer: Renderer, missing: str | None) -> None:
     """A valid checksum with invalid content: a missing array, or (None) one of another length."""
     whole = saved.read_bytes()

@@ -94,8 +94,8 @@ def test_records_on_a_moved_mesh_move_along(saved: Path) -> None:
         renderer.load_cache(saved, update=True)
         renderer.render()
         state = renderer.cache.state()
-    known = np.isin(before["name"], state["name"])
-    rows = np.searchsorted(state["name"], before["name"][known])
+    known = np.isin(before["id"], state["id"])
+    rows = np.searchsorted(state["id"], before["id"][known])
     along = state["position"][rows, 0] - before["position"][known, 0]
     assert known.mean() > 0.95 and np.isclose(along, np.where(along > 0.005, 0.01, 0.0), atol=1e-5).all()
     assert 0.05 < (along > 0.005).mean() < 0.5

@@ -137,15 +137,14 @@ SPLAT = {"splat", "examine", "composite"}
 RENEW = SPLAT | {"gather", "reduce"}
 # stages that must draw, stages that may draw, and the settings with another value that cause it
 CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
-    (set(), set(), {"max_rounds": 5, "fill_holes": False, "fade": False, "exposure": 2.0, "samples": 4, "budget": 20.0}),
+    (set(), set(), {"fill_holes": False, "exposure": 2.0, "samples": 4, "budget": 20.0}),
     (set(), set(), {"viewer_samples": 5, "quality": 1.0, "viewer_quality": 1.0}),
     ({"composite"}, set(), {"blend": 0.9, "backdrop": "white"}),
     ({"examine"}, set(), {"tolerance": 0.5, "spread": 0.9, "max_records": 5000}),  # a view may request records again
-    (SPLAT, RENEW, {"second_order": False, "radius": "harmonic", "a": 0.8, "adapt": 0.1, "kernel": "cut", "in_front": False}),
-    (SPLAT, RENEW, {"radius_min": 2.0, "radius_max": 10.0, "coarse": False}),
+    (SPLAT, RENEW, {"weights": "paper", "a": 0.8, "adapt": 0.1}),
+    (SPLAT, RENEW, {"radius_min": 2.0, "radius_max": 10.0}),
     (SPLAT, RENEW, {"gradients": False}),  # the radii may leave no pixel uncovered
-    (SPLAT | {"gbuffer", "direct"}, set(), {"texture_memory": 64}),
-    (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather_size": 16, "warmup": 10}),
+    (RENEW, set(), {"seed": 5, "light_samples": 16, "gather_size": 16, "warmup": 10}),
     (RENEW | {"direct"}, set(), {"gather": "plane"}),  # all other gathers use shadow rays at pixels
     (RENEW | {"shadow", "direct"}, set(), {"shadow_size": 128}),
     (RENEW | {"surface"}, set(), {"bounces": 2}),

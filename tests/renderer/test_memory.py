@@ -20,6 +20,7 @@ from irrsplat.image import frame as output
 from irrsplat.image.backdrop import BackdropKind
 from irrsplat.image.frame import RECORDS, Frame
 from irrsplat.lighting import gl_limits, memory
+from irrsplat.renderer import whole_renders
 from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
@@ -79,13 +80,14 @@ def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize(
-    ("settings", "alone"),
-    [({}, True), ({"bounces": "all", "max_rounds": 1}, False), ({"samples": 2}, True)],
+    ("settings", "alone", "rounds"),
+    [({}, True, 50), ({"bounces": "all"}, False, 1), ({"samples": 2}, True, 50)],
     ids=str,
 )
 def test_what_a_view_needs_is_known_beforehand(
-    sparing: None, peak: Callable[[], float], settings: dict[str, Any], alone: bool
+    sparing: None, peak: Callable[[], float], monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], alone: bool, rounds: int
 ) -> None:
+    monkeypatch.setattr(whole_renders, "MOST_ROUNDS", rounds)
     kind = {**CHEAP, **settings}
     with Renderer(room(), SIZE, **kind) as renderer:
         renderer.render(buffers=ALONE if alone else None)

@@ -13,12 +13,11 @@ import pytest
 from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.image.view import read
-from irrsplat.records.motion import carried, passed_through
+from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.io.mesh_builder import is_closed
-from irrsplat.scene.model import Camera, Mesh, Scene
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.scene.motion import find, moved, transformed
-from tests.gpu.test_bvh import crossing
 from tests.renderer.test_live import ticks
 from tests.renderer.test_relight import HELD, gathered_afresh
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -171,7 +170,7 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(ctx: moderngl.Context, tra
         old.frame()
         frame, after = old.render(), old.scene
         assert frame.stats["triangles"] == room().triangles and frame.stats["converged"]
-        found, truth = old.cache.gathered(*HELD), gathered_afresh(old)
+        found, truth = old.cache.records.read(*HELD), gathered_afresh(old)
         assert all(np.array_equal(found[name], truth[name]) for name in HELD)
     with Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
         view, _ = fresh.frame(gather=False)
@@ -243,19 +242,3 @@ def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
                     true = fresh.render().irradiance
                 off.append(np.sqrt(np.mean((found - true) ** 2)) / true.mean())
     assert max(off) < 0.06, off
-
-
-@pytest.mark.parametrize("length", [0.05, 4.0, 8.0])
-def test_ways_through_many_triangles_are_held_against_those_about_them(length: float) -> None:
-    """Short and long segments give the result of an exhaustive test over all triangles; a wall blocks the longest ones early."""
-    draw = np.random.default_rng(5)
-    start = (draw.uniform(-1.0, 1.0, (200, 3)) * (0.2, 0.2, 0.02)).astype("f4").astype(float)
-    end = start + length * np.array([0.6, 0.64, 0.48])
-    corners = draw.uniform(-0.5, 4.0, (4000, 1, 3)) * (0.05 if length < 1.0 else 1.0) + draw.normal(0.0, 0.08, (4000, 3, 3))
-    wall = np.array([(0.5, -9.0, -9.0), (0.5, 30.0, 0.0), (0.5, -9.0, 30.0)]) + (0.0 if length > 5.0 else 99.0)
-    corners = np.concatenate([corners, wall[None]]).astype("f4")
-    soup = Mesh(corners.reshape(-1, 3), np.zeros((3 * len(corners), 3), "f4"), np.arange(3 * len(corners)).reshape(-1, 3))
-    world = scene(soup, box((-0.5, 0, -0.5), (0.5, 1, 0.5)))
-    found = passed_through(start, end, SceneChange.between(world, moved(world, world.meshes, 1, shift(0.1))))
-    expected = (crossing(start[:, None], (end - start)[:, None], corners[None].astype(float)) <= 1.0).any(1)
-    assert np.array_equal(found, expected) and expected.any() and expected.all() == (length > 5.0)

@@ -42,7 +42,7 @@ def moved(renderer: Renderer) -> None:
 
 
 def coarser(renderer: Renderer) -> None:
-    renderer.change(replace(renderer.settings, a=0.9, kernel="cut"))
+    renderer.change(replace(renderer.settings, a=0.9, weights="paper"))
     renderer.change(replace(renderer.settings, a=0.4, radius_max=7.0))
 
 

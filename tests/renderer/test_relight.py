@@ -46,7 +46,7 @@ def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
         shadows, gbuffer = fresh.draw_shadows(), fresh.draw_gbuffer(renderer.scene.camera())
         assert fresh.scheduler.prepare(shadows, Budget(None))
         fresh.scheduler.refresh(shadows, gbuffer, renderer.scene.camera(), Budget(None))
-        return fresh.cache.gathered(*HELD)
+        return fresh.cache.records.read(*HELD)
 
 
 def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
@@ -67,7 +67,7 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
         renderer.render()
         renderer.relight((OTHER, coloured(LAMP, 1.0, 0.4, 0.1)))
         assert ticks(renderer, 0.01)[-1].done
-        found, truth = renderer.cache.gathered(*HELD), gathered_afresh(renderer)
+        found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
         assert error(found, truth) < 0.005
         assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
     world = lit_by(LAMP, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2)
@@ -76,7 +76,7 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
         for factor in ((0.0, 0.0, 0.0), (0.2, 0.5, 3.0)):
             renderer.relight([LAMP, coloured(OTHER, *factor), THIRD])
             assert ticks(renderer, 10.0)[-1].done
-            found, truth = renderer.cache.gathered(*HELD), gathered_afresh(renderer)
+            found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
             assert error(found, truth) < 0.005
             assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
 

@@ -15,6 +15,7 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
+from irrsplat.renderer import whole_renders
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, lamp, material, quad, scene
 
@@ -118,7 +119,7 @@ def test_a_camera_inside_a_wall_sees_black() -> None:
 def test_a_camera_in_a_surface_is_no_trouble(offset: float) -> None:
     camera = Camera((0.0, offset, 0.5), (0.0, offset, 0.0), fov=60.0)
     world = scene(floor(2.0), box((-0.5, -0.5, -1), (0.5, 0.5, -0.5)), sky=1.0)
-    check(rendered(world, camera=camera, max_rounds=12), SIZE, (1.0, 1.0, 1.0))
+    check(rendered(world, camera=camera), SIZE, (1.0, 1.0, 1.0))
 
 
 def test_zero_bounces_is_direct_light_alone() -> None:
@@ -180,8 +181,9 @@ def test_a_small_thing_is_served_wherever_it_is_seen(size: tuple[int, int], at: 
     assert unserved(frame) == 0
 
 
-def test_max_rounds_stops_and_says_so() -> None:
-    frame = rendered(room(), max_rounds=1)
+def test_the_last_round_stops_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(whole_renders, "MOST_ROUNDS", 1)
+    frame = rendered(room())
     assert frame.stats["rounds"] == 1 and not frame.stats["converged"]
     assert frame.stats["records"] == len(frame.records_radius) > 0
     assert (frame.weight > 0.0).any(), "what the last round gathered is in the picture"

@@ -37,8 +37,8 @@ CAMERAS = FRONT, Camera((-0.8, 0.7, 0.9), (0.3, -0.5, -0.6), fov=60.0), Camera((
 BASE: dict[str, Any] = {**FAST, "gather": "trace", "gather_size": 24, "a": 0.5}
 SETTINGS: dict[str, tuple[Any, ...]] = {
     "a": (0.4, 0.5), "bounces": (0, 1, 1, 2, 2, "all"), "gather": ("trace", "embree"), "gather_size": (24, 32),
-    "gradients": (False, True), "kernel": ("cut", "smooth"), "blend": (0.3, 0.5), "shadow_size": (64, 96), "seed": (0, 1),
-    "fade": (False, True), "radius_max": (7.0, 12.0), "second_order": (False, True), "backdrop": ("sky", "grey"),
+    "gradients": (False, True), "weights": ("hessian", "paper"), "blend": (0.3, 0.5), "shadow_size": (64, 96), "seed": (0, 1),
+    "radius_max": (7.0, 12.0), "backdrop": ("sky", "grey"),
     "max_records": (FEW, 4000, 4000, 4000),
 }  # fmt: skip
 EXACT = "position", "normal", "albedo", "depth", "direct", "emission"

@@ -12,7 +12,7 @@ from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
 OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
-STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
+STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:

@@ -46,8 +46,8 @@ def _described(path: str, content: Content) -> dict[str, Any]:
         "triangles": sum(mesh.triangles for mesh in scene.meshes),
         "geometry": content.key.geometry,
         "lights": content.key.lights,
-        "records": len(records["name"]),
-        "stale": int(np.count_nonzero(records["era"] < records["clocks"][0])),
+        "records": len(records["id"]),
+        "stale": int(np.count_nonzero(records["epoch"] < records["clocks"][0])),
         **content.state.bounces,
         "settings": {name: getattr(settings, name) for name in SETTINGS},
     }
@@ -99,7 +99,7 @@ def _prune(args: argparse.Namespace) -> int:
 
 def _fitting(content: Content, path: str, size: int) -> int:
     """Return the number of a file's records that fit into `size` bytes; raise InputError for none."""
-    count = len(content.state.records["name"])
+    count = len(content.state.records["id"])
     each = sum(rows.nbytes for rows in content.state.records.values() if len(rows.shape) and len(rows) == count) // max(count, 1)
     rest = os.path.getsize(path) - count * each
     if size < rest + each:
@@ -109,7 +109,7 @@ def _fitting(content: Content, path: str, size: int) -> int:
 
 def _write(path: str, content: Content, done: Merged, why: str) -> int:
     cache_file.write(path, content.key, done.state, content.scene)
-    count = len(done.state.records["name"])
+    count = len(done.state.records["id"])
     out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
     return 0
 

@@ -129,7 +129,6 @@ class Markers(Owner):
             return 0
         uniforms = {
             **self._of_records(target, view, records, settings),
-            "in_front": settings.in_front,
             "forward": -view.camera.axes[2],
             "tint": _TINT,
         }

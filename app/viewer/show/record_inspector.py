@@ -64,7 +64,7 @@ class RecordTable:
         """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
         radii, apart = self.reach(camera, size, settings) / settings.a, p - self.position
         distance = record_distance(apart, self.axis, radii)
-        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
+        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.hessian)
         counts = w > 1.0 / settings.a
         return np.where(counts, w, 0.0)
 

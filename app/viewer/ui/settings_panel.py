@@ -10,9 +10,8 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.ui.layout import Layout, accent
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
 
-_OF_RENDERS = ("samples", "quality", "max_rounds")
-_OF_DERIVATIVES = ("second_order", "radius")
-_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality", "coarse")
+_OF_RENDERS = ("samples", "quality")
+_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality")
 _INDIRECT = ("gather", "splat", "examine")  # stages that are left out without bounces
 _ALWAYS = ("bounces", "seed")
 
@@ -24,8 +23,6 @@ def why_idle(name: str, settings: Settings) -> str | None:
     concerned = SETTINGS[name].stage in _INDIRECT and name not in _ALWAYS
     if settings.most_bounces == 0 and (concerned or name in _OF_INDIRECT_LIGHT):
         return "bounces is 0: there is no indirect light"
-    if name in _OF_DERIVATIVES and not settings.gradients:
-        return "gradients is off: records know no derivatives"
     if name == "warmup" and settings.placement == "tiles":
         return "placement is tiles: there is no random warm-up"
     if name == "viewer_quality" and settings.placement == "scan":
@@ -44,7 +41,6 @@ _SPANS: dict[str, tuple[float, float]] = {
     "radius_max": (0.0, 20.0),
     "tolerance": (0.0, 100.0),
     "warmup": (0, 5000),
-    "max_rounds": (1, 200),
     "max_records": (1000, 1_000_000),
     "exposure": (-10.0, 10.0),
     "budget": (10.0, 1000.0),
@@ -55,9 +51,8 @@ _SPANS: dict[str, tuple[float, float]] = {
 }
 _LOGARITHMIC = {
     *("a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"),
-    "texture_memory",
 }
-_STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")
+_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
 _OPEN = ("splat", "examine", "composite")  # stages that are unfolded at first
 _IDLE = 0.45  # opacity of settings without effect
 _TOOLTIP = 28.0  # width of the text, in heights of the font

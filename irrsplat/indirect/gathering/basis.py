@@ -47,7 +47,7 @@ class Basis:
     def way(self) -> tuple[object, ...]:
         """The inputs that decide a record's values and their noise."""
         settings = self.settings
-        rays = settings.gather_size, settings.ray_noise, settings.light_samples
+        rays = settings.gather_size, settings.light_samples
         return self.kind, *rays, self.wants_surface
 
     @property

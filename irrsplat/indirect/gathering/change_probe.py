@@ -47,7 +47,7 @@ class ChangeProbe(Owner):
 
 def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
     """(N, PROBED) float32: what the records of these numbers hold, in the form of a probe."""
-    found = cache.gathered(*_PROBED)
+    found = cache.records.read(*_PROBED)
     return np.concatenate(
         [found[name][numbers].reshape(len(numbers), math.prod(found[name].shape[1:])) for name in _PROBED], axis=1
     )

@@ -30,6 +30,8 @@ from irrsplat.surface_cache.site_layout import detail_for
 _PROBES_FROM = 64  # side of a gather, of which the rays of a first probe are a small part
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
+_RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
+_NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FEWEST = 16  # least side of a gather whose own rays measure its noise well
 _LOOKS = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
@@ -236,8 +238,8 @@ class RecordGatherer(Owner):
                 rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
                 for light in lights:
                     self._reduced(light, scratch)(look, numbers=rows)
-                    found.append(scratch.gathered(*LINEAR))
-            held = self.cache.gathered(*LINEAR)
+                    found.append(scratch.records.read(*LINEAR))
+            held = self.cache.records.read(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
             after["irradiance"] = np.maximum(after["irradiance"], 0.0)
             self.cache.correct(after, chosen)
@@ -327,7 +329,7 @@ class RecordGatherer(Owner):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
-                self.cache.set_gather_sizes(numbers, self._gather(shadows, numbers, size, np.full(len(numbers), near)))
+                self.cache.gather_sizes[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
@@ -358,7 +360,7 @@ class RecordGatherer(Owner):
             (tried,) = np.nonzero(near)
             self.atlas = gathered(self.gathers.at(self._basis, few), numbers=numbers[tried])
             assert self.atlas is not None
-            even = self.gathers.reduction(self.settings).noise(self.atlas) <= 0.01 * self.settings.ray_noise
+            even = self.gathers.reduction(self.settings).noise(self.atlas) <= _RAY_NOISE
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         if len(numbers):
@@ -380,7 +382,7 @@ class RecordGatherer(Owner):
     def _fewer(self) -> int:
         """The side of a gather along a quarter of the rays, where records may do with that; 0: they may not."""
         settings, side = self.settings, self.settings.gather_size // 2
-        may = settings.ray_noise > 0.0 and settings.gradients and self._basis.kind in ("trace", "embree")
+        may = settings.gather_size < _NEAR_EXACT and settings.gradients and self._basis.kind in ("trace", "embree")
         return side if may and side >= _FEWEST else 0
 
     def _reduced(self, light: HitLight, records: RecordCache) -> partial[Atlas | None]:

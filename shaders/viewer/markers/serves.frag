@@ -3,7 +3,6 @@
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
-uniform bool in_front;
 uniform vec2 scale;          // pixels of the view per pixel of the target
 uniform vec3 tint;
 
@@ -20,7 +19,7 @@ void main()
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place;
-    float w = record_weight(apart, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal, in_front);
+    float w = record_weight(apart, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal);
     if (w <= 1.0 / a) discard;
     out_color = vec4(tint, mix(0.85, 0.4, 1.0 / (a * w)));
 }

@@ -86,7 +86,7 @@ def test_a_render_that_ends_early_is_written(fake: Any, place: Path, capsys: pyt
     fake.stats = {"converged": False, "rounds": 64}
     assert cli.main([*RENDER, *SMALL]) == 0
     out, err = capsys.readouterr()
-    assert out == "" and [line.split(":")[0] for line in err.splitlines()] == ["notice"] * 3 and "--max-rounds" in err
+    assert out == "" and [line.split(":")[0] for line in err.splitlines()] == ["notice"] * 3 and "raise --a" in err
 
 
 # ---- other commands ------------------------------------------------------------------------------------------------------

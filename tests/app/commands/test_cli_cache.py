@@ -207,7 +207,7 @@ def render(cache: str, *more: str) -> None:
 
 
 def count(name: str) -> int:
-    return len(cache_file.read_any(name).state.records["name"])
+    return len(cache_file.read_any(name).state.records["id"])
 
 
 def test_the_tools(place: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]) -> None:

@@ -15,7 +15,7 @@ from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import Driver, fresh, push, viewing, write_room
 
 TALL = (760, 1500)  # so that the whole panel fits
-STAGES = ("view", "composite", "examine", "splat", "gather", "gbuffer", "shadow")
+STAGES = ("view", "composite", "examine", "splat", "gather", "shadow")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
     """Every setting has a widget. A number is typed by Ctrl+click, also one beyond the slider's span; a choice is clicked in its
     list; a box is clicked; `auto` is switched off first."""
     assert {label(name) for name in SETTINGS} <= shown(panel)
-    changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "radius": "harmonic", "gradients": False}
+    changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "weights": "paper", "gradients": False}
     for name, expected in changes.items():
         old, camera = panel.session.settings(0)[1], panel.session.camera
         if value(panel, name) == "auto":

@@ -62,7 +62,7 @@ tests/gpu/test_bvh.py::test_the_shader_finds_the_same
 tests/indirect/test_splat.py::test_splatting_equals_numpy
     weight without the square root: + «sqrt → »(max(0.0, 1.0 - cosine)), LEAST_ERROR)
     records in front of a pixel count: abs(dot(apart, n + n_k)) * 0.5 > «IN_FRONT → 99.0» * R.y)
-    kernel stops short of zero at the rim: (cut ? w : w « - least → »)
+    kernel stops short of zero at the rim: (hessian ? w « - least → » : w)
     ellipse without the root: vec2 radii = «sqrt → »(square / max(
     quad too small for its sphere: vec2(«r * d / sqrt(d * d - r * r) → 0.9 * r»)
 tests/indirect/test_splat.py::test_a_quadratic_field_is_extrapolated_exactly
