@@ -1,7 +1,7 @@
 // The surface cache: indirect irradiance at sites spread over all surfaces, looked up by the cells that tessellation.py cuts.
-#include "lib/table.glsl"
+#include "lib/rays/triangles.glsl"
 
-uniform sampler2D surface_triangles;  // three texels a triangle: first corner and steps n; edges from it, and its first cell
+uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: something stands on the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
@@ -45,14 +45,14 @@ int surface_cell(vec2 uv, int n, out vec3 share)
 // The values at the corners of the cell in which p lies, a point of the triangle, on the side to which the unit vector g points.
 Look surface_look(int triangle, vec3 p, vec3 g)
 {
-    ivec2 at = table_texel(triangle * surface_known, 3, 0);
-    vec4 corner = texel_at(surface_triangles, at), right = texel_at(surface_triangles, at + ivec2(1, 0));
-    vec3 up = texel_at(surface_triangles, at + ivec2(2, 0)).xyz, away = p - corner.xyz;
-    vec3 normal = cross(right.xyz, up);
-    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right.xyz, away), normal)) / dot(normal, normal), 0.0, 1.0);
-    uv *= corner.w / max(uv.x + uv.y, 1.0);
+    triangle *= surface_known;
+    vec2 cut = texel_at(surface_triangles, table_texel(triangle)).xy;
+    vec3 corner = triangle_point(triangle, 0), away = p - corner;
+    vec3 right = triangle_point(triangle, 1) - corner, up = triangle_point(triangle, 2) - corner, normal = cross(right, up);
+    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right, away), normal)) / dot(normal, normal), 0.0, 1.0);
+    uv *= cut.x / max(uv.x + uv.y, 1.0);
     vec3 share;
-    int cell = int(right.w) + surface_cell(uv, int(corner.w), share), side = int(dot(normal, g) < 0.0);
+    int cell = int(cut.y) + surface_cell(uv, int(cut.x), share), side = int(dot(normal, g) < 0.0);
     vec4 found = texel_at(surface_cells, table_texel(cell, 2, side));
     vec3 weights = mix(share, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
