@@ -114,7 +114,7 @@ def glsl_vertex_table() -> str:
         "Vertex vertex_at(int i)",
         "{",
         f"    ivec2 at = table_texel(i, {TEXELS}, 0);",
-        *(f"    vec4 t{t} = texelFetch(vertex_table, at + ivec2({t}, 0), 0);" for t in range(TEXELS)),
+        *(f"    vec4 t{t} = texel_at(vertex_table, at + ivec2({t}, 0));" for t in range(TEXELS)),
         f"    return Vertex({', '.join(map(_in_texels, COLUMNS))});",
         "}",
         "",

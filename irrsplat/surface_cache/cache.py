@@ -204,7 +204,7 @@ class SurfaceCache(Owner):
 
     def uniforms(self, table: LookupTable | None = None) -> Uniforms:
         """The uniforms of shaders/surface_cache/lookup.glsl, with this table or else with that in use."""
-        return (table or self.lookup).uniforms
+        return (table or self.lookup).uniforms | self.world.triangles.corner_uniforms
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the cache's values at every pixel, as from SurfaceViewPass; valid until the next call."""
@@ -230,8 +230,6 @@ class SurfaceCache(Owner):
         other_rays = old.settings.seed != settings.seed
         if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._coarsen()
-        if moved:
-            self._own.table.follow(self.world.geometry.corners)
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self.transport = self._follower = None
         if moved and self._follower is not None:

@@ -22,14 +22,15 @@ from irrsplat.surface_cache.transport import BouncedLight
 class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
-    rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
+    rows: (T, 2) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
     most: how many values there may be. known: False where the first row stands for all triangles.
     """
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, known: bool = True) -> None:
-        self._rows, self._known = rows, known
+        self._known = known
         self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.cells, self.triangles = table_texture(ctx, table_rows(cells)), table_texture(ctx, table_rows(rows))
+        self.cells = table_texture(ctx, table_rows(cells))
+        self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return all textures."""
@@ -37,7 +38,7 @@ class LookupTable(Owner):
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms."""
+        """The uniforms except the triangles' corners (TriangleTable.corner_uniforms)."""
         return {
             "surface_triangles": self.triangles,
             "surface_cells": self.cells,
@@ -51,21 +52,10 @@ class LookupTable(Owner):
         rows[: len(values), :3] = values
         self.values.write(rows.tobytes())
 
-    def follow(self, corners: np.ndarray) -> None:
-        """Set the triangles' corners (F, 3, 3); each keeps its cells and their values."""
-        if not self._known:
-            return
-        rows, corners = self._rows.copy(), corners[: len(self._rows)]
-        rows[:, 0, :3] = corners[:, 0]
-        rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
-        self._rows = rows
-        self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
-
 
 def unknown(ctx: moderngl.Context) -> LookupTable:
     """The table of no scene in particular, by which every look-up finds no value, so that no light is added."""
-    row = np.array([[[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]])
-    return LookupTable(ctx, row, np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, known=False)
+    return LookupTable(ctx, np.array([[1.0, 0.0]]), np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, known=False)
 
 
 class LaidOut(Owner):

@@ -144,7 +144,7 @@ class PlaceSearch:
         """Go on as far as the budget goes; the places, once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
-        light = HitLight(shadows, laid_out.table.uniforms)
+        light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms)
         for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
             rays.survey(gather, light, records, survey, survey.done + np.arange(count))
         if survey.done < records.count:

@@ -22,8 +22,7 @@ _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point
 class Tessellation:
     """The cells of F triangles.
 
-    table: (F, 3, 4) float32 for the shader: a triangle's first corner and its number of steps n, then its edges to the second
-    and the third corner, with the number of its first cell behind the second.
+    table: (F, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell.
     corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
     shaders/surface_cache/lookup.glsl. No two cells share a point; a very small cell has one point for all three corners.
     position: (P, 3) of the points, moved by `inset` metres into their cells, so that a point on the edge of a wall sees the wall.
@@ -65,10 +64,7 @@ def tessellate(
     longest = np.sqrt(reduce(np.maximum, lengths))
     n = steps(longest, spacing, most)
     first = np.cumsum(n * n) - n * n
-    table = np.zeros((len(faces), 3, 4), np.float32)
-    table[:, 0, :3], table[:, 0, 3] = p[:, 0], n
-    table[:, 1, :3], table[:, 1, 3] = edges[0], first
-    table[:, 2, :3] = edges[1]
+    table = np.stack([n, first], axis=1).astype(np.float32)
 
     unit, size = triangle_normals(p)
     geometric = np.ascontiguousarray(unit.T)

@@ -1,6 +1,7 @@
 // First step of the reduction: the sums over one block of a record's cell.
 #include "generated/constants.glsl"
 #include "gather/places.glsl"
+#include "lib/texel.glsl"
 #include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
@@ -34,13 +35,13 @@ layout(location = 7) out vec4 out_g_b;    // w: squared steps of the luminance's
 // Radiance and 1/distance at a texel of the cell whose first texel is `corner`; direction: the texel's entry in the table.
 vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 {
-    vec4 s = texelFetch(radiance, corner + texel, 0);
+    vec4 s = texel_at(radiance, corner + texel);
 #if SKY_MAP
     // a stratum at the horizon is brightest for a record at its upper end, not in its mean direction
-    direction = texelFetch(rays, texel, 0);
+    direction = texel_at(rays, texel);
 #endif
 #if SKY_SHARE
-    float share = texelFetch(sky_share, corner + texel, 0).r;
+    float share = texel_at(sky_share, corner + texel).r;
 #else
     float share = s.a > 0.0 ? 0.0 : 1.0;
 #endif
@@ -51,9 +52,9 @@ vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 // Frame, geometric normal in it and sky at an eye position of a record.
 void looks_from(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
 {
-    frame = mat3(texelFetch(frames, ivec2(place, 0), 0).xyz, texelFetch(frames, ivec2(place, 1), 0).xyz,
-                 texelFetch(frames, ivec2(place, 2), 0).xyz);
-    g = texelFetch(frames, ivec2(place, 3), 0).xyz;
+    frame = mat3(texel_at(frames, ivec2(place, 0)).xyz, texel_at(frames, ivec2(place, 1)).xyz,
+                 texel_at(frames, ivec2(place, 2)).xyz);
+    g = texel_at(frames, ivec2(place, 3)).xyz;
     sky_there = sky_frame(frame);
 }
 
@@ -79,26 +80,26 @@ void main()
 #if PLACES > 1
             looks_from(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
 #endif
-            vec4 direction = texelFetch(table, ivec2(x, y), 0);
+            vec4 direction = texel_at(table, ivec2(x, y));
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
             vec4 L = seen(corner, ivec2(x, y), direction, sky_there);
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
-            vec4 own = texelFetch(planes, corner + ivec2(x, y), 0);
+            vec4 own = texel_at(planes, corner + ivec2(x, y));
             out_share.y += own.w * direction.w;
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
             {
-                vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
+                vec4 edge = texel_at(edges, ivec2(2 * x + j, y));
                 int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
-                vec4 beside = texelFetch(table, b, 0);
+                vec4 beside = texel_at(table, b);
                 vec4 L_b = seen(corner, b, beside, sky_there);
                 vec3 w = normalize(direction.xyz + beside.xyz), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
                 float nearer = max(dot(own.xyz, w_world),
-                                   dot(texelFetch(planes, corner + b, 0).xyz, w_world));
+                                   dot(texel_at(planes, corner + b).xyz, w_world));
                 nearer = clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
                 float rise = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);

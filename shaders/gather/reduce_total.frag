@@ -2,6 +2,7 @@
 #include "generated/constants.glsl"
 #include "generated/record_outputs.glsl"
 #include "gather/places.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D sums;
 uniform sampler2D share;
@@ -36,20 +37,20 @@ void main()
         for (int x = 0; x < blocks.x; ++x)
         {
             ivec2 at = corner + ivec2(x, y);
-            total += texelFetch(sums, at, 0);
-            solid += texelFetch(share, at, 0).xy;
+            total += texel_at(sums, at);
+            solid += texel_at(share, at).xy;
 #if GRADIENTS
-            vec4 r = texelFetch(sums_m_r, at, 0), g = texelFetch(sums_m_g, at, 0), b = texelFetch(sums_m_b, at, 0);
+            vec4 r = texel_at(sums_m_r, at), g = texel_at(sums_m_g, at), b = texel_at(sums_m_b, at);
             M += mat3(r.xyz, g.xyz, b.xyz);
             H += vec3(r.w, g.w, b.w);
-            G += mat3(texelFetch(sums_g_r, at, 0).xyz, texelFetch(sums_g_g, at, 0).xyz, texelFetch(sums_g_b, at, 0).xyz);
+            G += mat3(texel_at(sums_g_r, at).xyz, texel_at(sums_g_g, at).xyz, texel_at(sums_g_b, at).xyz);
 #endif
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
-    vec3 normal = texelFetch(frames, ivec2(i * PLACES, 2), 0).xyz;
+    vec3 normal = texel_at(frames, ivec2(i * PLACES, 2)).xyz;
 #if GRADIENTS
-    mat3 world = mat3(texelFetch(frames, ivec2(i * PLACES, 0), 0).xyz, texelFetch(frames, ivec2(i * PLACES, 1), 0).xyz, normal);
+    mat3 world = mat3(texel_at(frames, ivec2(i * PLACES, 0)).xyz, texel_at(frames, ivec2(i * PLACES, 1)).xyz, normal);
     M = world * M;
     G = world * G;
     // the Hessian's eigenvalues, and the axis of the lesser of them

@@ -15,7 +15,7 @@ layout(location = 0) out float out_share;
 
 int free(ivec2 corner, ivec2 stratum)
 {
-    return texelFetch(radiance, corner + stratum, 0).a > 0.0 ? 0 : 1;
+    return texel_at(radiance, corner + stratum).a > 0.0 ? 0 : 1;
 }
 
 void main()
@@ -25,7 +25,7 @@ void main()
     int own = free(corner, inside), seen = -own, looked = -1;
     for (int y = max(inside.y - NEAR, 0); y <= min(inside.y + NEAR, cell.y - 1); ++y)
     {
-        int wide = int(texelFetch(closer_rays, ivec2(0, y), 0).w);
+        int wide = int(texel_at(closer_rays, ivec2(0, y)).w);
         for (int x = inside.x - wide; x <= inside.x + wide; ++x)
             seen += free(corner, ivec2(x < 0 ? x + cell.x : x < cell.x ? x : x - cell.x, y));
         looked += 2 * wide + 1;
@@ -39,12 +39,12 @@ void main()
             ++looks;
         }
     int rays = looks > 0 && float(open) <= most * float(looks) ? RAYS : 0, found = 0, record = place.y * columns + place.x;
-    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
-                      texelFetch(frames, ivec2(record, 2), 0).xyz);
-    vec3 eye = texelFetch(frames, ivec2(record, 4), 0).xyz;
+    mat3 frame = mat3(texel_at(frames, ivec2(record, 0)).xyz, texel_at(frames, ivec2(record, 1)).xyz,
+                      texel_at(frames, ivec2(record, 2)).xyz);
+    vec3 eye = texel_at(frames, ivec2(record, 4)).xyz;
     for (int j = 0; j < rays; ++j)
     {
-        vec3 d = normalize(frame * texelFetch(closer_rays, ivec2(inside.x * RAYS + j, inside.y), 0).xyz);
+        vec3 d = normalize(frame * texel_at(closer_rays, ivec2(inside.x * RAYS + j, inside.y)).xyz);
         found += bvh_closest(eye, d, 0.0).t < FARTHEST_HIT ? 0 : 1;
     }
     out_share = rays > 0 ? float(found) / float(RAYS) : float(own);

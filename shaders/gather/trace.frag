@@ -50,14 +50,14 @@ void main()
     vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
     int record = int(place.y) * columns + int(place.x);
     int from = place_of_texel(record, ivec2(inside));
-    mat3 frame = mat3(texelFetch(frames, ivec2(from, 0), 0).xyz, texelFetch(frames, ivec2(from, 1), 0).xyz,
-                      texelFetch(frames, ivec2(from, 2), 0).xyz);
-    vec3 eye = texelFetch(frames, ivec2(from, 4), 0).xyz;
+    mat3 frame = mat3(texel_at(frames, ivec2(from, 0)).xyz, texel_at(frames, ivec2(from, 1)).xyz,
+                      texel_at(frames, ivec2(from, 2)).xyz);
+    vec3 eye = texel_at(frames, ivec2(from, 4)).xyz;
 
-    vec3 ray = texelFetch(directions, ivec2(inside), 0).xyz, d = normalize(frame * ray);
+    vec3 ray = texel_at(directions, ivec2(inside)).xyz, d = normalize(frame * ray);
 #if KNOWN_HITS
     int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
-    Hit hit = known_hit(eye, d, texelFetch(first_hits, table_texel(number), 0).r);
+    Hit hit = known_hit(eye, d, texel_at(first_hits, table_texel(number)).r);
 #else
     Hit hit = bvh_closest(eye, d, 0.0);
 #endif

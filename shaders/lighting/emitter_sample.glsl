@@ -44,12 +44,12 @@ Emitter choose_emitter(float u, vec3 eye)
     while (low < high)
     {
         int middle = (low + high) >> 1;
-        bool less = texelFetch(emitter_triangles, table_texel(middle), 0).y < u;
+        bool less = texel_at(emitter_triangles, table_texel(middle)).y < u;
         low = less ? middle + 1 : low;
         high = less ? high : middle;
     }
-    vec4 chosen = texelFetch(emitter_triangles, table_texel(low), 0);
-    float before = low > first ? texelFetch(emitter_triangles, table_texel(low - 1), 0).y : 0.0;
+    vec4 chosen = texel_at(emitter_triangles, table_texel(low));
+    float before = low > first ? texel_at(emitter_triangles, table_texel(low - 1)).y : 0.0;
     float rest = clamp((u - before) / max(chosen.y - before, 1e-20), 0.0, 1.0);
     return Emitter(int(chosen.x), chosen.z, importance, chosen.w > 0.5, rest);
 }

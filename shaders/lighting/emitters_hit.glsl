@@ -7,7 +7,7 @@ uniform sampler2D emitter_numbers;  // a texel a triangle: the density of sample
 // normal g at distance t.
 float ray_share(int triangle, vec3 eye, vec3 d, float t, vec3 g, float rays)
 {
-    vec2 found = texelFetch(emitter_numbers, table_texel(triangle), 0).rg;
+    vec2 found = texel_at(emitter_numbers, table_texel(triangle)).rg;
     // a loop, since software renderers run it only where a ray needs it
     int clusters = found.x > 0.0 ? emitter_cluster_count : 0;
     float all_of_them = 0.0;

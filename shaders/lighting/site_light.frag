@@ -15,8 +15,8 @@ layout(location = 0) out vec4 out_irradiance;  // rgb W/m²; with SHADOW_RAYS a:
 void main()
 {
     ivec2 at = ivec2(3, 1) * ivec2(gl_FragCoord.xy);
-    vec4 p = texelFetch(sites, at, 0);
-    vec3 n = texelFetch(sites, at + ivec2(1, 0), 0).xyz, g = texelFetch(sites, at + ivec2(2, 0), 0).xyz;
+    vec4 p = texel_at(sites, at);
+    vec3 n = texel_at(sites, at + ivec2(1, 0)).xyz, g = texel_at(sites, at + ivec2(2, 0)).xyz;
     vec3 right = perpendicular(g), up = cross(g, right);
     float part = INV_PI * p.w / float(POINTS);  // a point's share of the disc, as the square of a radius
     out_irradiance = vec4(0.0);

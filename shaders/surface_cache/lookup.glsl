@@ -1,7 +1,7 @@
 // The surface cache: indirect irradiance at sites spread over all surfaces, looked up by the cells that tessellation.py cuts.
-#include "lib/table.glsl"
+#include "lib/rays/triangles.glsl"
 
-uniform sampler2D surface_triangles;  // three texels a triangle: first corner and steps n; edges from it, and its first cell
+uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: something stands on the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
@@ -19,8 +19,8 @@ struct Look
 // that bound visibility, see _borders in site_layout.py.
 vec3 surface_corners_seen(int item, vec3 weights)
 {
-    vec4 next = texelFetch(surface_cells, table_texel(item, 2, 0), 0);
-    vec3 after = texelFetch(surface_cells, table_texel(item, 2, 1), 0).xyz;
+    vec4 next = texel_at(surface_cells, table_texel(item, 2, 0));
+    vec3 after = texel_at(surface_cells, table_texel(item, 2, 1)).xyz;
     vec3 reach = weights.yzx * next.xyz + weights.zxy * after;
     int alone = int(next.w);
     if (alone < 3)
@@ -45,15 +45,15 @@ int surface_cell(vec2 uv, int n, out vec3 share)
 // The values at the corners of the cell in which p lies, a point of the triangle, on the side to which the unit vector g points.
 Look surface_look(int triangle, vec3 p, vec3 g)
 {
-    ivec2 at = table_texel(triangle * surface_known, 3, 0);
-    vec4 corner = texelFetch(surface_triangles, at, 0), right = texelFetch(surface_triangles, at + ivec2(1, 0), 0);
-    vec3 up = texelFetch(surface_triangles, at + ivec2(2, 0), 0).xyz, away = p - corner.xyz;
-    vec3 normal = cross(right.xyz, up);
-    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right.xyz, away), normal)) / dot(normal, normal), 0.0, 1.0);
-    uv *= corner.w / max(uv.x + uv.y, 1.0);
+    triangle *= surface_known;
+    vec2 cut = texel_at(surface_triangles, table_texel(triangle)).xy;
+    vec3 corner = triangle_point(triangle, 0), away = p - corner;
+    vec3 right = triangle_point(triangle, 1) - corner, up = triangle_point(triangle, 2) - corner, normal = cross(right, up);
+    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right, away), normal)) / dot(normal, normal), 0.0, 1.0);
+    uv *= cut.x / max(uv.x + uv.y, 1.0);
     vec3 share;
-    int cell = int(right.w) + surface_cell(uv, int(corner.w), share), side = int(dot(normal, g) < 0.0);
-    vec4 found = texelFetch(surface_cells, table_texel(cell, 2, side), 0);
+    int cell = int(cut.y) + surface_cell(uv, int(cut.x), share), side = int(dot(normal, g) < 0.0);
+    vec4 found = texel_at(surface_cells, table_texel(cell, 2, side));
     vec3 weights = mix(share, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
     if (found.w > 0.0) weights *= surface_corners_seen(int(found.w), share);
@@ -63,7 +63,7 @@ Look surface_look(int triangle, vec3 p, vec3 g)
 
 vec3 surface_value(int i)
 {
-    return texelFetch(surface_values, table_texel(i), 0).rgb;
+    return texel_at(surface_values, table_texel(i)).rgb;
 }
 
 // Indirect irradiance there, W/m².

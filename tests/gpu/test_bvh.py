@@ -60,7 +60,7 @@ def shaded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return results of lib/rays/bvh.glsl: (R,) distances, MISS for none, and (R, 3) hit points from barycentric coordinates."""
     (tmp_path / "lib" / "rays").mkdir(parents=True, exist_ok=True)
-    for name in ("rays/bvh.glsl", "rays/hit.glsl", "rays/triangles.glsl", "table.glsl"):
+    for name in ("rays/bvh.glsl", "rays/hit.glsl", "rays/triangles.glsl", "table.glsl", "texel.glsl"):
         (tmp_path / "lib" / name).write_text((folder("shaders") / "lib" / name).read_text())
     (tmp_path / "walk.frag").write_text(
         '#include "lib/rays/bvh.glsl"\nuniform sampler2D rays;\nlayout(location = 0) out vec4 out_hit;\nvoid main()\n{\n'

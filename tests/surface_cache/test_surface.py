@@ -45,8 +45,8 @@ def test_cells_fill_their_triangles() -> None:
     All areas are equal, and every point of the triangle lies in a cell.
     """
     found = cut(scene(quad((0, 0, 0), (0, 0, 2), (4, 0, 0))), 1.0)
-    assert found.cells == 50 and len(found.position) == 150 and found.table[:, 0, 3].tolist() == [5, 5]
-    assert found.table[:, 1, 3].tolist() == [0, 25]
+    assert found.cells == 50 and len(found.position) == 150 and found.table[:, 0].tolist() == [5, 5]
+    assert found.table[:, 1].tolist() == [0, 25]
     assert found.area.sum() == pytest.approx(8.0) and np.allclose(found.area, 8.0 / 150)
     assert np.allclose(found.geometric, (0, 1, 0)) and np.allclose(found.normal, (0, 1, 0))
     corners = found.position[found.corners][..., [0, 2]].astype(float)
@@ -70,11 +70,11 @@ def test_cells_are_cut_in_halves_however_long_they_are() -> None:
     sliver = np.zeros((3, WIDTH), np.float32)
     sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
     faces = np.array([[0, 1, 2]])
-    assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0, 3] > 2
+    assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0] > 2
     long = np.full(40_000, 100.0)  # many slivers are cut as a single one is, without coarser cells elsewhere
     assert set(steps(np.append(long, 1.0), 0.5, most=2)) == {2}
     cut = tessellate(sliver, faces, 0.5, 0.0, most=2)
-    assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
+    assert cut.table[0, 0] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
 
 
 # ---- sites ------------------------------------------------------------------------------------------------------------
@@ -116,21 +116,21 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
     """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
     assert cache.layout is not None
-    cut = cache.layout.tessellation
+    cut, triangles = cache.layout.tessellation, cache.world.geometry.corners.astype(float)
     numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
-    n = cut.table[:, 0, 3].astype(int)
+    n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))
     for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
-        first = int(cut.table[t, 1, 3])
+        first = int(cut.table[t, 1])
         cells = slice(first, first + n[t] ** 2)
-        right, up = (cut.table[t, k, :3].astype(float) for k in (1, 2))
+        right, up = triangles[t, 1:] - triangles[t, 0]
         basis = np.stack([right, np.cross(np.cross(right, up), right)], axis=1)
         basis /= np.linalg.norm(basis, axis=0)
-        corners = (cut.position[cut.corners[cells]] - cut.table[t, 0, :3]) @ basis
+        corners = (cut.position[cut.corners[cells]] - triangles[t, 0]) @ basis
         if n[t] ** 2 == 1 and len(np.unique(cut.corners[cells])) == 1:
             out[i] = values[int(numbers[first, s, 0])]
             continue
-        share, _ = inside(corners, ((point - cut.table[t, 0, :3]) @ basis)[None])
+        share, _ = inside(corners, ((point - triangles[t, 0]) @ basis)[None])
         best = int(np.argmax(share.min(1)))
         weight = np.maximum(share[best], 0.0) * (numbers[first + best, s, :3] >= 0.0)
         out[i] = weight @ values[numbers[first + best, s, :3].astype(int)] / max(weight.sum(), 1e-9)
@@ -157,9 +157,8 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         seen = position[:, 3] > 0.0
         assert 0.2 < seen.mean() < 1.0 and (found[:, 3] == seen).all() and not found[~seen].any()
         triangle = emission[seen, 3].astype(int)
-        assert cache.layout is not None
-        cut = cache.layout.tessellation
-        facing = np.cross(cut.table[triangle, 1, :3], cut.table[triangle, 2, :3])
+        right, up = (cache.world.geometry.corners[triangle, 1:] - cache.world.geometry.corners[triangle, :1]).swapaxes(0, 1)
+        facing = np.cross(right, up)
         side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
         expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
     off = np.abs(found[seen, :3] - expected).max(1)

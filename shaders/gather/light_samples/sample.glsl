@@ -1,6 +1,7 @@
 // Next-event estimation of a record: a sample point and its contribution. With VIRTUAL the points are virtual point lights
 // (irrsplat/lighting/virtual_lights.py), else points on emitters.
 #include "generated/constants.glsl"
+#include "lib/texel.glsl"
 #if VIRTUAL
 uniform sampler2D virtual_places;    // sets one above another, a column of three texels each: position, and density of
                                      // its set there, m⁻²; normal, turned to its light, and number of that light; the
@@ -26,10 +27,10 @@ struct Viewpoint
 
 Viewpoint viewpoint(int record)
 {
-    vec4 tangent = texelFetch(frames, ivec2(record, 0), 0), bitangent = texelFetch(frames, ivec2(record, 1), 0);
-    vec4 eye = texelFetch(frames, ivec2(record, 4), 0);
-    mat3 frame = mat3(tangent.xyz, bitangent.xyz, texelFetch(frames, ivec2(record, 2), 0).xyz);
-    vec3 g = texelFetch(frames, ivec2(record, 3), 0).xyz;
+    vec4 tangent = texel_at(frames, ivec2(record, 0)), bitangent = texel_at(frames, ivec2(record, 1));
+    vec4 eye = texel_at(frames, ivec2(record, 4));
+    mat3 frame = mat3(tangent.xyz, bitangent.xyz, texel_at(frames, ivec2(record, 2)).xyz);
+    vec3 g = texel_at(frames, ivec2(record, 3)).xyz;
 #if VIRTUAL
     float importance = 0.0;
 #else
@@ -59,8 +60,8 @@ Source source(float s, Viewpoint from)
 {
     int sets = textureSize(virtual_radiance, 0).y;
     ivec2 number = ivec2(int(s), min(int(from.shift.x * float(sets)), sets - 1)), at = ivec2(1, 3) * number;
-    vec4 place = texelFetch(virtual_places, at, 0);
-    vec3 normal = texelFetch(virtual_places, at + ivec2(0, 1), 0).xyz, L = texelFetch(virtual_radiance, number, 0).rgb;
+    vec4 place = texel_at(virtual_places, at);
+    vec3 normal = texel_at(virtual_places, at + ivec2(0, 1)).xyz, L = texel_at(virtual_radiance, number).rgb;
     return Source(place.xyz - from.eye, normal, true, place.w, L);
 }
 

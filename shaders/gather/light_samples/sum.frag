@@ -60,7 +60,7 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
 #if SEEN
-    int reached = int(texelFetch(seen, ivec2(samples, record), 0).r);
+    int reached = int(texel_at(seen, ivec2(samples, record)).r);
 #else
     int reached = 0;
     for (int k = 1; k <= EYES_BESIDE; ++k)
@@ -77,7 +77,7 @@ void main()
 #endif
         LightSample point = light_sample(s, from);
 #if SEEN
-        int bits = int(texelFetch(seen, ivec2(int(s), record), 0).r);
+        int bits = int(texel_at(seen, ivec2(int(s), record)).r);
 #else
         int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.source.away, point.possible);
 #endif

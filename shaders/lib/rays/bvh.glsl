@@ -28,7 +28,7 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
         int leaf = 0;
         while (leaf == 0 && node < end)
         {
-            uvec4 n = texelFetch(bvh_nodes, table_texel(node), 0);
+            uvec4 n = texel_at(bvh_nodes, table_texel(node));
             vec3 t0 = (vec3(n.x & 0xFFFFu, n.x >> 16, n.y & 0xFFFFu) - from) * inverse;
             vec3 t1 = (vec3(n.y >> 16, n.z & 0xFFFFu, n.z >> 16) - from) * inverse;
             bool inside = max(max(t0.x, t0.y), max(t0.z, 0.0)) <= min(min(t1.x, t1.y), min(t1.z, hit.t));
@@ -39,7 +39,7 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
         int item = (leaf & 0x7FFFFFFF) >> 2, last = leaf == 0 ? -1 : item + (leaf & 3);
         while (item <= last)
         {
-            int triangle = texelFetch(bvh_leaves, table_texel(item), 0).r;
+            int triangle = texel_at(bvh_leaves, table_texel(item)).r;
             vec3 a = triangle_point(triangle, 0) - o, b = triangle_point(triangle, 1) - o, c = triangle_point(triangle, 2) - o;
             vec3 share = hit_volumes(d, a, b, c);
             vec3 n = cross(b - a, c - a);

@@ -6,7 +6,7 @@ uniform sampler2D triangle_corners; // three texels a triangle, in rows of TABLE
 
 vec4 triangle_corner(int triangle, int corner)
 {
-    return texelFetch(triangle_corners, table_texel(triangle, 3, corner), 0);
+    return texel_at(triangle_corners, table_texel(triangle, 3, corner));
 }
 
 vec3 triangle_point(int triangle, int corner)

@@ -20,9 +20,9 @@ void main()
     int row = int(gl_FragCoord.y);
     ivec2 lamp = ivec2(0, row / sets);
     float set = float(row % sets), number = floor(gl_FragCoord.x), part = (number + (set + 0.5) / float(sets)) / rays;
-    vec4 place = texelFetch(lamps, lamp, 0), axis = texelFetch(lamps, lamp + ivec2(1, 0), 0);
+    vec4 place = texel_at(lamps, lamp), axis = texel_at(lamps, lamp + ivec2(1, 0));
     bool parallel = place.w > 0.5;
-    vec3 edge = texelFetch(lamps, lamp + ivec2(2, 0), 0).xyz, from = place.xyz, right = perpendicular(axis.xyz);
+    vec3 edge = texel_at(lamps, lamp + ivec2(2, 0)).xyz, from = place.xyz, right = perpendicular(axis.xyz);
 
     // a spiral about the axis, of which each turn takes up as much of the sphere (Swinbank and Purser 2006)
     float down = axis.w * part, r = sqrt(max(down * (2.0 - down), 0.0));

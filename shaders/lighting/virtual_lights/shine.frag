@@ -13,8 +13,8 @@ layout(location = 0) out vec4 out_radiance;  // W/(m² sr)
 void main()
 {
     ivec2 at = ivec2(1, 3) * ivec2(gl_FragCoord.xy);
-    vec4 place = texelFetch(places, at, 0), normal = texelFetch(places, at + ivec2(0, 1), 0);
-    vec4 share = texelFetch(places, at + ivec2(0, 2), 0);
+    vec4 place = texel_at(places, at), normal = texel_at(places, at + ivec2(0, 1));
+    vec4 share = texel_at(places, at + ivec2(0, 2));
     int triangle = int(share.w);
     ivec3 number = triangle_vertices(triangle);
     Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share.xyz, A, B, C);
