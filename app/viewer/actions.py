@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -64,7 +63,6 @@ class Actions:
         self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.bookmarks = stored.bookmarks(source)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
@@ -176,21 +174,6 @@ class Actions:
         """Copy a text to the clipboard, and say so of it, or of what it is called."""
         self._copy(text)
         self.say(f"{called or text} is in the clipboard")
-
-    def bookmark(self) -> None:
-        """Keep the camera as a bookmark of this scene."""
-        taken = {b.name for b in self.bookmarks}
-        name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
-        self._keep_bookmarks([*self.bookmarks, replace(self.session.world_camera, name=name)], f"{name} is kept")
-
-    def forget(self, bookmark: Camera) -> None:
-        """Delete a bookmark."""
-        self._keep_bookmarks([b for b in self.bookmarks if b != bookmark], f"{bookmark.name} is gone")
-
-    def _keep_bookmarks(self, bookmarks: list[Camera], said: str) -> None:
-        problem = stored.set_bookmarks(self.source, bookmarks)
-        self.bookmarks = bookmarks
-        self.say(problem or said, error=problem is not None)
 
     def record(self) -> None:
         """Begin to record the flight, or end it and write the path file."""
@@ -406,17 +389,25 @@ class Actions:
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
-        self._step(self.editor.undo, "undone", "nothing to undo")
+        self._step(self.editor.undo, "undo")
 
     def redo(self) -> None:
         """Redo the change that was undone last."""
-        self._step(self.editor.redo, "redone", "nothing to redo")
+        self._step(self.editor.redo, "redo")
 
-    def _step(self, go: Callable[[], str], said: str, nothing: str) -> None:
-        if self.editor.dragging:
-            return
-        done = go()
-        self.say(f"{said}: {done}" if done else nothing, topic="undo")
+    def _step(self, go: Callable[[], bool], verb: str) -> None:
+        if not self.editor.dragging:
+            self.say(f"{verb}ne" if go() else f"nothing to {verb}", topic="undo")
+
+    @property
+    def undo_possible(self) -> bool:
+        """True if there is a step to undo."""
+        return bool(self.editor.past) or self.editor.edit != self.editor.present
+
+    @property
+    def redo_possible(self) -> bool:
+        """True if there is a step to redo."""
+        return bool(self.editor.future) and self.editor.edit == self.editor.present
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
@@ -573,7 +564,7 @@ class Actions:
 
     def _open(self, source: str) -> None:
         self._load(source, keep_camera=False)
-        self.source, self.bookmarks, self.saved_as = source, stored.bookmarks(source), ""
+        self.source, self.saved_as = source, ""
         self.preferences.opened(source)
         self.panels.open = False
 

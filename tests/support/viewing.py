@@ -350,7 +350,7 @@ class Driver:
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.references.release()
         session.carry_headlamp(False)
-        actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False
+        actions.fullscreen_wanted, actions.quitting = False, False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed
         session.free_camera.home()

@@ -68,9 +68,9 @@ _FILE = (
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
-    Command("Edit", "Undo", "undo", "Z", ctrl=True),
-    Command("Edit", "Redo", "redo", "Y", ctrl=True),
-    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True),
+    Command("Edit", "Undo", "undo", "Z", ctrl=True, enabled="undo_possible"),
+    Command("Edit", "Redo", "redo", "Y", ctrl=True, enabled="redo_possible"),
+    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True, enabled="redo_possible"),
     Command("Edit", "Delete", "delete", "DELETE", help="the selected light; a selected object is hidden", section=True),
     Command("Edit", "Hide", "hide_object", "BACKSPACE", help="the selected object"),
     Command("Edit", "Rotate or move", "turn_handles", "O", help="what the handles do; they aim a spot", enabled="selected"),
@@ -85,8 +85,7 @@ _VIEW = (
     Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
     Command("View/Camera", "Selected object", "frame_selected", "F", help="or the whole scene"),
     Command("View/Camera", "Headlamp", "headlamp", "H", help="a light at the camera without shadows"),
-    Command("View/Camera", "Add bookmark", "bookmark", "B", section=True),
-    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C"),
+    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C", section=True),
     Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
     Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),

@@ -16,7 +16,6 @@ from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.output_slider import edit_output
-from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
@@ -49,7 +48,6 @@ class LightsPanel:
         if editor.light is not None:
             imgui.separator()
             self._edit(editor.light)
-        draw_sky(actions, self.layout.label)
 
     def _edit(self, number: int) -> None:
         """Draw the widgets of a light, and apply their changes."""
@@ -69,7 +67,7 @@ class LightsPanel:
                 edited = edited.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("reset"):
-            edited = LightEdit.of(edited.loaded, edited.of_sky)
+            edited = LightEdit.of(edited.loaded)
         imgui.same_line()
         if imgui.button("delete"):
             actions.attempt(lambda: editor.delete_light(number))

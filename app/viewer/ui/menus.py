@@ -16,7 +16,7 @@ from irrsplat.scene import bundled
 
 _CONTEXT = ("delete", "hide_object", "turn_handles", "frame_selected", "undo")  # actions on what is selected
 _TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
-_NAME_WIDTH = 8.0  # of a bookmark's name and of a slider, heights of the font
+_NAME_WIDTH = 8.0  # of a slider, heights of the font
 
 
 class Menus:
@@ -29,7 +29,6 @@ class Menus:
             "save_again": self._scenes,
             "add_light point": self._hidden_objects,
             "home": self._cameras,
-            "copy_line": self._bookmarks,
             "fullscreen": self._size,
             "toggle help": self._version,
         }
@@ -90,13 +89,10 @@ class Menus:
             self._entry(command)
 
     def _entry(self, command: Command) -> None:
-        actions = self.actions
-        what = {"undo": actions.editor.undoes, "redo": actions.editor.redoes}.get(command.action)
+        actions, possible = self.actions, self.actions.can(command)
         if command.action == "redo" and command.shift:
             return  # the second key of the entry above
-        title, possible = f"{command.title}: {what}" if what else command.title, actions.can(command) and what != ""
-        name = f"{title}##{command.menu}"
-        if imgui.menu_item(name, command.shown, actions.is_active(command), possible)[0]:
+        if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
         missing = command.enabled == "reference_possible" and not possible
         if command.help or missing:
@@ -129,16 +125,6 @@ class Menus:
             if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:
                 actions.go(camera)
         imgui.separator()
-
-    def _bookmarks(self) -> None:
-        actions = self.actions
-        for bookmark in list(actions.bookmarks):
-            if imgui.begin_menu(bookmark.name):
-                if imgui.menu_item("Go to", "", False)[0]:
-                    actions.go(bookmark)
-                if imgui.menu_item("Delete", "", False)[0]:
-                    actions.forget(bookmark)
-                imgui.end_menu()
 
     def _size(self) -> None:
         imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())

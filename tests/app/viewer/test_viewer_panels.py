@@ -127,7 +127,7 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
 
 
 def test_the_menus(driver: Driver) -> None:
-    """Each buffer is in one, overlays toggle, cameras and bookmarks are gone to, the view is split."""
+    """Each buffer is in one, overlays toggle, cameras are gone to, the view is split."""
     options, session = driver.session.options, driver.session
     options.frozen = True
     driver.resize((760, 900), density=0.25)
@@ -137,16 +137,10 @@ def test_the_menus(driver: Driver) -> None:
     assert options.buffers[0] == "light"
     driver.choose("View", "Wireframe")
     assert options.wire
-    corner = session.scene.camera("corner")
     driver.choose("View", "Camera", "corner")
-    assert session.camera == corner
-    driver.choose("View", "Camera", "Add bookmark")
+    assert session.camera == session.scene.camera("corner")
     driver.choose("View", "Camera", "First camera")
     assert session.camera == session.scene.camera()
-    driver.choose("View", "Camera", "bookmark 1", "Go to")
-    assert session.camera.eye == corner.eye
-    driver.choose("View", "Camera", "bookmark 1", "Delete")
-    assert driver.actions.bookmarks == []
 
 
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
