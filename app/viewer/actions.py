@@ -293,13 +293,13 @@ class Actions:
         if not self.reference_possible:
             self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="reference")
             return
-        self.say(self.session.references.toggle(self._subject), topic="reference")
+        self.say(self.session.tracing.toggle(self._subject), topic="reference")
 
-    def collect_references(self) -> None:
-        """Take what was traced and filmed meanwhile; trace the view and measure the plane, if switched on."""
+    def collect(self) -> None:
+        """Take what was traced and filmed meanwhile; measure the plane, if it is shown."""
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
-        self.attempt(lambda: self.session.references.update(self._subject, self.say))
+        self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:

@@ -10,7 +10,7 @@ from typing import Unpack, cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_reference import References, Subject, TracedReference
+from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.measuring_line import MeasuringLine
@@ -82,7 +82,7 @@ class Session(Owner):
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
-        self.path_recorder, self.references = PathRecorder(), References(ctx)
+        self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
         self.line, self.plane = MeasuringLine(), MeasuringPlane()
         self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
@@ -92,7 +92,7 @@ class Session(Owner):
         self._flip_seconds = 0.0  # that the side on show has been there
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.renderers, self.references, self.brightest_light, self.plane)
+        return (*self.renderers, self.tracing, self.brightest_light, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -290,7 +290,7 @@ class Session(Owner):
 
     def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
         """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.references.of(self.subject(camera, settings))
+        return self.tracing.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
         """Return the subject of the reference of a view."""

@@ -113,7 +113,7 @@ class Viewer(Owner):
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
-        actions.collect_references()
+        actions.collect()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
         if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
@@ -248,11 +248,11 @@ class Viewer(Owner):
         no message comes or goes."""
         if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
-        self.actions.collect_references()
+        self.actions.collect()
         messages = self.actions.messages
         messages.expire()
-        references = self.session.references
-        traced = references.version, None if references.traced is None else round(100.0 * references.traced)
+        tracing = self.session.tracing
+        traced = tracing.version, None if tracing.traced is None else round(100.0 * tracing.traced)
         plane = self.session.plane.share if self.session.options.plane else None
         shown = messages.version, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown

@@ -348,7 +348,7 @@ class Driver:
         actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
-        session.references.release()
+        session.tracing.release()
         session.carry_headlamp(False)
         actions.fullscreen_wanted, actions.quitting = False, False
         speed = session.scene.diagonal / 6.0
@@ -440,8 +440,7 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 class Tracer:
     """Stand-in for the path tracer: busy until `go` is set, then done with a synthetic irradiance.
 
-    early: passes before that. calls: the requested cameras, sizes and bounces, in order. The plan has two passes over
-    coarse pixels and two over all of them.
+    early: passes before that. calls: the requested cameras, sizes and bounces, in order. The plan has two passes.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, early: int = 0) -> None:
@@ -451,7 +450,6 @@ class Tracer:
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
         monkeypatch.setattr(Actions, "reference_possible", True)
-        monkeypatch.setattr(background_reference, "COARSE", (30, 50))
         monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
     def refine(
@@ -495,7 +493,7 @@ class Tracer:
         """Render frames until a thread traces the view on show, and wait for its early passes."""
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.references._tracing) is not None:
+            if (thread := driver.session.tracing._tracing) is not None:
                 with self._change:
                     assert self._change.wait_for(lambda: thread in self._waiting, SAFETY)
                 return driver.frame()
@@ -514,10 +512,10 @@ class Tracer:
         self.go.set()
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.references._tracing) is not None:
+            if (thread := driver.session.tracing._tracing) is not None:
                 thread.join(SAFETY)
             found = driver.session.source(0).reference
-            if found is not None and found.complete and driver.session.references.traced is None:
+            if found is not None and found.complete and driver.session.tracing.traced is None:
                 return driver.frame()
         pytest.fail("no truth after 20 frames")
 

@@ -203,11 +203,9 @@ class DepthBuffer(TextureBuffer):
         return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", self.unit, colour_map())
 
 
-def draw_irradiance(
-    canvas: Canvas, source: ViewSource, sums: moderngl.Texture, stride: int = 1, margin: tuple[int, int] = (0, 0)
-) -> None:
-    """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it. stride, margin: of cells of pixels, as Lattice has them."""
-    canvas.picture(source, "irradiance", sums, gain=source.gain, stride=stride, margin=margin)
+def draw_irradiance(canvas: Canvas, source: ViewSource, sums: moderngl.Texture) -> None:
+    """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it."""
+    canvas.picture(source, "irradiance", sums, gain=source.gain)
 
 
 def great_irradiance(source: ViewSource) -> float:

@@ -94,9 +94,8 @@ def coverage_in_words(progress: Progress, filled: bool) -> str:
 
 def draw_tracing(actions: Actions) -> None:
     """Draw the progress of the reference while it is traced."""
-    references = actions.session.references
-    if references.progress:
-        share = "" if references.traced is None else f"{100.0 * references.traced:.0f} % done, "
+    tracing = actions.session.tracing
+    if tracing.traced is not None:
         imgui.push_style_color(imgui.Col_.text, accent())
-        imgui.text_wrapped(f"{references.progress} ({share}Y stops it)")
+        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
         imgui.pop_style_color()

@@ -311,8 +311,8 @@ def compare(walker: Walker) -> None:
 @task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
-    references = walker.viewer.actions.session.references
-    walker.until(lambda: references.traced is None or references.traced > 0.1, "a reference of some samples")
+    tracing = walker.viewer.actions.session.tracing
+    walker.until(lambda: tracing.traced is None or tracing.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")

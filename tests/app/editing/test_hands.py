@@ -78,7 +78,7 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
         push(driver, key)
         assert editor.edit == expected
     assert driver.said.endswith("nothing to redo")
-    assert not driver.session.options.points and driver.session.references.traced is None, "the keys without Ctrl are others"
+    assert not driver.session.options.points and driver.session.tracing.traced is None, "the keys without Ctrl are others"
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
