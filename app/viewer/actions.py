@@ -260,8 +260,7 @@ class Actions:
 
     def compare_by(self, way: Compare) -> None:
         """Compare both sides in this way."""
-        options = self.session.options
-        options.compare, options.flipping, options.flipped = way, True, False
+        self.session.options.compare, self.session.options.flipped = way, False
         self.say(COMPARES[way], topic="split")
 
     def flip(self) -> None:
@@ -348,16 +347,6 @@ class Actions:
             if mesh is None:
                 editor.pick_light(None)
 
-    def turn_handles(self) -> None:
-        """Let the handles turn the picked object, or move it again; of a spot, aim it."""
-        editor = self.editor
-        if editor.mesh is not None:
-            editor.turning = not editor.turning
-            self.say("handles turn" if editor.turning else "handles move", topic="handles")
-        elif editor.light is not None and editor.lights[editor.light].light.spot_target is not None:
-            editor.aiming = not editor.aiming
-            self.say("handles aim" if editor.aiming else "handles move", topic="handles")
-
     def delete(self) -> None:
         """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
         number = self.editor.light
@@ -376,7 +365,7 @@ class Actions:
             return
         name = editor.name(editor.mesh)
         editor.hide(editor.mesh)
-        self.say(f"{name} is hidden; the menu Edit shows it again", topic="pick")
+        self.say(f"{name} is hidden; the list of objects shows it again", topic="pick")
 
     def show_hidden(self, number: int) -> None:
         """Show a hidden object again."""

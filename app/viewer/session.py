@@ -13,12 +13,11 @@ import numpy as np
 from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
-from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
-from irrsplat.app.viewer.show.light.why_dark import Surface
+from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -38,7 +37,6 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
-_FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
 
 
 @dataclass(frozen=True)
@@ -83,13 +81,13 @@ class Session(Owner):
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
-        self.line, self.plane = MeasuringLine(), MeasuringPlane()
+        self.line: tuple[Point, Point] | None = None  # that buffers are measured along; world space
+        self.plane = MeasuringPlane()
         self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
         self._shown: _Subject | None = None  # what the views are of
         self._stepping = False
-        self._flip_seconds = 0.0  # that the side on show has been there
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.brightest_light, self.plane)
@@ -159,7 +157,6 @@ class Session(Owner):
         waits: True if input waits. The tick then ends before its time, and the views stay those of the last one, unless it may
         free buffers that these show.
         """
-        self._flip(dt)
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
             self.free_camera.go(played)
@@ -243,19 +240,10 @@ class Session(Owner):
         return " and ".join(renderer.preset for renderer in self.active)
 
     def flip(self) -> None:
-        """Show the other side in place of the one on show, and go on by hand."""
+        """Show the other side in place of the one on show."""
         options = self.options
         options.flipped = not options.flipped if options.compare == "flip" else True
-        options.compare, options.flipping = "flip", False
-
-    def _flip(self, dt: float) -> None:
-        """Show the other side where it is time to."""
-        options = self.options
-        self._flip_seconds += dt
-        if options.split == "off" or options.compare != "flip" or not options.flipping:
-            self._flip_seconds = 0.0
-        elif self._flip_seconds >= _FLIP:
-            self._flip_seconds, options.flipped = self._flip_seconds % _FLIP, not options.flipped
+        options.compare = "flip"
 
     def buffer(self, side: int) -> str:
         """Return the name of the buffer that a side shows."""
@@ -427,11 +415,11 @@ class Session(Owner):
             self.free_camera.speed = before.speed
         if moved.any():
             self.path_recorder.shift(moved)
-            self.line = MeasuringLine()
+            self.line = None
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line, self.surface = AutoExposure(), MeasuringLine(), None
+            self.auto_exposure, self.line, self.surface = AutoExposure(), None, None
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:

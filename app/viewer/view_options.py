@@ -22,7 +22,7 @@ COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-_SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
+_SAVED = ("points", "discs", "normals", "sites", "wire")  # of ViewOptions, from one session to the next
 _NOT_SAVED = ("help", "open", "save", "palette", "hidden")  # of Panels
 
 
@@ -34,12 +34,10 @@ class ViewOptions:
     split: Split = "off"
     compare: Compare = "divided"
     flipped: bool = False  # the right side is on show, where one is after the other
-    flipping: bool = True  # by itself, twice a second
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False
     normals: bool = False
-    by_age: bool = False
     sites: bool = False
     wire: bool = False
     inspect: bool = False

@@ -216,15 +216,13 @@ class Viewer(Owner):
             self.outline.forget()
         self.controls.restyle()
         window = Screen(self.wnd.fbo, size)
-        target = self._canvas(size) if wanted == "window" else window
-        target.use()
-        target.gl.clear(*GREY[0])
+        window.use()
+        window.gl.clear(*GREY[0])
         self._draw_interface(dt, cursor, self.outlined.textures[0])
-        self.backend.draw(target.gl)
-        if target is not window:
-            self.copy(target, window)
-            actions.save_screenshot(_pixels(target))
-            _free(target)
+        self.backend.draw(window.gl)
+        if wanted == "window":
+            shown = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
+            actions.save_screenshot(shown[::-1] / np.float32(255.0))
         self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------

@@ -23,9 +23,8 @@ _CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
 class Editor:
     """Edits the scene of a session. mesh: the number of the picked object. light: that of the picked light.
 
-    What is changed shows at once; a step to undo is all that has changed between two moments of rest. turning: the handles of the
-    picked object turn it; else they move it. aiming: those of a spot set its aim. handles_used: whether the mouse is on the
-    handles in the picture, dragging: whether it moves them, both as the interface says each frame.
+    What is changed shows at once; a step to undo is all that has changed between two moments of rest. handles_used:
+    whether the mouse is on the handles in the picture, dragging: whether it moves them, both as the interface says each frame.
     """
 
     def __init__(self, session: Session) -> None:
@@ -35,7 +34,7 @@ class Editor:
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
-        self.turning = self.aiming = self.handles_used = self.dragging = False
+        self.handles_used = self.dragging = False
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
@@ -149,11 +148,11 @@ class Editor:
 
     def pick_mesh(self, number: int | None) -> None:
         """Pick an object, or let go of all."""
-        self.mesh, self.turning = number, self.turning and number is not None
+        self.mesh = number
 
     def pick_light(self, number: int | None) -> None:
         """Pick a light, in place of an object."""
-        self.light, self.mesh, self.aiming = number, None, False
+        self.light, self.mesh = number, None
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -160,7 +160,7 @@ class Controls:
             left, _, width, _ = self.picture()
             self.session.options.divider = float(np.clip((x * self.wnd.pixel_ratio - left) / width, 0.02, 0.98))
         elif self.drawing and self.travelled > _CLICK:
-            self._draw_line(begin=False)
+            self._draw_line()
         elif self.pivot is not None and self.actions.editor.dragging:
             self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
@@ -190,6 +190,7 @@ class Controls:
         elif button == LEFT and self._on_divider(x):
             self.dividing = True
         elif button == LEFT and self.session.options.profile and not self.actions.editor.handles_used:
+            self.drawing = True
             self._draw_line(begin=True)
         elif button == LEFT:
             self.actions.stop()
@@ -214,25 +215,20 @@ class Controls:
                 else:
                     self._pick(self.pointer)
             self.pivot, self.dividing = None, False
-            if self.drawing:
-                self.session.line.release()
             self.drawing = False
 
     def _pick(self, pixel: tuple[int, int]) -> None:
         """Select the object or the light at a pixel."""
         self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
 
-    def _draw_line(self, begin: bool) -> None:
-        """Put an end of the line to measure along where the mouse is: the first one, or where it is dragged to."""
+    def _draw_line(self, begin: bool = False) -> None:
+        """Put the end of the line to measure along where the mouse is; begin: both ends."""
         point = self.display.point_at(self.pointer) if self.pointer is not None else None
-        if point is None:
-            if begin:
-                self.actions.say("no surface is there to measure on", topic="line")
+        if point is not None:
+            self.session.line = (point if begin or self.session.line is None else self.session.line[0]), point
         elif begin:
-            self.session.line.press(point)
-            self.drawing = True
-        else:
-            self.session.line.drag(point)
+            self.drawing = False
+            self.actions.say("no surface is there to measure on", topic="line")
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
         """The wheel turned."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -20,8 +20,6 @@ from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-
-By = Literal["radius", "age"]
 
 _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
@@ -56,10 +54,9 @@ class Markers(Owner):
         records: Records,
         settings: Settings,
         scene: Scene,
-        by: By,
         region: Region | None,
     ) -> None:
-        """Draw every record, coloured by its radius a·R_k or by its age.
+        """Draw every record, coloured by its radius a·R_k.
 
         kind: "points", dots of constant size; "discs", ellipses of radii a·R in this view, in the tangent planes; or "normals",
         lines of constant length.
@@ -67,12 +64,11 @@ class Markers(Owner):
         if not records.count:
             return
         segments = _segments(target.size[1], settings)
-        low, high = (0.0, max(records.count - 1, 1)) if by == "age" else np.log(radius_range(settings, scene))
+        low, high = np.log(radius_range(settings, scene))
         uniforms = {
             **self._of_records(target, view, records, settings),
             "colours": self.colours,
             "size": target.size,
-            "by_age": by == "age",
             "span": (low, 1.0 / (high - low)),
             "radius": _RADIUS,
             "width": _WIDTH,
@@ -140,10 +136,8 @@ class Markers(Owner):
         return int(self.query.samples)
 
 
-def radius_legend(settings: Settings, scene: Scene, by: By, count: int) -> Legend:
-    """Return the legend of the colours of `count` records."""
-    if by == "age":
-        return Legend("record number, old to new", "0", str(max(count - 1, 0)), "", colour_map())
+def radius_legend(settings: Settings, scene: Scene) -> Legend:
+    """Return the legend of the colours of records."""
     low, high = radius_range(settings, scene)
     text = "radius a·R_k before the view limits it, logarithmic"
     return Legend(text, f"{low:.2g}", f"{high:.2g}", "m", colour_map())

@@ -14,7 +14,6 @@ from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
-from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.output_slider import edit_output
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
@@ -76,7 +75,7 @@ class LightsPanel:
 
     def _placed(self, edited: LightEdit) -> LightEdit:
         """Return the light after the widgets of place, aim and cone."""
-        session, editor, light = self.actions.session, self.actions.editor, edited.light
+        session, light = self.actions.session, edited.light
         step = session.scene.diagonal / 500.0 if not light.directional else 0.01
         label = "towards" if light.directional else "position"
         moved, place = self._dragged(self.layout.label(label), light.position, step, light.directional)
@@ -87,7 +86,6 @@ class LightsPanel:
         moved, aim = self._dragged(self.layout.label("aims at"), light.spot_target, step)
         if moved and aim != tuple(edited.light.position):
             edited = edited.aimed(aim)
-        editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return edited
         cutoff, inner = light.spot_cutoff, light.spot_inner

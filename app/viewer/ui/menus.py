@@ -14,7 +14,7 @@ from irrsplat.app.viewer.view_options import SCALES
 from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 
-_CONTEXT = ("delete", "hide_object", "turn_handles", "frame_selected", "undo")  # actions on what is selected
+_CONTEXT = ("delete", "hide_object", "frame_selected", "undo")  # actions on what is selected
 _TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
 _NAME_WIDTH = 8.0  # of a slider, heights of the font
 
@@ -27,7 +27,6 @@ class Menus:
         self._scale = 0.0  # of the interface, while its slider is dragged
         self._before: dict[str, Callable[[], None]] = {  # what the table cannot list, above the entry of an action
             "save_again": self._scenes,
-            "add_light point": self._hidden_objects,
             "home": self._cameras,
             "fullscreen": self._size,
             "toggle help": self._version,
@@ -112,12 +111,6 @@ class Menus:
         for name in names:
             if imgui.menu_item(name, "", actions.source == name)[0]:
                 actions.attempt(lambda name=name: actions.open(name))  # type: ignore[misc]
-
-    def _hidden_objects(self) -> None:
-        editor = self.actions.editor
-        for number in editor.hidden:
-            if imgui.menu_item(f"Show {editor.name(number)}##{number}", "", False)[0]:
-                self.actions.show_hidden(number)
 
     def _cameras(self) -> None:
         actions = self.actions

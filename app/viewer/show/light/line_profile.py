@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.input.measuring_line import Point
+from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.show.screen import Texels
 
 COUNT = 200  # points along a line

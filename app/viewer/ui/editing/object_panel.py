@@ -12,7 +12,6 @@ from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
 from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
-from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.output_slider import edit_output
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene.model import Material, Mesh
@@ -36,7 +35,6 @@ class ObjectPanel:
         mesh, edit = editor.loaded.meshes[number], editor.object(number)
         imgui.text_wrapped(editor.name(number))
         imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
-        editor.turning = choose_handles("turn", editor.turning)
         after = self._placed(edit)
         after = self._painted(after, mesh)
         if imgui.button("hide"):
