@@ -105,11 +105,6 @@ class Canvas:
     colours: moderngl.Texture
     region: Region | None = None
 
-    @property
-    def area(self) -> Region:
-        """The area of tiles; the region shows a part of it."""
-        return 0, 0, *self.target.size
-
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
         program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))

@@ -54,7 +54,7 @@ BUFFERS: dict[str, ShownBuffer] = {
             "asking", "requests", "", "pixels that request a record", texture=lambda view: view.splats.weight, components=1
         ),
         ShadowMapsBuffer(
-            "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"
+            "shadow", "shadow maps", "1", "every light's shadow maps: distance from the light along each one's axis"
         ),
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
         LightBuffer("light", "light (false colours)", "lux", "all light that falls on surfaces, in lux or W/m², with isolines"),
