@@ -83,12 +83,10 @@ class Actions:
 
     @property
     def selected(self) -> bool:
-        """True if an object or a light is selected."""
         return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
 
     @property
     def has_path(self) -> bool:
-        """True if there is a path to play."""
         return self.session.path_recorder.path is not None
 
     @property
@@ -98,12 +96,10 @@ class Actions:
 
     @property
     def filming(self) -> bool:
-        """True if a film is being made."""
         return self.film.busy
 
     @property
     def is_split(self) -> bool:
-        """True if the view has two sides."""
         return self.session.options.split != "off"
 
     @property
@@ -112,7 +108,6 @@ class Actions:
         return is_installed()
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
-        """Show a message."""
         self.messages.say(text, error, topic)
 
     def attempt(self, act: Callable[[], object]) -> bool:
@@ -131,7 +126,6 @@ class Actions:
     # ---- camera ----------------------------------------------------------------------------------------------------
 
     def home(self) -> None:
-        """Go back to the first camera."""
         self.stop()
         self.session.free_camera.home()
 
@@ -151,7 +145,6 @@ class Actions:
         self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
     def headlamp(self) -> None:
-        """Switch the headlamp on or off."""
         self.session.carry_headlamp(not self.session.headlamp)
         self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
 
@@ -161,12 +154,10 @@ class Actions:
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
     def copy_line(self) -> None:
-        """Copy the camera as a line of a .scene to the clipboard."""
         self._copy(camera_line(self.session.world_camera))
         self.say("the camera is in the clipboard, as a line of a .scene")
 
     def copy_flags(self) -> None:
-        """Copy the camera as flags of the command line to the clipboard."""
         self._copy(camera_flags(self.session.world_camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
@@ -209,7 +200,6 @@ class Actions:
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        """Return True if the overlay or panel of this name is on."""
         return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
 
     def is_active(self, command: Command) -> bool:
@@ -233,18 +223,15 @@ class Actions:
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
     def toggle(self, name: str) -> None:
-        """Turn an overlay or a panel on or off."""
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
         if name == "inspect":
             self.session.held = None
 
     def use_split(self, way: Split) -> None:
-        """Split the view in this way."""
         self.session.split(way)
         self.say(SPLITS[way], topic="split")
 
     def split(self) -> None:
-        """Split the view the next way."""
         ways = list(SPLITS)
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
@@ -259,7 +246,6 @@ class Actions:
         self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
 
     def compare_by(self, way: Compare) -> None:
-        """Compare both sides in this way."""
         self.session.options.compare, self.session.options.flipped = way, False
         self.say(COMPARES[way], topic="split")
 
@@ -272,7 +258,6 @@ class Actions:
         self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
 
     def use_preset(self, name: str) -> None:
-        """Use a preset on the side that keys change."""
         self.session.use_preset(self.side, name)
         self.say(f"preset {name}", topic="preset")
 
@@ -306,11 +291,9 @@ class Actions:
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
     def darker(self) -> None:
-        """Expose by half a stop less."""
         self._expose(-0.5)
 
     def brighter(self) -> None:
-        """Expose by half a stop more."""
         self._expose(0.5)
 
     def _expose(self, step: float) -> None:
@@ -319,16 +302,13 @@ class Actions:
         self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
 
     def auto_exposure(self) -> None:
-        """Let the exposure follow the picture."""
         self.session.change(self.side, exposure="auto")
         self.say("exposure auto", topic="exposure")
 
     def step(self) -> None:
-        """Freeze the cache, and gather one round."""
         self.session.step()
 
     def clear(self) -> None:
-        """Forget all records."""
         self.session.clear()
 
     # ---- lights and objects ------------------------------------------------------------------------------------------
@@ -358,7 +338,6 @@ class Actions:
             self.hide_object()
 
     def hide_object(self) -> None:
-        """Hide the selected object."""
         editor = self.editor
         if editor.mesh is None:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
@@ -368,7 +347,6 @@ class Actions:
         self.say(f"{name} is hidden; the list of objects shows it again", topic="pick")
 
     def show_hidden(self, number: int) -> None:
-        """Show a hidden object again."""
         self.attempt(lambda: self.editor.hide(number, False))
 
     def add_light(self, kind: Kind) -> None:
@@ -390,22 +368,18 @@ class Actions:
 
     @property
     def undo_possible(self) -> bool:
-        """True if there is a step to undo."""
         return bool(self.editor.past) or self.editor.edit != self.editor.present
 
     @property
     def redo_possible(self) -> bool:
-        """True if there is a step to redo."""
         return bool(self.editor.future) and self.editor.edit == self.editor.present
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_dialog(self) -> None:
-        """Open the dialog that saves the scene."""
         self.panels.save, self.saving = True, "scene"
 
     def film_dialog(self) -> None:
-        """Open the dialog that names the film of the path."""
         self.panels.save, self.saving = True, "film"
 
     def save_again(self) -> None:
@@ -497,7 +471,6 @@ class Actions:
         self.messages.close()
 
     def fullscreen(self) -> None:
-        """Switch to fullscreen or back."""
         self.fullscreen_wanted = not self.fullscreen_wanted
 
     def enlarge(self, scale: float) -> None:
@@ -516,7 +489,6 @@ class Actions:
         self.quitting = True
 
     def screenshot(self) -> None:
-        """Write the window as it is."""
         self.screenshot_wanted = "window"
 
     def screenshot_bare(self) -> None:
@@ -538,7 +510,6 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_dialog(self) -> None:
-        """Open the dialog that opens a scene."""
         self.panels.open = True
 
     def open(self, source: str) -> None:

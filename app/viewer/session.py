@@ -231,7 +231,6 @@ class Session(Owner):
 
     @property
     def compared(self) -> bool:
-        """True if one picture shows the difference of both sides."""
         return self.options.split != "off" and self.options.compare == "difference"
 
     @property
@@ -246,7 +245,6 @@ class Session(Owner):
         options.compare = "flip"
 
     def buffer(self, side: int) -> str:
-        """Return the name of the buffer that a side shows."""
         return self.options.buffers[side]
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
@@ -258,7 +256,6 @@ class Session(Owner):
         return self.active[min(side, len(self.active) - 1)]
 
     def settings(self, side: int) -> tuple[str, Settings]:
-        """The preset and the settings of a side."""
         renderer = self.renderer(side)
         return renderer.preset, renderer.settings
 
@@ -281,7 +278,6 @@ class Session(Owner):
         return self.tracing.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
-        """Return the subject of the reference of a view."""
         return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
@@ -304,7 +300,6 @@ class Session(Owner):
         self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
-        """Set a side to the preset `name`."""
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
         self._release_lost_record()
@@ -333,7 +328,6 @@ class Session(Owner):
 
     @property
     def headlamp(self) -> bool:
-        """True if the headlamp is on."""
         return self.renderers[0].headlamp > 0.0
 
     def _pose(self, ended: bool) -> None:
@@ -429,7 +423,6 @@ class Session(Owner):
             renderer.renew()
 
     def clear(self) -> None:
-        """Forget all records."""
         for renderer in self.active:
             renderer.forget(lights=False)
         self.held = None
@@ -451,5 +444,4 @@ def overrides(name: str, settings: Settings) -> SettingValues:
 
 
 def _values(settings: Settings, names: Sequence[str]) -> SettingValues:
-    """Some settings by name."""
     return cast(SettingValues, {name: getattr(settings, name) for name in names})

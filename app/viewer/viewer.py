@@ -94,7 +94,6 @@ class Viewer(Owner):
         return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
 
     def _programs(self) -> list[Program]:
-        """The programs that are not the session's."""
         return list(programs_of(self.display, self.outline))
 
     def _canvas(self, size: tuple[int, int]) -> Target:
@@ -228,7 +227,6 @@ class Viewer(Owner):
     # ---- from start to end -----------------------------------------------------------------------------------------
 
     def wake(self) -> None:
-        """Something has happened: frames are drawn for a while."""
         self._awake_until = now() + _AWAKE
 
     def end(self) -> None:

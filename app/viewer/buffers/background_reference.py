@@ -39,7 +39,6 @@ class Subject:
         return self.scene.meshes is other.scene.meshes and view and lit == others_lit
 
     def plan(self) -> list[Pass]:
-        """Return the passes over its pixels, in order."""
         return [Pass(self.camera, self.size, side, number) for number, side in enumerate(SIDES)]
 
 
@@ -101,7 +100,6 @@ class TracedReference:
 
     @property
     def about(self) -> str:
-        """Bounces, samples and noise in words."""
         return f"{in_words(self.subject.bounces)}, {self.estimate.progress}"
 
 

@@ -45,8 +45,6 @@ class ReferenceBuffer(ShownBuffer):
 
 
 class ErrorBuffer(ReferenceBuffer):
-    """Irradiance minus its reference, the mean of the channels."""
-
     def values(self, source: ViewSource) -> Values | None:
         return None
 

@@ -77,12 +77,10 @@ class ViewSource:
 
     @property
     def settings(self) -> Settings:
-        """The renderer's settings."""
         return self.renderer.settings
 
     @property
     def scene(self) -> Scene:
-        """The renderer's scene, as it is lit now."""
         return self.renderer.scene
 
     @property
@@ -119,7 +117,6 @@ class Canvas:
         program(self.target, scissor=self.region, **given)
 
     def blank(self) -> None:
-        """Fill with the ground's colour."""
         clear(self.target, GROUND, self.region)
 
 

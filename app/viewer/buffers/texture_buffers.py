@@ -204,7 +204,6 @@ class DepthBuffer(TextureBuffer):
 
 
 def draw_irradiance(canvas: Canvas, source: ViewSource, sums: moderngl.Texture) -> None:
-    """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it."""
     canvas.picture(source, "irradiance", sums, gain=source.gain)
 
 
@@ -221,12 +220,10 @@ def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
 
 
 def exposed(unit: str, source: ViewSource) -> str:
-    """Return unit and exposure in words."""
     return f"{unit}, exposed by {source.exposure:+.1f} stops"
 
 
 def exposed_white(unit: str, source: ViewSource) -> str:
-    """Return unit and exposure of irradiance in words."""
     return exposed(unit, source) + ", as a white surface sends it out"
 
 

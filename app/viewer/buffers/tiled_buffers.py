@@ -34,8 +34,6 @@ def tile_uniforms(size: tuple[int, int], count: int, cell: tuple[float, float], 
 
 
 class GatherAtlasBuffer(ShownBuffer):
-    """The atlas of the last batch."""
-
     in_view = False
 
     def inputs(self, source: ViewSource) -> object:
@@ -68,8 +66,6 @@ def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None
 
 
 class ShadowMapsBuffer(ShownBuffer):
-    """The tiles of all lights, by the colour map."""
-
     in_view = False
 
     def inputs(self, source: ViewSource) -> object:

@@ -40,7 +40,6 @@ class Editor:
 
     @property
     def changed(self) -> bool:
-        """True if the scene differs from its files."""
         return self.edit != SceneEdit.of(self.loaded)
 
     @property
@@ -88,11 +87,9 @@ class Editor:
 
     @property
     def lights(self) -> tuple[LightEdit, ...]:
-        """The scene's lights as they are set."""
         return self.edit.lights
 
     def set_light(self, number: int, edited: LightEdit) -> None:
-        """Set a light."""
         self.apply(self.edit.with_light(number, edited))
 
     def add_light(self, kind: Kind) -> None:
@@ -116,13 +113,11 @@ class Editor:
         self.pick_light(len(self.lights) - 1)
 
     def delete_light(self, number: int) -> None:
-        """Delete a light."""
         self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 
     def object(self, number: int) -> ObjectEdit:
-        """Return the changes of a mesh."""
         return self.edit.objects[number]
 
     def set_object(self, number: int, edit: ObjectEdit) -> None:
@@ -130,18 +125,15 @@ class Editor:
         self.apply(self.edit.with_object(number, edit))
 
     def hide(self, number: int, hidden: bool = True) -> None:
-        """Hide a mesh, or show it again."""
         self.set_object(number, replace(self.object(number), hidden=hidden))
         if hidden and self.mesh == number:
             self.mesh = None
 
     def name(self, number: int) -> str:
-        """Return the name of a mesh."""
         return object_name(self.loaded, number)
 
     @property
     def hidden(self) -> list[int]:
-        """The numbers of the meshes that are hidden."""
         return [i for i, one in enumerate(self.edit.objects) if one.hidden]
 
     # ---- what is picked --------------------------------------------------------------------------------------------

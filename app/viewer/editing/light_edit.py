@@ -65,12 +65,10 @@ class LightEdit:
 
     @classmethod
     def of(cls, light: Light) -> LightEdit:
-        """Return a light without changes."""
         return cls(light, light)
 
     @property
     def emitted(self) -> Light:
-        """The light that the scene gets."""
         if self.on and self.stops == 0.0:
             return self.light
         red, green, blue = self.light.color
@@ -86,11 +84,9 @@ class LightEdit:
         return replace(self, light=light)
 
     def aimed(self, target: Vector) -> LightEdit:
-        """The spot with another aim."""
         return replace(self, light=replace(self.light, spot_target=target))
 
     def coloured(self, color: Vector) -> LightEdit:
-        """Return the light in another colour."""
         return replace(self, light=replace(self.light, color=color), kelvin=None)
 
     def heated(self, kelvin: float) -> LightEdit:

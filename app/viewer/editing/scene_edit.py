@@ -53,15 +53,12 @@ class SceneEdit:
 
     @classmethod
     def of(cls, scene: Scene) -> SceneEdit:
-        """Return the edit without changes."""
         return cls(tuple(map(LightEdit.of, scene.lights)), (AS_LOADED,) * len(scene.meshes))
 
     def with_light(self, number: int, edited: LightEdit) -> SceneEdit:
-        """Return the edit with another light of this number."""
         return replace(self, lights=(*self.lights[:number], edited, *self.lights[number + 1 :]))
 
     def with_object(self, number: int, edit: ObjectEdit) -> SceneEdit:
-        """Return the edit with another change of the mesh of this number."""
         return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
 
 
@@ -146,5 +143,4 @@ class EditedScene:
 
 
 def object_name(scene: Scene, number: int) -> str:
-    """Return the name of the mesh of this number."""
     return scene.meshes[number].name or f"mesh {number + 1}"

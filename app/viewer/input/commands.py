@@ -39,7 +39,6 @@ class Command:
 
     @property
     def words(self) -> str:
-        """The title and the help in one line."""
         return f"{self.title}: {self.help}" if self.help else self.title
 
 

@@ -58,7 +58,6 @@ class Controls:
 
     @property
     def session(self) -> Session:
-        """The session that the actions are about."""
         return self.actions.session
 
     @property
@@ -105,14 +104,12 @@ class Controls:
 
     @property
     def _divider(self) -> float:
-        """The place of the divider, window coordinates."""
         left, _, width, _ = self.picture()
         return (left + self.session.options.divider * width) / self.wnd.pixel_ratio
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 
     def key(self, key: int | str, action: object, modifiers: KeyModifiers) -> None:
-        """A key went down or up."""
         names, down = self.wnd.keys, action != self.wnd.keys.ACTION_RELEASE
         # the modifiers that come with such a key's own event may be those before it (X11), or after it
         shift = down if key in (names.LEFT_SHIFT, names.RIGHT_SHIFT) else modifiers.shift
@@ -140,13 +137,11 @@ class Controls:
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
-        """Text was typed."""
         self.backend.char(char)
 
     # ---- mouse -----------------------------------------------------------------------------------------------------
 
     def mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
-        """The mouse moved, with or without a button down."""
         if self.looking:
             if not self._skip:  # the first motion of a captured mouse is a jump
                 self.travelled += abs(dx) + abs(dy)
@@ -198,7 +193,6 @@ class Controls:
             self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
-        """A mouse button went up."""
         self.backend.mouse_button(button, False)
         if button == RIGHT and self.looking:
             self._capture(False)
@@ -218,7 +212,6 @@ class Controls:
             self.drawing = False
 
     def _pick(self, pixel: tuple[int, int]) -> None:
-        """Select the object or the light at a pixel."""
         self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
 
     def _draw_line(self, begin: bool = False) -> None:
@@ -231,7 +224,6 @@ class Controls:
             self.actions.say("no surface is there to measure on", topic="line")
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
-        """The wheel turned."""
         camera = self.session.free_camera
         if self.looking:
             camera.change_speed(y_offset)

@@ -102,7 +102,6 @@ class FreeCamera:
         self._stand(middle + self._axes[2] * distance, about=middle)
 
     def home(self) -> None:
-        """Back to the first camera."""
         self.go(self._first)
 
     def go(self, camera: Camera) -> None:

@@ -20,7 +20,6 @@ class Comparison:
         self.session, self.buffer_view = session, buffer_view
 
     def draw(self, target: Target) -> None:
-        """Draw it over the whole target."""
         left, right = (self._source(side) for side in (0, 1))
         a, b = self._values()
         if a is None or b is None:
@@ -43,7 +42,6 @@ class Comparison:
         )
 
     def legend(self) -> Legend:
-        """Return the legend of the difference."""
         session = self.session
         if any(BUFFERS[session.buffer(side)].needs_reference and session.source(side).reference is None for side in (0, 1)):
             return Legend(NO_REFERENCE)
@@ -55,7 +53,6 @@ class Comparison:
 
     @property
     def title(self) -> str:
-        """The compared buffers and presets in words."""
         words = [BUFFERS[self.session.buffer(side)].title for side in (0, 1)]
         what = words[0] if words[0] == words[1] else f"{words[0]} and {words[1]}"
         return f"difference of {what}, {self.session.pair}"

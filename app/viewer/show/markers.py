@@ -137,7 +137,6 @@ class Markers(Owner):
 
 
 def radius_legend(settings: Settings, scene: Scene) -> Legend:
-    """Return the legend of the colours of records."""
     low, high = radius_range(settings, scene)
     text = "radius a·R_k before the view limits it, logarithmic"
     return Legend(text, f"{low:.2g}", f"{high:.2g}", "m", colour_map())

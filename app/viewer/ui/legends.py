@@ -18,13 +18,10 @@ _MOST = 0.4  # of the picture's height
 
 
 class Legends:
-    """Draws the legends of the sides on show."""
-
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.display, self.layout = actions, display, layout
 
     def draw(self, cursor: tuple[int, int] | None) -> None:
-        """Draw them all. cursor: the pixel under the mouse."""
         session, layout = self.actions.session, self.layout
         layout.legend_height = 0.0
         if not session.views:

@@ -24,13 +24,10 @@ _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
 class LightsPanel:
-    """Draws the lights' panel, and the lights in the picture while it is open."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel."""
         actions, editor = self.actions, self.actions.editor
         if not editor.lights:
             imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")

@@ -20,8 +20,6 @@ _NAME_WIDTH = 8.0  # of a slider, heights of the font
 
 
 class Menus:
-    """Draws the menu bar."""
-
     def __init__(self, actions: Actions) -> None:
         self.actions = actions
         self._scale = 0.0  # of the interface, while its slider is dragged
@@ -76,7 +74,6 @@ class Menus:
             imgui.end_menu()
 
     def _entries(self, menu: str) -> None:
-        """Draw the entries of a menu."""
         for command in COMMANDS:
             if command.menu != menu:
                 continue
@@ -98,7 +95,6 @@ class Menus:
             imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
 
     def _scenes(self) -> None:
-        """Draw recent and bundled scenes."""
         actions, names = self.actions, bundled()
         recent = [source for source in actions.preferences.recent if source not in names]
         if imgui.begin_menu("Open recent", bool(recent)):

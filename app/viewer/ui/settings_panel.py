@@ -77,7 +77,6 @@ class SettingsPanel:
         self.actions.panels.settings, self._sought = True, name
 
     def draw(self) -> None:
-        """Draw all of them."""
         if not self.actions.panels.controls:
             if self.actions.session.options.split == "presets":
                 self.draw_sides()
@@ -99,7 +98,6 @@ class SettingsPanel:
                 self.actions.side = side
 
     def draw_presets(self) -> None:
-        """Draw the list of presets."""
         actions = self.actions
         chosen, settings = actions.session.settings(actions.side)
         differs = any(getattr(settings, name) != getattr(preset(chosen), name) for name in SETTINGS)

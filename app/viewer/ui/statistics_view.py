@@ -33,14 +33,11 @@ class FrameTimes:
 
 
 class StatisticsView:
-    """Draws times and numbers."""
-
     def __init__(self, actions: Actions, times: FrameTimes) -> None:
         self.actions, self.times = actions, times
         self._frames_since: dict[str, int] = {}  # that a stage of the table ran
 
     def draw(self) -> None:
-        """Draw them."""
         self._rate()
         self._stages()
         for side, progress in enumerate(self.actions.session.progress):

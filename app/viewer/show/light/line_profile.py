@@ -34,7 +34,6 @@ class Profile:
 
     @property
     def csv(self) -> str:
-        """A table of them all."""
         head = ",".join(("along", *(name or "value" for name in self.channels)))
         rows = np.column_stack([self.metres, self.values]).tolist()
         lines = (",".join("" if np.isnan(v) else f"{v:.7g}" for v in row) for row in rows)

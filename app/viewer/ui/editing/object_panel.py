@@ -21,13 +21,10 @@ _BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go t
 
 
 class ObjectPanel:
-    """Draws the panel of the picked object."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel of the picked object."""
         actions, editor = self.actions, self.actions.editor
         number = editor.mesh
         if number is None:

@@ -33,7 +33,6 @@ class LinePlot:
         self._marked: Point | None = None  # the point of the line that the cursor is at in the plot
 
     def draw(self) -> None:
-        """Draw the line and the window."""
         session = self.actions.session
         if not session.options.profile or not session.views:
             return
