@@ -9,7 +9,6 @@ from __future__ import annotations
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
-from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
     DepthBuffer,
     EmissionBuffer,
@@ -19,6 +18,7 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     OpacityBuffer,
     RadianceBuffer,
     ShareBuffer,
+    SurfaceCacheBuffer,
     VectorBuffer,
     opacity_texture,
 )

@@ -13,8 +13,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
 from irrsplat.app.viewer.editing.photometry import light_units
-from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
-from irrsplat.app.viewer.ui.editing.output_slider import edit_output
+from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
