@@ -23,7 +23,7 @@ from irrsplat.app.viewer.input.commands import Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved, scale_of
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -59,7 +59,8 @@ class Actions:
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
-        self.scale = scale_of(preferences.ui)  # of text and widgets; the monitor has another one
+        self.scale = 1.0  # of text and widgets; the monitor has another one
+        self.enlarge(preferences.scale)
         self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
@@ -119,8 +120,7 @@ class Actions:
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui = saved(self.session.options, self.panels)
-        preferences.ui |= {"appearance": {"scale": self.scale}}
+        preferences.ui, preferences.scale = saved(self.session.options, self.panels), self.scale
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ class Actions:
             "use_split": options.split,
             "compare_by": options.compare if self.is_split else "",
         }
-        if command.action == "toggle" and argument is not None:
+        if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
         return argument == now[command.action] if command.action in now else command.action == "headlamp" and session.headlamp
 
@@ -290,13 +290,8 @@ class Actions:
         """The view whose reference would be traced."""
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
-    def darker(self) -> None:
-        self._expose(-0.5)
-
-    def brighter(self) -> None:
-        self._expose(0.5)
-
-    def _expose(self, step: float) -> None:
+    def expose(self, step: float) -> None:
+        """Expose by so many stops more."""
         now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
         self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
         self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
@@ -376,11 +371,9 @@ class Actions:
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
-    def save_dialog(self) -> None:
-        self.panels.save, self.saving = True, "scene"
-
-    def film_dialog(self) -> None:
-        self.panels.save, self.saving = True, "film"
+    def save_dialog(self, what: Literal["scene", "film"] = "scene") -> None:
+        """Open the dialog that names the file of the scene, or of the film of the path."""
+        self.panels.save, self.saving = True, what
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
@@ -488,12 +481,9 @@ class Actions:
             return
         self.quitting = True
 
-    def screenshot(self) -> None:
-        self.screenshot_wanted = "window"
-
-    def screenshot_bare(self) -> None:
-        """Write the picture without the interface."""
-        self.screenshot_wanted = "bare"
+    def screenshot(self, what: Literal["window", "bare"] = "window") -> None:
+        """Write the window, or the picture without the interface, in the next frame."""
+        self.screenshot_wanted = what
 
     def save_screenshot(self, picture: np.ndarray) -> None:
         """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""
@@ -508,9 +498,6 @@ class Actions:
         self.attempt(write)
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
-
-    def open_dialog(self) -> None:
-        self.panels.open = True
 
     def open(self, source: str) -> None:
         """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""

@@ -29,6 +29,7 @@ class Preferences:
     """The choices of the user.
 
     size: of the window, pixels. values: the settings that differ from the preset. ui: what else is on, plain JSON.
+    scale: of text and widgets.
 
     recent: scenes, newest first, at most RECENT, each an absolute path or a bundled scene's name.
     """
@@ -38,6 +39,7 @@ class Preferences:
     preset: str = "default"
     values: SettingValues = field(default_factory=SettingValues)
     ui: dict[str, object] = field(default_factory=dict)
+    scale: float = 1.0
     recent: list[str] = field(default_factory=list)
 
     def opened(self, source: str) -> None:
@@ -107,6 +109,7 @@ _GOOD: dict[str, Callable[[Any], bool]] = {
     "values": lambda it: isinstance(it, dict),
     "ui": lambda it: isinstance(it, dict),
     "recent": lambda it: isinstance(it, list),
+    "scale": lambda it: type(it) in (int, float),
 }
 
 

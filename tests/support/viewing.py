@@ -411,7 +411,7 @@ def viewing(
 ) -> Iterator[Driver]:
     """Open a viewer of the scene at `source` with settings for fast pictures; close it without saving preferences."""
     if preferences is None:
-        ui: dict[str, object] = {"panels": {"controls": False}}
+        ui: dict[str, object] = {"controls": False}
         preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)

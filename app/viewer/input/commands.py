@@ -23,7 +23,7 @@ class Command:
     title: str
     action: str
     key: str = ""
-    argument: str | None = None
+    argument: str | float | None = None
     ctrl: bool = False
     shift: bool = False
     help: str = ""
@@ -56,13 +56,20 @@ _WORDS = {
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
-    Command("File", "Open…", "open_dialog", "O", ctrl=True, help="a scene or a path"),
+    Command("File", "Open…", "toggle", "O", "open", ctrl=True, help="a scene or a path"),
     Command("File", "Reload", "reload", "F5", help="scene and shaders"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
-    Command("File", "Save picture", "screenshot_bare", "F12", help="a PNG in the pictures folder", section=True),
-    Command("File", "Save window", "screenshot", "F12", ctrl=True, help="the same with the interface"),
-    Command("File", "Save film…", "film_dialog", help="of the recorded flight or the opened path", enabled="film_possible"),
+    Command("File", "Save picture", "screenshot", "F12", "bare", help="a PNG in the pictures folder", section=True),
+    Command("File", "Save window", "screenshot", "F12", "window", ctrl=True, help="the same with the interface"),
+    Command(
+        "File",
+        "Save film…",
+        "save_dialog",
+        argument="film",
+        help="of the flight or the opened path",
+        enabled="film_possible",
+    ),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
@@ -96,8 +103,8 @@ _VIEW = (
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
-    Command("View", "Darker", "darker", "LEFT_BRACKET", help="half a stop", section=True),
-    Command("View", "Brighter", "brighter", "RIGHT_BRACKET", help="half a stop"),
+    Command("View", "Darker", "expose", "LEFT_BRACKET", -0.5, help="half a stop", section=True),
+    Command("View", "Brighter", "expose", "RIGHT_BRACKET", 0.5, help="half a stop"),
     Command("View", "Automatic exposure", "auto_exposure", "BACKSLASH"),
 )
 _RENDER = (

@@ -1,7 +1,7 @@
 // What the records of the last batch saw, a cell each.
 #include "lib/display.glsl"
 #include "lighting/sky.glsl"
-#include "viewer/buffers/tiles.glsl"
+#include "viewer/tiles.glsl"
 
 uniform sampler2D radiance;
 uniform float gain;     // the exposure as a factor

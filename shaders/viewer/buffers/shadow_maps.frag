@@ -1,5 +1,5 @@
 // Shadow maps: how far along its axis lies what a light sees, as a share of the map's depth.
-#include "viewer/buffers/tiles.glsl"
+#include "viewer/tiles.glsl"
 #include "viewer/colours.glsl"
 
 uniform sampler2D shadow_depth;

@@ -16,8 +16,8 @@ import pytest
 from tests.support.viewing import viewing, write_room
 
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
-RARE = {"quit", "fullscreen", "reload", "screenshot", "screenshot_bare", "record"}
-RARE |= {"open_dialog", "save_dialog", "save_again"}
+RARE = {"quit", "fullscreen", "reload", "screenshot", "record"}
+RARE |= {"save_dialog", "save_again"}
 LEFT_OUT = RARE | {"trace"}  # actions that are not tried at random: these, and one that takes minutes
 
 
