@@ -151,11 +151,11 @@ class Session(Owner):
         known = progress.error is not None and progress.error <= 0.01 * aim
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
 
-    def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never) -> bool:
+    def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never, gather: bool = True) -> bool:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are of now.
 
         waits: True if input waits. The tick then ends before its time, and the views stay those of the last one, unless it may
-        free buffers that these show.
+        free buffers that these show. gather: False draws by the present records.
         """
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
@@ -163,10 +163,11 @@ class Session(Owner):
         self._pose(ended=played is not None)
         subject = self._subject
         kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
-        kept = kept and (self.whole or not self.moving)  # the next view of a moving camera may have another size
+        sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may have another size
+        kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
             with checked_by(waits if kept else never):
-                made = [self._advance(side, seconds / len(self.active)) for side in range(len(self.active))]
+                made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
         self._centres, self.views, self.progress = (list(column) for column in zip(*made, strict=True))
@@ -181,12 +182,13 @@ class Session(Owner):
             self.brightest_light.look(self.renderers[0], self.views[0])
         return True
 
-    def _advance(self, side: int, seconds: float) -> tuple[View, View, Progress]:
+    def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
         """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and self.options.split == "off"
         seconds *= _MOVING if moving else 1.0
-        view, progress = renderer.frame(self.camera, seconds, self._stepping or not self.options.frozen, moving)
+        gather = gather and (self._stepping or not self.options.frozen)
+        view, progress = renderer.frame(self.camera, seconds, gather, moving)
         centre = view
         if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())

@@ -115,10 +115,10 @@ class Viewer(Owner):
         actions.collect()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
-        if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
+        if answers and not self.controls.flies and self._quick < _QUICK and session.shows_now(any_camera=interface):
             self._quick += 1
         else:
-            self._tick()
+            self._tick(hurried=answers)
         if not all(self.wnd.buffer_size):
             return
         core = now() - before
@@ -168,20 +168,26 @@ class Viewer(Owner):
         paint = None if picture is None else partial(self.backend.background, picture)
         self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, paint=paint)
 
-    def _tick(self) -> None:
+    def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
 
-        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera.
+        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera. What an event begins
+        in flight is seen at once: the tick after it gathers nothing. hurried: True if an event came before the tick.
         """
-        session = self.session
-        budget, dt = session.renderers[0].settings.budget / 1e3, self._unspent
+        session, start = self.session, now()
+        budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
-        flowing = not self._cut and not session.moving
-        seconds = max(budget - self._overhead, _LEAST * budget)
-        self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing))
+        moving, seconds = session.moving, max(budget - self._overhead, _LEAST * budget)
+        flowing = not self._cut and not moving
+        self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing), gather=not (hurried and moving))
         if self._cut:
             self._take_events()
+        if self._cut and moving and session.views:
+            passed = now() - start
+            self._unspent = -passed  # which the next tick counts again
+            self.controls.fly(passed)
+            session.tick(passed, seconds, gather=False)
         if not session.views:  # another scene, or size
             session.tick(0.0, seconds)
         if first:  # nobody has seen the notices before the first picture, which takes a while

@@ -82,7 +82,7 @@ class ShadowMapsBuffer(ShownBuffer):
             scissor=canvas.region,
             shadow_depth=shadows.depth,
             colours=canvas.colours,
-            **tile_uniforms(canvas.target.size, count, (side, side), columns),
+            **tile_uniforms(canvas.target.size, count, (side, side), int(columns)),
         )
 
     def legend(self, source: ViewSource) -> Legend:

@@ -75,6 +75,11 @@ class Controls:
         """True if the camera may move in the next frame without a further event."""
         return bool(self.pressed) or self.looking
 
+    @property
+    def flies(self) -> bool:
+        """True if a flying key is down."""
+        return any(getattr(self.wnd.keys, name) in self.pressed for name in _FLYING)
+
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
         names = self.wnd.keys
@@ -125,7 +130,7 @@ class Controls:
             self._capture(False)
         elif self.backend.wants_keyboard:
             return
-        flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
+        flying = self.looking or self.flies
         found = commands.of_key(names, key, bool(ctrl), bool(shift))
         if flying and found is not None and found.action != "escape":
             found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
