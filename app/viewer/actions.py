@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +20,7 @@ from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
-from irrsplat.app.viewer.input.commands import Command
+from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
@@ -28,7 +29,6 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program
-from irrsplat.reference.worker import INSTALL, is_installed
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera, Scene
@@ -74,13 +74,21 @@ class Actions:
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
-        """Run an action of the table; what goes wrong becomes a message."""
+        """Run an action of the table; what goes wrong or is missing becomes a message."""
+        if missing := self.missing(command):
+            self.say(missing, topic="missing")
+            return
         method = getattr(self, command.action)
         self.attempt(method if command.argument is None else lambda: method(command.argument))
 
     def can(self, command: Command) -> bool:
         """Return True if an action can run now."""
-        return not command.enabled or bool(getattr(self, command.enabled))
+        return not self.missing(command) and (not command.enabled or bool(getattr(self, command.enabled)))
+
+    def missing(self, command: Command) -> str:
+        """Return the extra that an action needs and that is not installed, with the command that installs it; "" for none."""
+        module, install = EXTRAS.get(command.extra, ("", ""))
+        return f"needs the extra {command.extra}: {install}" if module and find_spec(module) is None else ""
 
     @property
     def selected(self) -> bool:
@@ -102,11 +110,6 @@ class Actions:
     @property
     def is_split(self) -> bool:
         return self.session.options.split != "off"
-
-    @property
-    def reference_possible(self) -> bool:
-        """True if the path tracer of the extra `reference` is installed."""
-        return is_installed()
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
         self.messages.say(text, error, topic)
@@ -273,10 +276,7 @@ class Actions:
         self.use_preset("default" if self.session.settings(self.side)[0] == "paper" else "paper")
 
     def trace(self) -> None:
-        """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
-        if not self.reference_possible:
-            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="reference")
-            return
+        """Path-trace the reference of the view in the background, or stop."""
         self.say(self.session.tracing.toggle(self._subject), topic="reference")
 
     def collect(self) -> None:

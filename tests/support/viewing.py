@@ -449,7 +449,7 @@ class Tracer:
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
-        monkeypatch.setattr(Actions, "reference_possible", True)
+        monkeypatch.setattr(Actions, "missing", lambda self, command: "")
         monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
     def refine(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from irrsplat.app.film import video
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.view_options import COMPARES, SPLITS
+from irrsplat.reference import worker
 from irrsplat.settings import PRESETS
 
 
@@ -16,7 +18,7 @@ class Command:
     menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions, called with `argument`, if any.
     key: the name of a key as moderngl-window has it, "" for none; ctrl, shift: pressed with Ctrl or Shift.
     enabled: a property of Actions that is True while the action can run; "" for always. help: further words.
-    section: True if a line divides it from the entry above.
+    extra: of the package, that it needs; a key of EXTRAS. section: True if a line divides it from the entry above.
     """
 
     menu: str
@@ -28,6 +30,7 @@ class Command:
     shift: bool = False
     help: str = ""
     enabled: str = ""
+    extra: str = ""
     section: bool = False
 
     @property
@@ -42,6 +45,7 @@ class Command:
         return f"{self.title}: {self.help}" if self.help else self.title
 
 
+EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # a module of each, and how it is installed
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
 _WORDS = {
     "LEFT_BRACKET": "[",
@@ -69,6 +73,7 @@ _FILE = (
         argument="film",
         help="of the flight or the opened path",
         enabled="film_possible",
+        extra="video",
     ),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
@@ -130,7 +135,7 @@ _COMPARE = (
         "trace",
         "Y",
         help="of this view; again: stop",
-        enabled="reference_possible",
+        extra="reference",
         section=True,
     ),
 )

@@ -11,7 +11,6 @@ from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
 from irrsplat.app.viewer.view_options import SCALES
-from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 
 _CONTEXT = ("delete", "hide_object", "frame_selected", "undo")  # actions on what is selected
@@ -90,9 +89,8 @@ class Menus:
             return  # the second key of the entry above
         if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
-        missing = command.enabled == "reference_possible" and not possible
-        if command.help or missing:
-            imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
+        if said := actions.missing(command) or command.help:
+            imgui.set_item_tooltip(said)
 
     def _scenes(self) -> None:
         actions, names = self.actions, bundled()

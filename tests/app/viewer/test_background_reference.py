@@ -5,21 +5,24 @@ from __future__ import annotations
 import os
 import select
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path as Folder
 
 import numpy as np
 import pytest
 
 import irrsplat
 from irrsplat.app.verify.error_image import signed_error
+from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference as module
 from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
 from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
 from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced
+from irrsplat.scene.camera_path import Path
 from tests.support.viewing import SAFETY, SIZE, Driver, Tracer, push
 
 
@@ -119,19 +122,27 @@ def test_a_move_ends_the_tracing_which_goes_on_where_it_was(driver: Driver, monk
     assert last is not None and last.complete and last.estimate.samples == 16
 
 
-def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Actions, "reference_possible", False)
-    push(driver, "Y")
-    (said,) = [m.text for m in driver.actions.messages.lines]
-    assert worker.INSTALL in said and "\n" not in said and driver.session.tracing.traced is None
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch, extra: str
+) -> None:
+    """The entry of the menu has the same words under the cursor."""
+    monkeypatch.setattr(actions, "find_spec", lambda name: None)
+    driver.session.path_recorder.path = Path((driver.session.camera,) * 2, 2)
+    (command,) = (one for one in COMMANDS if one.extra == extra)
+    driver.actions.press(command)
+    (said,) = [m.text for m in driver.actions.messages.lines if not m.error]
+    assert EXTRAS[extra][1] in said and not driver.actions.can(command) and not driver.actions.panels.save
+    monkeypatch.setattr(actions, "find_spec", lambda name: name)
+    assert driver.actions.can(command)
 
 
-def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     """The process ends though it has sent nothing yet, and would send nothing for an hour."""
     script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
     monkeypatch.setattr(worker, "_REFINE", script)
     monkeypatch.setattr(worker, "require", lambda: None)
-    monkeypatch.setattr(Actions, "reference_possible", True)
+    monkeypatch.setattr(Actions, "missing", lambda self, command: "")
     os.mkfifo(tmp_path / "pid")
     begun = os.open(tmp_path / "pid", os.O_RDONLY | os.O_NONBLOCK)
     push(driver, "Y")
