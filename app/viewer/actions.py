@@ -147,10 +147,6 @@ class Actions:
         positions = self.session.scene.meshes[mesh].positions
         self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
-    def headlamp(self) -> None:
-        self.session.carry_headlamp(not self.session.headlamp)
-        self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
-
     def go(self, camera: Camera) -> None:
         """Jump to a camera, which is in world space."""
         self.stop()
@@ -217,7 +213,7 @@ class Actions:
         }
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
-        return argument == now[command.action] if command.action in now else command.action == "headlamp" and session.headlamp
+        return command.action in now and argument == now[command.action]
 
     @property
     def title(self) -> str:
@@ -270,10 +266,6 @@ class Actions:
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
         self.session.change(self.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
-
-    def swap_preset(self) -> None:
-        """Switch between the paper's preset and the default one on the side that keys change."""
-        self.use_preset("default" if self.session.settings(self.side)[0] == "paper" else "paper")
 
     def trace(self) -> None:
         """Path-trace the reference of the view in the background, or stop."""

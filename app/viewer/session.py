@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack, cast
 
 import moderngl
@@ -37,14 +36,6 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
-
-
-@dataclass(frozen=True)
-class _Subject:
-    """The inputs of a view apart from camera and records. buffers: those that decide its buffers; seen: all others."""
-
-    buffers: object
-    seen: object
 
 
 class Session(Owner):
@@ -86,7 +77,7 @@ class Session(Owner):
         self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
-        self._shown: _Subject | None = None  # what the views are of
+        self._shown: tuple[object, object] | None = None  # what the views are of
         self._stepping = False
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -162,7 +153,7 @@ class Session(Owner):
             self.free_camera.go(played)
         self._pose(ended=played is not None)
         subject = self._subject
-        kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
+        kept = bool(self.views) and self._shown is not None and subject[0] == self._shown[0]
         sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may have another size
         kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
@@ -201,11 +192,10 @@ class Session(Owner):
         return centre, view, progress
 
     @property
-    def _subject(self) -> _Subject:
-        """The present inputs of views."""
+    def _subject(self) -> tuple[object, object]:
+        """The present inputs of views apart from camera and records: those that decide their buffers, and all others."""
         renderers = [(Identity(r), r.settings) for r in self.active]
-        seen = Identity(self.scene), self.path_recorder.frame, [r.headlamp for r in self.active]
-        return _Subject((renderers, self.size, light_defines(self.scene)), seen)
+        return (renderers, self.size, light_defines(self.scene)), (Identity(self.scene), self.path_recorder.frame)
 
     def shows_now(self, any_camera: bool) -> bool:
         """Return True if the views are of the present scene, settings and camera; any_camera: of another camera, too."""
@@ -319,7 +309,6 @@ class Session(Owner):
             other = "default" if left.preset == "paper" else "paper"
             shared = _values(left.settings, _SHARED)
             self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, tile_size=0, **shared))
-            self.renderers[1].carry_headlamp(left.headlamp)
         if way == "presets":
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
@@ -327,10 +316,6 @@ class Session(Owner):
         if way == "off":
             options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
         options.split, self.held = way, None
-
-    @property
-    def headlamp(self) -> bool:
-        return self.renderers[0].headlamp > 0.0
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
@@ -340,13 +325,6 @@ class Session(Owner):
             scene = path.motions.at(self.scene.placed(self.origin), frame).local
             for renderer in self.renderers:
                 renderer.pose(scene)
-
-    def carry_headlamp(self, on: bool) -> None:
-        """Switch the headlamp on or off. Its brightness fits the exposure at the target of the camera."""
-        stops = self.exposure if math.isfinite(self.exposure) else 0.0
-        distance = math.dist(self.camera.eye, self.camera.target)
-        for renderer in self.renderers:
-            renderer.carry_headlamp(math.pi * distance**2 * 2.0**-stops if on else 0.0)
 
     def look_at_all(self, bounds: np.ndarray) -> None:
         """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""

@@ -349,7 +349,6 @@ class Driver:
         self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.tracing.release()
-        session.carry_headlamp(False)
         actions.fullscreen_wanted, actions.quitting = False, False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed

@@ -94,7 +94,6 @@ _VIEW = (
     Command("View/Camera", "First camera", "home", "HOME"),
     Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
     Command("View/Camera", "Selected object", "frame_selected", "F", help="or the whole scene"),
-    Command("View/Camera", "Headlamp", "headlamp", "H", help="a light at the camera without shadows"),
     Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C", section=True),
     Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
@@ -114,7 +113,6 @@ _VIEW = (
 )
 _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
-    Command("Render", "Preset paper and back", "swap_preset", "M"),
     Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
     Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
     Command("Render", "Gather one round", "step", "N", help="and freeze the cache"),
