@@ -60,8 +60,8 @@ def label(name: str) -> str:
 
 
 def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: Driver) -> None:
-    """Every setting of views has a widget. A number is typed by Ctrl+click, also one beyond the slider's span; a choice is clicked
-    in its list; a box is clicked; `auto` is switched off first."""
+    """Every setting of views has a widget. A number is typed by Ctrl+click, also beyond the slider's span; a choice is clicked in
+    its list; a box is clicked; `auto` is switched off first."""
     assert {label(name) for name in SETTINGS.keys() - OF_RENDERS} <= shown(panel)
     changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "radius": "harmonic", "gradients": False}
     for name, expected in changes.items():
