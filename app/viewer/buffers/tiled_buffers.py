@@ -89,4 +89,4 @@ class ShadowMapsBuffer(ShownBuffer):
         shadows = source.renderer.shadows
         if shadows is None or not source.scene.lights:
             return Legend("no light casts shadows here")
-        return Legend("distance from the light, as a share of the map's depth; black: nothing there", "0", "1", "", colour_map())
+        return Legend("distance from the light / depth of the map; black: nothing", "0", "1", "", colour_map())
