@@ -214,20 +214,23 @@ class Viewer(Owner):
             self.display.update(self.canvas, cursor)
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
-        self.copy(self.canvas, self.outlined)
-        if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(self.outlined, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
-        elif actions.editor.mesh is None:
+        shown = self.canvas
+        if actions.editor.mesh is None:
             self.outline.forget()
+        elif not actions.panels.hidden:
+            shown = self.outlined
+            shown.use()  # all of it, and no scissor
+            self.ctx.copy_framebuffer(shown.gl, self.canvas.gl)
+            self.outline(shown, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         self.controls.restyle()
         window = Screen(self.wnd.fbo, size)
         window.use()
         window.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, self.outlined.textures[0])
+        self._draw_interface(dt, cursor, shown.textures[0])
         self.backend.draw(window.gl)
         if wanted == "window":
-            shown = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
-            actions.save_screenshot(shown[::-1] / np.float32(255.0))
+            pixels = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
+            actions.save_screenshot(pixels[::-1] / np.float32(255.0))
         self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------
@@ -285,12 +288,6 @@ class Viewer(Owner):
                 self.wnd.swap_buffers()
                 if self.still:
                     self.desktop.wait(_SLEEP)
-
-    def copy(self, picture: Target, target: Target) -> None:
-        """Put a picture, which covers all of its target, into another target of its size."""
-        target.use()  # all of it, and no scissor
-        # a window's own framebuffer keeps the size that it had at first
-        self.ctx.copy_framebuffer(self.ctx.detect_framebuffer(target.gl.glo), picture.gl)
 
     def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
