@@ -118,7 +118,7 @@ class Viewer(Owner):
         if answers and not self.controls.flies and self._quick < _QUICK and session.shows_now(any_camera=interface):
             self._quick += 1
         else:
-            self._tick(hurried=answers)
+            self._tick(hurried=answers and self.controls.flies)
         if not all(self.wnd.buffer_size):
             return
         core = now() - before
@@ -172,7 +172,7 @@ class Viewer(Owner):
         """Move the camera, and give the session a tick of time, which ends early for input.
 
         A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera. What an event begins
-        in flight is seen at once: the tick after it gathers nothing. hurried: True if an event came before the tick.
+        in flight is seen at once: the tick after it gathers nothing. hurried: True if such an event came before it.
         """
         session, start = self.session, now()
         budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
