@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,7 +28,6 @@ from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, 
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.gpu.program import Program
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera, Scene
@@ -42,8 +41,7 @@ _RING = 12.0  # window coordinates from the middle of a light's ring that a clic
 class Actions:
     """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
 
-    copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders. loading: how scenes are
-    read, this one again and others.
+    copy: takes text to the clipboard. loading: how scenes are read, this one again and others.
     """
 
     def __init__(
@@ -52,11 +50,10 @@ class Actions:
         source: str,
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
-        other_programs: Callable[[], Iterable[Program]] = lambda: (),
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
-        self._copy, self._other_programs = copy, other_programs
+        self._copy = copy
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
         self.scale = 1.0  # of text and widgets; the monitor has another one
@@ -516,14 +513,12 @@ class Actions:
             self.say(notice)
 
     def reload(self) -> None:
-        """Read shaders and scene again, the scene once unsaved changes are saved or given up; the camera stays. Where one of them
-        is wrong, the last good ones go on."""
-        self.session.reload_shaders(*self._other_programs())
+        """Read the scene again, once unsaved changes are saved or given up; the camera stays. A wrong file changes nothing."""
         self._unless_unsaved(self._reload)
 
     def _reload(self) -> None:
         self._load(self.source, keep_camera=True)
-        self.say("shaders and scene are read again")
+        self.say("the scene is read again")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -22,7 +22,6 @@ from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
-from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
@@ -395,12 +394,6 @@ class Session(Owner):
         if not keep_camera:
             self.auto_exposure, self.line, self.surface = AutoExposure(), None, None
         self.views, self.progress, self.held = [], [], None
-
-    def reload_shaders(self, *others: program.Program) -> None:
-        """Read all shaders again, those of `others` too; raises ShaderError, and changes nothing, if one is wrong."""
-        program.reload([*program.programs_of(self), *others])
-        for renderer in self.renderers:
-            renderer.renew()
 
     def clear(self) -> None:
         for renderer in self.active:

@@ -27,7 +27,6 @@ from irrsplat.app.viewer.ui.statistics_view import FrameTimes
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.backdrop import GREY
@@ -62,7 +61,7 @@ class Viewer(Owner):
         self.display = Display(self.session)
         self.outline = Outline(wnd.ctx)
         self.backend = ImguiBackend()
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
+        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
@@ -92,9 +91,6 @@ class Viewer(Owner):
     def owned(self) -> tuple[Resource, ...]:
         own = self.session, self.display, self.outline, self.actions.film, self.backend
         return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
-
-    def _programs(self) -> list[Program]:
-        return list(programs_of(self.display, self.outline))
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         texture = self.ctx.texture(size, 4)

@@ -61,7 +61,7 @@ _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  #
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
     Command("File", "Open…", "toggle", "O", "open", ctrl=True, help="a scene or a path"),
-    Command("File", "Reload", "reload", "F5", help="scene and shaders"),
+    Command("File", "Reload", "reload", "F5", help="the scene from its files"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot", "F12", "bare", help="a PNG in the pictures folder", section=True),
