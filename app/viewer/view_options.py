@@ -22,7 +22,7 @@ COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "normals", "sites", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+KEPT = ("points", "discs", "normals", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
 
 
 @dataclass
@@ -37,7 +37,6 @@ class ViewOptions:
     points: bool = False
     discs: bool = False
     normals: bool = False
-    sites: bool = False
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along

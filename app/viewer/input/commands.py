@@ -101,7 +101,6 @@ _VIEW = (
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
     Command("View", "Record normals", "toggle", "V", "normals"),
-    Command("View", "Surface cache points", "toggle", "L", "sites"),
     Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),

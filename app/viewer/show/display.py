@@ -61,9 +61,8 @@ class Display(Owner):
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.buffer(side), self.session.source(side)
-        cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
-        markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
-        return name, source.inputs, BUFFERS[name].inputs(source), markers
+        cache = source.renderer.cache
+        return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
@@ -93,8 +92,6 @@ class Display(Owner):
         for kind in ("discs", "normals", "points"):
             if getattr(options, kind):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
-        if options.sites:
-            markers.sites(screen, view, renderer.scheduler.gatherer.surface_now, exposure=source.exposure, region=region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held

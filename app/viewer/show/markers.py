@@ -19,7 +19,6 @@ from irrsplat.image.view import View
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.cache import SurfaceCache
 
 _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
@@ -88,26 +87,6 @@ class Markers(Owner):
         """Draw strips of triangles with those of the uniforms that the program declares."""
         strip, state = moderngl.TRIANGLE_STRIP, _OVER
         program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
-
-    def sites(
-        self, target: Target, view: View, surface: SurfaceCache | None, *, exposure: float, region: Region | None = None
-    ) -> None:
-        """Draw every site of the surface cache that faces the camera as a dot in the colour of a white surface there."""
-        if surface is None or surface.records is None or not len(surface.sites):
-            return
-        records, count = surface.records.records, len(surface.sites)
-        uniforms = {
-            **view_uniforms(target, view.gbuffer, view.camera),
-            "records_position": records.textures["position"],
-            "records_normal": records.textures["normal"],
-            "surface_values": surface.lookup.values,
-            "first": records.count - count,
-            "eye": view.camera.eye,
-            "size": target.size,
-            "gain": 2.0**exposure,
-            "radius": _RADIUS,
-        }
-        self._draw(self.programs("viewer/markers/points", "viewer/markers/sites"), target, uniforms, region, instances=count)
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
         """Draw the edges of the scene's triangles, thin and half transparent."""
