@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -20,16 +20,14 @@ from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
-from irrsplat.app.viewer.input.commands import Command
+from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved, scale_of
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.gpu.program import Program
-from irrsplat.reference.worker import INSTALL, is_installed
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera, Scene
@@ -43,8 +41,7 @@ _RING = 12.0  # window coordinates from the middle of a light's ring that a clic
 class Actions:
     """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
 
-    copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders. loading: how scenes are
-    read, this one again and others.
+    copy: takes text to the clipboard. loading: how scenes are read, this one again and others.
     """
 
     def __init__(
@@ -53,18 +50,17 @@ class Actions:
         source: str,
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
-        other_programs: Callable[[], Iterable[Program]] = lambda: (),
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
-        self._copy, self._other_programs = copy, other_programs
+        self._copy = copy
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
-        self.scale = scale_of(preferences.ui)  # of text and widgets; the monitor has another one
+        self.scale = 1.0  # of text and widgets; the monitor has another one
+        self.enlarge(preferences.scale)
         self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.bookmarks = stored.bookmarks(source)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
@@ -75,22 +71,28 @@ class Actions:
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
-        """Run an action of the table; what goes wrong becomes a message."""
+        """Run an action of the table; what goes wrong or is missing becomes a message."""
+        if missing := self.missing(command):
+            self.say(missing, topic="missing")
+            return
         method = getattr(self, command.action)
         self.attempt(method if command.argument is None else lambda: method(command.argument))
 
     def can(self, command: Command) -> bool:
         """Return True if an action can run now."""
-        return not command.enabled or bool(getattr(self, command.enabled))
+        return not self.missing(command) and (not command.enabled or bool(getattr(self, command.enabled)))
+
+    def missing(self, command: Command) -> str:
+        """Return the extra that an action needs and that is not installed, with the command that installs it; "" for none."""
+        module, install = EXTRAS.get(command.extra, ("", ""))
+        return f"needs the extra {command.extra}: {install}" if module and find_spec(module) is None else ""
 
     @property
     def selected(self) -> bool:
-        """True if an object or a light is selected."""
         return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
 
     @property
     def has_path(self) -> bool:
-        """True if there is a path to play."""
         return self.session.path_recorder.path is not None
 
     @property
@@ -100,21 +102,13 @@ class Actions:
 
     @property
     def filming(self) -> bool:
-        """True if a film is being made."""
         return self.film.busy
 
     @property
     def is_split(self) -> bool:
-        """True if the view has two sides."""
         return self.session.options.split != "off"
 
-    @property
-    def reference_possible(self) -> bool:
-        """True if the path tracer of the extra `reference` is installed."""
-        return is_installed()
-
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
-        """Show a message."""
         self.messages.say(text, error, topic)
 
     def attempt(self, act: Callable[[], object]) -> bool:
@@ -126,14 +120,12 @@ class Actions:
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui = saved(self.session.options, self.panels)
-        preferences.ui |= {"appearance": {"scale": self.scale}}
+        preferences.ui, preferences.scale = saved(self.session.options, self.panels), self.scale
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
 
     def home(self) -> None:
-        """Go back to the first camera."""
         self.stop()
         self.session.free_camera.home()
 
@@ -152,23 +144,16 @@ class Actions:
         positions = self.session.scene.meshes[mesh].positions
         self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
-    def headlamp(self) -> None:
-        """Switch the headlamp on or off."""
-        self.session.carry_headlamp(not self.session.headlamp)
-        self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
-
     def go(self, camera: Camera) -> None:
         """Jump to a camera, which is in world space."""
         self.stop()
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
     def copy_line(self) -> None:
-        """Copy the camera as a line of a .scene to the clipboard."""
         self._copy(camera_line(self.session.world_camera))
         self.say("the camera is in the clipboard, as a line of a .scene")
 
     def copy_flags(self) -> None:
-        """Copy the camera as flags of the command line to the clipboard."""
         self._copy(camera_flags(self.session.world_camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
@@ -176,21 +161,6 @@ class Actions:
         """Copy a text to the clipboard, and say so of it, or of what it is called."""
         self._copy(text)
         self.say(f"{called or text} is in the clipboard")
-
-    def bookmark(self) -> None:
-        """Keep the camera as a bookmark of this scene."""
-        taken = {b.name for b in self.bookmarks}
-        name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
-        self._keep_bookmarks([*self.bookmarks, replace(self.session.world_camera, name=name)], f"{name} is kept")
-
-    def forget(self, bookmark: Camera) -> None:
-        """Delete a bookmark."""
-        self._keep_bookmarks([b for b in self.bookmarks if b != bookmark], f"{bookmark.name} is gone")
-
-    def _keep_bookmarks(self, bookmarks: list[Camera], said: str) -> None:
-        problem = stored.set_bookmarks(self.source, bookmarks)
-        self.bookmarks = bookmarks
-        self.say(problem or said, error=problem is not None)
 
     def record(self) -> None:
         """Begin to record the flight, or end it and write the path file."""
@@ -226,7 +196,6 @@ class Actions:
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        """Return True if the overlay or panel of this name is on."""
         return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
 
     def is_active(self, command: Command) -> bool:
@@ -239,9 +208,9 @@ class Actions:
             "use_split": options.split,
             "compare_by": options.compare if self.is_split else "",
         }
-        if command.action == "toggle" and argument is not None:
+        if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
-        return argument == now[command.action] if command.action in now else command.action == "headlamp" and session.headlamp
+        return command.action in now and argument == now[command.action]
 
     @property
     def title(self) -> str:
@@ -250,18 +219,15 @@ class Actions:
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
     def toggle(self, name: str) -> None:
-        """Turn an overlay or a panel on or off."""
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
         if name == "inspect":
             self.session.held = None
 
     def use_split(self, way: Split) -> None:
-        """Split the view in this way."""
         self.session.split(way)
         self.say(SPLITS[way], topic="split")
 
     def split(self) -> None:
-        """Split the view the next way."""
         ways = list(SPLITS)
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
@@ -276,9 +242,7 @@ class Actions:
         self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
 
     def compare_by(self, way: Compare) -> None:
-        """Compare both sides in this way."""
-        options = self.session.options
-        options.compare, options.flipping, options.flipped = way, True, False
+        self.session.options.compare, self.session.options.flipped = way, False
         self.say(COMPARES[way], topic="split")
 
     def flip(self) -> None:
@@ -290,7 +254,6 @@ class Actions:
         self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
 
     def use_preset(self, name: str) -> None:
-        """Use a preset on the side that keys change."""
         self.session.use_preset(self.side, name)
         self.say(f"preset {name}", topic="preset")
 
@@ -301,52 +264,35 @@ class Actions:
         self.session.change(self.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
-    def swap_preset(self) -> None:
-        """Switch between the paper's preset and the default one on the side that keys change."""
-        self.use_preset("default" if self.session.settings(self.side)[0] == "paper" else "paper")
-
     def trace(self) -> None:
-        """Path-trace the reference of the view in the background, or stop; say how to install a missing path tracer."""
-        if not self.reference_possible:
-            self.say(f"the reference needs a path tracer; run: {INSTALL}", topic="reference")
-            return
-        self.say(self.session.references.toggle(self._subject), topic="reference")
+        """Path-trace the reference of the view in the background, or stop."""
+        self.say(self.session.tracing.toggle(self._subject), topic="reference")
 
-    def collect_references(self) -> None:
-        """Take what was traced and filmed meanwhile; trace the view and measure the plane, if switched on."""
+    def collect(self) -> None:
+        """Take what was traced and filmed meanwhile; measure the plane, if it is shown."""
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
-        self.attempt(lambda: self.session.references.update(self._subject, self.say))
+        self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:
         """The view whose reference would be traced."""
         return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
-    def darker(self) -> None:
-        """Expose by half a stop less."""
-        self._expose(-0.5)
-
-    def brighter(self) -> None:
-        """Expose by half a stop more."""
-        self._expose(0.5)
-
-    def _expose(self, step: float) -> None:
+    def expose(self, step: float) -> None:
+        """Expose by so many stops more."""
         now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
         self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
         self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
 
     def auto_exposure(self) -> None:
-        """Let the exposure follow the picture."""
         self.session.change(self.side, exposure="auto")
         self.say("exposure auto", topic="exposure")
 
     def step(self) -> None:
-        """Freeze the cache, and gather one round."""
         self.session.step()
 
     def clear(self) -> None:
-        """Forget all records."""
         self.session.clear()
 
     # ---- lights and objects ------------------------------------------------------------------------------------------
@@ -365,16 +311,6 @@ class Actions:
             if mesh is None:
                 editor.pick_light(None)
 
-    def turn_handles(self) -> None:
-        """Let the handles turn the picked object, or move it again; of a spot, aim it."""
-        editor = self.editor
-        if editor.mesh is not None:
-            editor.turning = not editor.turning
-            self.say("handles turn" if editor.turning else "handles move", topic="handles")
-        elif editor.light is not None and editor.lights[editor.light].light.spot_target is not None:
-            editor.aiming = not editor.aiming
-            self.say("handles aim" if editor.aiming else "handles move", topic="handles")
-
     def delete(self) -> None:
         """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
         number = self.editor.light
@@ -386,17 +322,15 @@ class Actions:
             self.hide_object()
 
     def hide_object(self) -> None:
-        """Hide the selected object."""
         editor = self.editor
         if editor.mesh is None:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
             return
         name = editor.name(editor.mesh)
         editor.hide(editor.mesh)
-        self.say(f"{name} is hidden; the menu Edit shows it again", topic="pick")
+        self.say(f"{name} is hidden; the list of objects shows it again", topic="pick")
 
     def show_hidden(self, number: int) -> None:
-        """Show a hidden object again."""
         self.attempt(lambda: self.editor.hide(number, False))
 
     def add_light(self, kind: Kind) -> None:
@@ -406,27 +340,29 @@ class Actions:
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
-        self._step(self.editor.undo, "undone", "nothing to undo")
+        self._step(self.editor.undo, "undo")
 
     def redo(self) -> None:
         """Redo the change that was undone last."""
-        self._step(self.editor.redo, "redone", "nothing to redo")
+        self._step(self.editor.redo, "redo")
 
-    def _step(self, go: Callable[[], str], said: str, nothing: str) -> None:
-        if self.editor.dragging:
-            return
-        done = go()
-        self.say(f"{said}: {done}" if done else nothing, topic="undo")
+    def _step(self, go: Callable[[], bool], verb: str) -> None:
+        if not self.editor.dragging:
+            self.say(f"{verb}ne" if go() else f"nothing to {verb}", topic="undo")
+
+    @property
+    def undo_possible(self) -> bool:
+        return bool(self.editor.past) or self.editor.edit != self.editor.present
+
+    @property
+    def redo_possible(self) -> bool:
+        return bool(self.editor.future) and self.editor.edit == self.editor.present
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
-    def save_dialog(self) -> None:
-        """Open the dialog that saves the scene."""
-        self.panels.save, self.saving = True, "scene"
-
-    def film_dialog(self) -> None:
-        """Open the dialog that names the film of the path."""
-        self.panels.save, self.saving = True, "film"
+    def save_dialog(self, what: Literal["scene", "film"] = "scene") -> None:
+        """Open the dialog that names the file of the scene, or of the film of the path."""
+        self.panels.save, self.saving = True, what
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
@@ -517,7 +453,6 @@ class Actions:
         self.messages.close()
 
     def fullscreen(self) -> None:
-        """Switch to fullscreen or back."""
         self.fullscreen_wanted = not self.fullscreen_wanted
 
     def enlarge(self, scale: float) -> None:
@@ -535,13 +470,9 @@ class Actions:
             return
         self.quitting = True
 
-    def screenshot(self) -> None:
-        """Write the window as it is."""
-        self.screenshot_wanted = "window"
-
-    def screenshot_bare(self) -> None:
-        """Write the picture without the interface."""
-        self.screenshot_wanted = "bare"
+    def screenshot(self, what: Literal["window", "bare"] = "window") -> None:
+        """Write the window, or the picture without the interface, in the next frame."""
+        self.screenshot_wanted = what
 
     def save_screenshot(self, picture: np.ndarray) -> None:
         """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""
@@ -557,10 +488,6 @@ class Actions:
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
-    def open_dialog(self) -> None:
-        """Open the dialog that opens a scene."""
-        self.panels.open = True
-
     def open(self, source: str) -> None:
         """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""
         if Path(source).suffix == ".path":
@@ -573,7 +500,7 @@ class Actions:
 
     def _open(self, source: str) -> None:
         self._load(source, keep_camera=False)
-        self.source, self.bookmarks, self.saved_as = source, stored.bookmarks(source), ""
+        self.source, self.saved_as = source, ""
         self.preferences.opened(source)
         self.panels.open = False
 
@@ -586,14 +513,12 @@ class Actions:
             self.say(notice)
 
     def reload(self) -> None:
-        """Read shaders and scene again, the scene once unsaved changes are saved or given up; the camera stays. Where one of them
-        is wrong, the last good ones go on."""
-        self.session.reload_shaders(*self._other_programs())
+        """Read the scene again, once unsaved changes are saved or given up; the camera stays. A wrong file changes nothing."""
         self._unless_unsaved(self._reload)
 
     def _reload(self) -> None:
         self._load(self.source, keep_camera=True)
-        self.say("shaders and scene are read again")
+        self.say("the scene is read again")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

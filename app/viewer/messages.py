@@ -35,7 +35,6 @@ class Messages:
 
     @property
     def errors(self) -> list[Message]:
-        """The errors among them."""
         return [line for line in self.lines if line.error]
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
@@ -62,12 +61,10 @@ class Messages:
         return min((max(m.until - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
     def close_errors(self) -> None:
-        """Drop the errors."""
         self.lines = [m for m in self.lines if not m.error]
         self.version += 1
 
     def close(self) -> None:
-        """Drop all that is on show."""
         self.lines = []
         self.version += 1
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Unpack, cast
 
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_reference import References, Subject, TracedReference
+from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
-from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
-from irrsplat.app.viewer.show.light.why_dark import Surface
+from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
-from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
@@ -38,15 +35,6 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
-_FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
-
-
-@dataclass(frozen=True)
-class _Subject:
-    """The inputs of a view apart from camera and records. buffers: those that decide its buffers; seen: all others."""
-
-    buffers: object
-    seen: object
 
 
 class Session(Owner):
@@ -82,17 +70,17 @@ class Session(Owner):
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
-        self.path_recorder, self.references = PathRecorder(), References(ctx)
-        self.line, self.plane = MeasuringLine(), MeasuringPlane()
+        self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
+        self.line: tuple[Point, Point] | None = None  # that buffers are measured along; world space
+        self.plane = MeasuringPlane()
         self.surface: Surface | None = None  # the point whose light is explained, and its normal
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
-        self._shown: _Subject | None = None  # what the views are of
+        self._shown: tuple[object, object] | None = None  # what the views are of
         self._stepping = False
-        self._flip_seconds = 0.0  # that the side on show has been there
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.renderers, self.references, self.brightest_light, self.plane)
+        return (*self.renderers, self.tracing, self.brightest_light, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -153,23 +141,23 @@ class Session(Owner):
         known = progress.error is not None and progress.error <= 0.01 * aim
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
 
-    def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never) -> bool:
+    def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never, gather: bool = True) -> bool:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are of now.
 
         waits: True if input waits. The tick then ends before its time, and the views stay those of the last one, unless it may
-        free buffers that these show.
+        free buffers that these show. gather: False draws by the present records.
         """
-        self._flip(dt)
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
             self.free_camera.go(played)
         self._pose(ended=played is not None)
         subject = self._subject
-        kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
-        kept = kept and (self.whole or not self.moving)  # the next view of a moving camera may have another size
+        kept = bool(self.views) and self._shown is not None and subject[0] == self._shown[0]
+        sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may have another size
+        kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
             with checked_by(waits if kept else never):
-                made = [self._advance(side, seconds / len(self.active)) for side in range(len(self.active))]
+                made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
         self._centres, self.views, self.progress = (list(column) for column in zip(*made, strict=True))
@@ -184,12 +172,13 @@ class Session(Owner):
             self.brightest_light.look(self.renderers[0], self.views[0])
         return True
 
-    def _advance(self, side: int, seconds: float) -> tuple[View, View, Progress]:
+    def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
         """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and self.options.split == "off"
         seconds *= _MOVING if moving else 1.0
-        view, progress = renderer.frame(self.camera, seconds, self._stepping or not self.options.frozen, moving)
+        gather = gather and (self._stepping or not self.options.frozen)
+        view, progress = renderer.frame(self.camera, seconds, gather, moving)
         centre = view
         if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
@@ -202,11 +191,10 @@ class Session(Owner):
         return centre, view, progress
 
     @property
-    def _subject(self) -> _Subject:
-        """The present inputs of views."""
+    def _subject(self) -> tuple[object, object]:
+        """The present inputs of views apart from camera and records: those that decide their buffers, and all others."""
         renderers = [(Identity(r), r.settings) for r in self.active]
-        seen = Identity(self.scene), self.path_recorder.frame, [r.headlamp for r in self.active]
-        return _Subject((renderers, self.size, light_defines(self.scene)), seen)
+        return (renderers, self.size, light_defines(self.scene)), (Identity(self.scene), self.path_recorder.frame)
 
     def shows_now(self, any_camera: bool) -> bool:
         """Return True if the views are of the present scene, settings and camera; any_camera: of another camera, too."""
@@ -234,7 +222,6 @@ class Session(Owner):
 
     @property
     def compared(self) -> bool:
-        """True if one picture shows the difference of both sides."""
         return self.options.split != "off" and self.options.compare == "difference"
 
     @property
@@ -243,22 +230,12 @@ class Session(Owner):
         return " and ".join(renderer.preset for renderer in self.active)
 
     def flip(self) -> None:
-        """Show the other side in place of the one on show, and go on by hand."""
+        """Show the other side in place of the one on show."""
         options = self.options
         options.flipped = not options.flipped if options.compare == "flip" else True
-        options.compare, options.flipping = "flip", False
-
-    def _flip(self, dt: float) -> None:
-        """Show the other side where it is time to."""
-        options = self.options
-        self._flip_seconds += dt
-        if options.split == "off" or options.compare != "flip" or not options.flipping:
-            self._flip_seconds = 0.0
-        elif self._flip_seconds >= _FLIP:
-            self._flip_seconds, options.flipped = self._flip_seconds % _FLIP, not options.flipped
+        options.compare = "flip"
 
     def buffer(self, side: int) -> str:
-        """Return the name of the buffer that a side shows."""
         return self.options.buffers[side]
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
@@ -270,7 +247,6 @@ class Session(Owner):
         return self.active[min(side, len(self.active) - 1)]
 
     def settings(self, side: int) -> tuple[str, Settings]:
-        """The preset and the settings of a side."""
         renderer = self.renderer(side)
         return renderer.preset, renderer.settings
 
@@ -290,10 +266,9 @@ class Session(Owner):
 
     def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
         """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.references.of(self.subject(camera, settings))
+        return self.tracing.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
-        """Return the subject of the reference of a view."""
         return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
@@ -316,7 +291,6 @@ class Session(Owner):
         self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
-        """Set a side to the preset `name`."""
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
         self._release_lost_record()
@@ -334,7 +308,6 @@ class Session(Owner):
             other = "default" if left.preset == "paper" else "paper"
             shared = _values(left.settings, _SHARED)
             self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, tile_size=0, **shared))
-            self.renderers[1].carry_headlamp(left.headlamp)
         if way == "presets":
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
@@ -342,11 +315,6 @@ class Session(Owner):
         if way == "off":
             options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
         options.split, self.held = way, None
-
-    @property
-    def headlamp(self) -> bool:
-        """True if the headlamp is on."""
-        return self.renderers[0].headlamp > 0.0
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
@@ -356,13 +324,6 @@ class Session(Owner):
             scene = path.motions.at(self.scene.placed(self.origin), frame).local
             for renderer in self.renderers:
                 renderer.pose(scene)
-
-    def carry_headlamp(self, on: bool) -> None:
-        """Switch the headlamp on or off. Its brightness fits the exposure at the target of the camera."""
-        stops = self.exposure if math.isfinite(self.exposure) else 0.0
-        distance = math.dist(self.camera.eye, self.camera.target)
-        for renderer in self.renderers:
-            renderer.carry_headlamp(math.pi * distance**2 * 2.0**-stops if on else 0.0)
 
     def look_at_all(self, bounds: np.ndarray) -> None:
         """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""
@@ -427,21 +388,14 @@ class Session(Owner):
             self.free_camera.speed = before.speed
         if moved.any():
             self.path_recorder.shift(moved)
-            self.line = MeasuringLine()
+            self.line = None
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line, self.surface = AutoExposure(), MeasuringLine(), None
+            self.auto_exposure, self.line, self.surface = AutoExposure(), None, None
         self.views, self.progress, self.held = [], [], None
 
-    def reload_shaders(self, *others: program.Program) -> None:
-        """Read all shaders again, those of `others` too; raises ShaderError, and changes nothing, if one is wrong."""
-        program.reload([*program.programs_of(self), *others])
-        for renderer in self.renderers:
-            renderer.renew()
-
     def clear(self) -> None:
-        """Forget all records."""
         for renderer in self.active:
             renderer.forget(lights=False)
         self.held = None
@@ -463,5 +417,4 @@ def overrides(name: str, settings: Settings) -> SettingValues:
 
 
 def _values(settings: Settings, names: Sequence[str]) -> SettingValues:
-    """Some settings by name."""
     return cast(SettingValues, {name: getattr(settings, name) for name in names})

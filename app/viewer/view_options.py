@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
-from typing import Literal, cast
+from dataclasses import dataclass, field
+from typing import Literal
 
 from irrsplat.meter.light_scale import LightScale
 
@@ -22,8 +22,7 @@ COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-_SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
-_NOT_SAVED = ("help", "open", "save", "palette", "hidden")  # of Panels
+KEPT = ("points", "discs", "normals", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
 
 
 @dataclass
@@ -34,13 +33,10 @@ class ViewOptions:
     split: Split = "off"
     compare: Compare = "divided"
     flipped: bool = False  # the right side is on show, where one is after the other
-    flipping: bool = True  # by itself, twice a second
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False
     normals: bool = False
-    by_age: bool = False
-    sites: bool = False
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
@@ -66,25 +62,13 @@ class Panels:
     hidden: bool = False
 
 
-def scale_of(choices: dict[str, object]) -> float:
-    """Return the scale of the interface from an earlier session; 1 if there is none within SCALES."""
-    kept = choices.get("appearance")
-    scale = kept.get("scale") if isinstance(kept, dict) else None
-    valid = isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]
-    return float(cast(float, scale)) if valid else 1.0
-
-
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:
-    """The choices that are kept from one session to the next, plain JSON."""
-    kept = {name: getattr(options, name) for name in _SAVED}
-    return {"look": kept, "panels": {name: on for name, on in asdict(panels).items() if name not in _NOT_SAVED}}
+    """Return what is on of all that is kept from one session to the next, plain JSON."""
+    return {name: getattr(options, name, getattr(panels, name, False)) for name in KEPT}
 
 
 def restore(choices: dict[str, object], options: ViewOptions, panels: Panels) -> None:
-    """Set the choices of an earlier session, as `saved` gives them; what is not a choice is left out."""
-    for name, target in (("look", options), ("panels", panels)):
-        values = choices.get(name)
-        for one in fields(target):
-            value = values.get(one.name) if isinstance(values, dict) else None
-            if isinstance(value, bool) and isinstance(getattr(target, one.name), bool):
-                setattr(target, one.name, value)
+    """Set the choices of an earlier session; values that cannot be are left out."""
+    for name in KEPT:
+        if isinstance(choices.get(name), bool):
+            setattr(options if hasattr(options, name) else panels, name, choices[name])

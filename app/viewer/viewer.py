@@ -27,7 +27,6 @@ from irrsplat.app.viewer.ui.statistics_view import FrameTimes
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.backdrop import GREY
@@ -62,7 +61,7 @@ class Viewer(Owner):
         self.display = Display(self.session)
         self.outline = Outline(wnd.ctx)
         self.backend = ImguiBackend()
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
+        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
@@ -93,10 +92,6 @@ class Viewer(Owner):
         own = self.session, self.display, self.outline, self.actions.film, self.backend
         return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
 
-    def _programs(self) -> list[Program]:
-        """The programs that are not the session's."""
-        return list(programs_of(self.display, self.outline))
-
     def _canvas(self, size: tuple[int, int]) -> Target:
         texture = self.ctx.texture(size, 4)
         texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # it covers what is below
@@ -113,13 +108,13 @@ class Viewer(Owner):
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
-        actions.collect_references()
+        actions.collect()
         before, self._unspent = now(), self._unspent + dt
         interface = self.backend.wants_mouse or self.backend.wants_keyboard
-        if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
+        if answers and not self.controls.flies and self._quick < _QUICK and session.shows_now(any_camera=interface):
             self._quick += 1
         else:
-            self._tick()
+            self._tick(hurried=answers and self.controls.flies)
         if not all(self.wnd.buffer_size):
             return
         core = now() - before
@@ -169,20 +164,26 @@ class Viewer(Owner):
         paint = None if picture is None else partial(self.backend.background, picture)
         self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, paint=paint)
 
-    def _tick(self) -> None:
+    def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
 
-        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera.
+        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera. What an event begins
+        in flight is seen at once: the tick after it gathers nothing. hurried: True if such an event came before it.
         """
-        session = self.session
-        budget, dt = session.renderers[0].settings.budget / 1e3, self._unspent
+        session, start = self.session, now()
+        budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
-        flowing = not self._cut and not session.moving
-        seconds = max(budget - self._overhead, _LEAST * budget)
-        self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing))
+        moving, seconds = session.moving, max(budget - self._overhead, _LEAST * budget)
+        flowing = not self._cut and not moving
+        self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing), gather=not (hurried and moving))
         if self._cut:
             self._take_events()
+        if self._cut and moving and session.views:
+            passed = now() - start
+            self._unspent = -passed  # which the next tick counts again
+            self.controls.fly(passed)
+            session.tick(passed, seconds, gather=False)
         if not session.views:  # another scene, or size
             session.tick(0.0, seconds)
         if first:  # nobody has seen the notices before the first picture, which takes a while
@@ -209,28 +210,28 @@ class Viewer(Owner):
             self.display.update(self.canvas, cursor)
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
-        self.copy(self.canvas, self.outlined)
-        if actions.editor.mesh is not None and not actions.panels.hidden:
-            self.outline(self.outlined, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
-        elif actions.editor.mesh is None:
+        shown = self.canvas
+        if actions.editor.mesh is None:
             self.outline.forget()
+        elif not actions.panels.hidden:
+            shown = self.outlined
+            shown.use()  # all of it, and no scissor
+            self.ctx.copy_framebuffer(shown.gl, self.canvas.gl)
+            self.outline(shown, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         self.controls.restyle()
         window = Screen(self.wnd.fbo, size)
-        target = self._canvas(size) if wanted == "window" else window
-        target.use()
-        target.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, self.outlined.textures[0])
-        self.backend.draw(target.gl)
-        if target is not window:
-            self.copy(target, window)
-            actions.save_screenshot(_pixels(target))
-            _free(target)
+        window.use()
+        window.gl.clear(*GREY[0])
+        self._draw_interface(dt, cursor, shown.textures[0])
+        self.backend.draw(window.gl)
+        if wanted == "window":
+            pixels = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
+            actions.save_screenshot(pixels[::-1] / np.float32(255.0))
         self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------
 
     def wake(self) -> None:
-        """Something has happened: frames are drawn for a while."""
         self._awake_until = now() + _AWAKE
 
     def end(self) -> None:
@@ -248,11 +249,11 @@ class Viewer(Owner):
         no message comes or goes."""
         if not self.still or now() < self._awake_until or self.interface.files.answered:
             return False
-        self.actions.collect_references()
+        self.actions.collect()
         messages = self.actions.messages
         messages.expire()
-        references = self.session.references
-        traced = references.version, None if references.traced is None else round(100.0 * references.traced)
+        tracing = self.session.tracing
+        traced = tracing.version, None if tracing.traced is None else round(100.0 * tracing.traced)
         plane = self.session.plane.share if self.session.options.plane else None
         shown = messages.version, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown
@@ -283,12 +284,6 @@ class Viewer(Owner):
                 self.wnd.swap_buffers()
                 if self.still:
                     self.desktop.wait(_SLEEP)
-
-    def copy(self, picture: Target, target: Target) -> None:
-        """Put a picture, which covers all of its target, into another target of its size."""
-        target.use()  # all of it, and no scissor
-        # a window's own framebuffer keeps the size that it had at first
-        self.ctx.copy_framebuffer(self.ctx.detect_framebuffer(target.gl.glo), picture.gl)
 
     def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""

@@ -115,7 +115,6 @@ class Desktop:
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def copy(self, text: str) -> None:
-        """Put text into the clipboard."""
         self.text = text
         if self._window is not None:
             import glfw

@@ -41,6 +41,11 @@ class MovingViews(Owner):
         """Return what the next view's width and height are divided by. The paper's scan examines whole pictures alone."""
         return self._divisor if state.settings.placement != "scan" else 1
 
+    def size(self, state: State) -> tuple[int, int]:
+        """Return width and height of the next view."""
+        width, height = (max(1, -(-side // self.divisor(state))) for side in state.size)
+        return width, height
+
     def note(self, took: float, seconds: float) -> None:
         """Note that a whole view of another camera took so many seconds to draw, in a tick of `seconds`."""
         self._divisor = max(self._divisor, divisor_after(1, took, seconds))
@@ -48,8 +53,7 @@ class MovingViews(Owner):
     def __call__(self, state: State, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
         """Return the smaller view of a round, and how far it has come. The state of the whole view stays as it is."""
         start, divisor = now(), self._divisor
-        width, height = (max(1, -(-side // divisor)) for side in state.size)
-        small = replace(state, size=(width, height), shown=None, costs=self._costs)
+        small = replace(state, size=self.size(state), shown=None, costs=self._costs)
         self.stages.draw_gbuffer(small, camera)
         self.stages.ctx.finish()
         seen = now() - start

@@ -199,6 +199,11 @@ class Renderer(Tenant):
         self._use_whole()
         return self._frames.frame(self._seen_by(camera), seconds, gather, moving)
 
+    @property
+    def size_in_motion(self) -> tuple[int, int]:
+        """Width and height of the next view of a moving camera, pixels."""
+        return self._frames.moving.size(self._state)
+
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Refine a complete view until its estimated relative RMSE of indirect irradiance is at most `target`.
 

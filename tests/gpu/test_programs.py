@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -15,6 +17,7 @@ from irrsplat.gather.plane import PlaneGather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu import shader_source
 from irrsplat.gpu.program import programs_of
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
@@ -32,12 +35,13 @@ from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.refresh_order import RefreshOrder
+from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import SIZE
-from tests.support.worlds import Lit, floor, scene
+from tests.support.worlds import Lit, floor, lamp, scene
 
 LIT = {
     "lighting/direct",
@@ -112,3 +116,29 @@ def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
     stages = {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.frag")}
     core = {name for name in stages if not name.startswith(("viewer/", "bake/"))}
     assert linked(ctx, unlit(ctx)) == core - LIT
+
+
+def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(
+    ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The error has file and line. A corrected file is drawn with as soon as it is read."""
+    shutil.copytree(paths.folder("shaders"), tmp_path / "shaders")
+    file = tmp_path / "shaders/image/composite.frag"
+    good = file.read_text()
+    at = next(i for i, line in enumerate(good.splitlines()) if "void main" in line)
+    with Renderer(scene(floor(), lights=(lamp((0, 2, 0)),)), (16, 12), ctx=ctx, bounces=0) as renderer:
+        before = renderer.render().image
+        monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path / "shaders")
+        for text, works in (
+            (good.replace("void main", "float wrong = nonsense;\nvoid main"), False),
+            (good.replace("out_image = ", "out_image = 0.0 * "), True),
+            (good, True),
+        ):
+            file.write_text(text)
+            if works:
+                renderer.reload()
+            else:
+                with pytest.raises(shader_source.ShaderError, match=rf"image/composite.frag:{at + 1}: .*nonsense"):
+                    renderer.reload()
+            assert renderer.render().image.any() == ("0.0 *" not in text)
+        assert np.array_equal(renderer.render().image, before)

@@ -81,7 +81,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     spied.clear()
     session, actions = driver.session, driver.actions
     for act in (
-        actions.brighter,
+        lambda: actions.expose(0.5),
         lambda: actions.show("indirect"),
         lambda: actions.toggle("points"),
         lambda: actions.toggle("frozen"),

@@ -348,9 +348,8 @@ class Driver:
         actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
-        session.references.release()
-        session.carry_headlamp(False)
-        actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False
+        session.tracing.release()
+        actions.fullscreen_wanted, actions.quitting = False, False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed
         session.free_camera.home()
@@ -411,7 +410,7 @@ def viewing(
 ) -> Iterator[Driver]:
     """Open a viewer of the scene at `source` with settings for fast pictures; close it without saving preferences."""
     if preferences is None:
-        ui: dict[str, object] = {"panels": {"controls": False}}
+        ui: dict[str, object] = {"controls": False}
         preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)
@@ -440,8 +439,7 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 class Tracer:
     """Stand-in for the path tracer: busy until `go` is set, then done with a synthetic irradiance.
 
-    early: passes before that. calls: the requested cameras, sizes and bounces, in order. The plan has two passes over
-    coarse pixels and two over all of them.
+    early: passes before that. calls: the requested cameras, sizes and bounces, in order. The plan has two passes.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, early: int = 0) -> None:
@@ -450,8 +448,7 @@ class Tracer:
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
         monkeypatch.setattr(worker, "refine", self.refine)
-        monkeypatch.setattr(Actions, "reference_possible", True)
-        monkeypatch.setattr(background_reference, "COARSE", (30, 50))
+        monkeypatch.setattr(Actions, "missing", lambda self, command: "")
         monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
     def refine(
@@ -495,7 +492,7 @@ class Tracer:
         """Render frames until a thread traces the view on show, and wait for its early passes."""
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.references._tracing) is not None:
+            if (thread := driver.session.tracing._tracing) is not None:
                 with self._change:
                     assert self._change.wait_for(lambda: thread in self._waiting, SAFETY)
                 return driver.frame()
@@ -514,10 +511,10 @@ class Tracer:
         self.go.set()
         for _ in range(20):
             driver.frame()
-            if (thread := driver.session.references._tracing) is not None:
+            if (thread := driver.session.tracing._tracing) is not None:
                 thread.join(SAFETY)
             found = driver.session.source(0).reference
-            if found is not None and found.complete and driver.session.references.traced is None:
+            if found is not None and found.complete and driver.session.tracing.traced is None:
                 return driver.frame()
         pytest.fail("no truth after 20 frames")
 

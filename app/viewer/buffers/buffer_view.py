@@ -24,7 +24,6 @@ class BufferView(Owner):
         return (self.programs, self.colours, self.texels)
 
     def draw(self, target: Target, name: str, source: ViewSource, region: Region | None = None) -> None:
-        """Draw the buffer `name` in `region` of the target (None: all of it)."""
         BUFFERS[name].draw(self.canvas(target, region), source)
 
     def canvas(self, target: Target, region: Region | None = None) -> Canvas:

@@ -14,7 +14,7 @@ NO_REFERENCE = "no reference of this view yet; Y traces it"
 
 
 class ReferenceBuffer(ShownBuffer):
-    """The reference of each cell of pixels, as a white surface reflects it."""
+    """The reference, as a white surface reflects it."""
 
     needs_reference = True
 
@@ -26,20 +26,16 @@ class ReferenceBuffer(ShownBuffer):
         if reference is None:
             draw_dim_picture(canvas, source)
         else:
-            draw_irradiance(canvas, source, reference.values, reference.lattice.stride, reference.lattice.margin)
+            draw_irradiance(canvas, source, reference.values)
 
     def values(self, source: ViewSource) -> Values | None:
         reference = source.reference
-        return (
-            Values(reference.values, 0, great_irradiance(source))
-            if reference is not None and reference.lattice.stride == 1
-            else None
-        )
+        return None if reference is None else Values(reference.values, 0, great_irradiance(source))
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         if source.reference is None or depth_at(texels, source, x, y) is None:
             return None
-        found = texels(source.reference.values, *source.reference.lattice.cell(x, y))
+        found = texels(source.reference.values, x, y)
         return found[:3] if found[3] > 0.0 else None
 
     def legend(self, source: ViewSource) -> Legend:
@@ -49,8 +45,6 @@ class ReferenceBuffer(ShownBuffer):
 
 
 class ErrorBuffer(ReferenceBuffer):
-    """Irradiance minus its reference, the mean of the channels, in the middle of each cell of pixels."""
-
     def values(self, source: ViewSource) -> Values | None:
         return None
 
@@ -65,19 +59,16 @@ class ErrorBuffer(ReferenceBuffer):
             source.view.sums,
             reference=reference.values,
             full=reference.full,
-            stride=reference.lattice.stride,
-            margin=reference.lattice.margin,
             bright=bright,
             dark=dark,
             unseen=grey,
         )
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        reference, found = source.reference, super().value(texels, source, x, y)
-        if reference is None or found is None:
+        found = super().value(texels, source, x, y)
+        if found is None:
             return None
-        middle = reference.lattice.middle(reference.lattice.cell(x, y), reference.size)
-        error: np.ndarray = np.mean(irradiance_at(texels, source.view, *middle) - found, keepdims=True)
+        error: np.ndarray = np.mean(irradiance_at(texels, source.view, x, y) - found, keepdims=True)
         return error
 
     def legend(self, source: ViewSource) -> Legend:

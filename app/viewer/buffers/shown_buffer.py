@@ -77,12 +77,10 @@ class ViewSource:
 
     @property
     def settings(self) -> Settings:
-        """The renderer's settings."""
         return self.renderer.settings
 
     @property
     def scene(self) -> Scene:
-        """The renderer's scene, as it is lit now."""
         return self.renderer.scene
 
     @property
@@ -105,11 +103,6 @@ class Canvas:
     colours: moderngl.Texture
     region: Region | None = None
 
-    @property
-    def area(self) -> Region:
-        """The area of tiles; the region shows a part of it."""
-        return 0, 0, *self.target.size
-
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
         program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))
@@ -124,7 +117,6 @@ class Canvas:
         program(self.target, scissor=self.region, **given)
 
     def blank(self) -> None:
-        """Fill with the ground's colour."""
         clear(self.target, GROUND, self.region)
 
 

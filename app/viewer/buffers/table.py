@@ -9,7 +9,6 @@ from __future__ import annotations
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
-from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
     DepthBuffer,
     EmissionBuffer,
@@ -19,6 +18,7 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     OpacityBuffer,
     RadianceBuffer,
     ShareBuffer,
+    SurfaceCacheBuffer,
     VectorBuffer,
     opacity_texture,
 )
@@ -54,7 +54,7 @@ BUFFERS: dict[str, ShownBuffer] = {
             "asking", "requests", "", "pixels that request a record", texture=lambda view: view.splats.weight, components=1
         ),
         ShadowMapsBuffer(
-            "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"
+            "shadow", "shadow maps", "1", "every light's shadow maps: distance from the light along each one's axis"
         ),
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
         LightBuffer("light", "light (false colours)", "lux", "all light that falls on surfaces, in lux or W/m², with isolines"),

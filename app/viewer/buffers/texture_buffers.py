@@ -8,11 +8,21 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Legend, ShownBuffer, Values, ViewSource, colour_map, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import (
+    Canvas,
+    Identity,
+    Legend,
+    ShownBuffer,
+    Values,
+    ViewSource,
+    colour_map,
+    depth_at,
+)
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
+NO_SURFACE_CACHE = "no surface cache: it is made for more than one bounce"
 _GREAT = 0.25  # of the range on show: a difference with the full colour
 
 
@@ -203,11 +213,37 @@ class DepthBuffer(TextureBuffer):
         return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", self.unit, colour_map())
 
 
-def draw_irradiance(
-    canvas: Canvas, source: ViewSource, sums: moderngl.Texture, stride: int = 1, margin: tuple[int, int] = (0, 0)
-) -> None:
-    """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it. stride, margin: of cells of pixels, as Lattice has them."""
-    canvas.picture(source, "irradiance", sums, gain=source.gain, stride=stride, margin=margin)
+class SurfaceCacheBuffer(ShownBuffer):
+    """The cache's irradiance as a white surface reflects it."""
+
+    def inputs(self, source: ViewSource) -> object:
+        surface = source.renderer.scheduler.gatherer.surface_now
+        return None if surface is None else Identity(surface.result)
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        found = looked_up(source)
+        if found is None:
+            canvas.blank()
+        else:
+            draw_irradiance(canvas, source, found)
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        found = looked_up(source)
+        return texels(found, x, y)[:3] if found is not None and depth_at(texels, source, x, y) else None
+
+    def legend(self, source: ViewSource) -> Legend:
+        if looked_up(source) is None:
+            return Legend(NO_SURFACE_CACHE)
+        return Legend(exposed_white(self.unit, source), unit=self.unit)
+
+
+def looked_up(source: ViewSource) -> moderngl.Texture | None:
+    """The texture of a lookup at every pixel of the view; None where there is no cache."""
+    return source.renderer.scheduler.gatherer.surface_at(source.view.gbuffer)
+
+
+def draw_irradiance(canvas: Canvas, source: ViewSource, sums: moderngl.Texture) -> None:
+    canvas.picture(source, "irradiance", sums, gain=source.gain)
 
 
 def great_irradiance(source: ViewSource) -> float:
@@ -223,12 +259,10 @@ def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
 
 
 def exposed(unit: str, source: ViewSource) -> str:
-    """Return unit and exposure in words."""
     return f"{unit}, exposed by {source.exposure:+.1f} stops"
 
 
 def exposed_white(unit: str, source: ViewSource) -> str:
-    """Return unit and exposure of irradiance in words."""
     return exposed(unit, source) + ", as a white surface sends it out"
 
 

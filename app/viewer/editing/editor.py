@@ -9,11 +9,9 @@ from typing import Literal, cast
 import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, describe, object_name
-from irrsplat.app.viewer.editing.sun_sky import QUICK, SunSky
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, object_name
 from irrsplat.app.viewer.session import Session
 from irrsplat.scene.model import Light
-from irrsplat.sky.cie import ROWS
 
 Kind = Literal["point", "spot", "directional"]
 KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
@@ -25,9 +23,8 @@ _CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
 class Editor:
     """Edits the scene of a session. mesh: the number of the picked object. light: that of the picked light.
 
-    What is changed shows at once; a step to undo is all that has changed between two moments of rest. turning: the handles of the
-    picked object turn it; else they move it. aiming: those of a spot set its aim. handles_used: whether the mouse is on the
-    handles in the picture, dragging: whether it moves them, both as the interface says each frame.
+    What is changed shows at once; a step to undo is all that has changed between two moments of rest. handles_used:
+    whether the mouse is on the handles in the picture, dragging: whether it moves them, both as the interface says each frame.
     """
 
     def __init__(self, session: Session) -> None:
@@ -37,14 +34,12 @@ class Editor:
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
-        self._quick = False  # whether the sky is a coarse map now
-        self.turning = self.aiming = self.handles_used = self.dragging = False
+        self.handles_used = self.dragging = False
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
     @property
     def changed(self) -> bool:
-        """True if the scene differs from its files."""
         return self.edit != SceneEdit.of(self.loaded)
 
     @property
@@ -57,64 +52,44 @@ class Editor:
         scene cannot be so."""
         if edit == self.edit:
             return
-        self._quick = self._quick and edit.sky == self.edit.sky
-        self.session.pose(self._scenes.scene(edit, QUICK if self._quick else ROWS))
+        self.session.pose(self._scenes.scene(edit))
         self.edit = edit
         self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
         if self.light is not None and self.light >= len(edit.lights):
             self.light = len(edit.lights) - 1 if edit.lights else None
 
     def settle(self) -> None:
-        """A moment of rest: what has changed since the last one is one step, and a sky that was made quickly is made as it is."""
-        if self._quick:
-            self.session.pose(self._scenes.scene(self.edit))
-            self._quick = False
+        """A moment of rest: what has changed since the last one is one step."""
         if self.edit != self.present:
             self.past, self.future = [*self.past, self.present][-_MOST:], []
             self.present = self.edit
 
-    def undo(self) -> str:
-        """Undo a step; return it in a few words, "" if there is none."""
+    def undo(self) -> bool:
+        """Undo a step; return False if there is none."""
         self.settle()
-        return self._step(self.past, self.future, back=True)
+        return self._step(self.past, self.future)
 
-    def redo(self) -> str:
-        """Redo the step that was undone last; return it in a few words, "" if there is none."""
+    def redo(self) -> bool:
+        """Redo the step that was undone last; return False if there is none."""
         self.settle()
-        return self._step(self.future, self.past, back=False)
+        return self._step(self.future, self.past)
 
-    def _step(self, source: list[SceneEdit], target: list[SceneEdit], back: bool) -> str:
+    def _step(self, source: list[SceneEdit], target: list[SceneEdit]) -> bool:
         """Show the last state of `source`, and move the present one to `target`."""
         if not source:
-            return ""
-        before, after = self.present, source[-1]
-        self.apply(after)
+            return False
+        self.apply(source[-1])
+        target.append(self.present)
         self.present = source.pop()
-        target.append(before)
-        return describe(after, before, self.loaded) if back else describe(before, after, self.loaded)
-
-    @property
-    def undoes(self) -> str:
-        """The step that `undo` would undo, in a few words; "" for none."""
-        before = self.present if self.edit != self.present else self.past[-1] if self.past else self.edit
-        return "" if before == self.edit else describe(before, self.edit, self.loaded)
-
-    @property
-    def redoes(self) -> str:
-        """The step that `redo` would redo, in a few words; "" for none."""
-        if self.edit != self.present or not self.future:
-            return ""
-        return describe(self.edit, self.future[-1], self.loaded)
+        return True
 
     # ---- lights ----------------------------------------------------------------------------------------------------
 
     @property
     def lights(self) -> tuple[LightEdit, ...]:
-        """The scene's lights as they are set."""
         return self.edit.lights
 
     def set_light(self, number: int, edited: LightEdit) -> None:
-        """Set a light."""
         self.apply(self.edit.with_light(number, edited))
 
     def add_light(self, kind: Kind) -> None:
@@ -138,30 +113,11 @@ class Editor:
         self.pick_light(len(self.lights) - 1)
 
     def delete_light(self, number: int) -> None:
-        """Delete a light."""
         self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))
-
-    # ---- sky -------------------------------------------------------------------------------------------------------
-
-    @property
-    def sky(self) -> SunSky | None:
-        """The sky by place and time, as it was set or as the scene's file has it; None where it is another one."""
-        if self.edit.sky is not None or self.loaded.environment is None:
-            return self.edit.sky
-        return SunSky.of(self.loaded.environment.line)
-
-    def set_sky(self, sky: SunSky) -> None:
-        """Set the sky and its sun; the map is a coarse one until the next moment of rest."""
-        edit = self.edit.with_sky(sky, self._scenes.sky(sky, QUICK))
-        self.session.pose(self._scenes.scene(edit, QUICK))
-        self.edit, self._quick = edit, True
-        if self.light is not None and self.light >= len(edit.lights):
-            self.light = len(edit.lights) - 1
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 
     def object(self, number: int) -> ObjectEdit:
-        """Return the changes of a mesh."""
         return self.edit.objects[number]
 
     def set_object(self, number: int, edit: ObjectEdit) -> None:
@@ -169,29 +125,26 @@ class Editor:
         self.apply(self.edit.with_object(number, edit))
 
     def hide(self, number: int, hidden: bool = True) -> None:
-        """Hide a mesh, or show it again."""
         self.set_object(number, replace(self.object(number), hidden=hidden))
         if hidden and self.mesh == number:
             self.mesh = None
 
     def name(self, number: int) -> str:
-        """Return the name of a mesh."""
         return object_name(self.loaded, number)
 
     @property
     def hidden(self) -> list[int]:
-        """The numbers of the meshes that are hidden."""
         return [i for i, one in enumerate(self.edit.objects) if one.hidden]
 
     # ---- what is picked --------------------------------------------------------------------------------------------
 
     def pick_mesh(self, number: int | None) -> None:
         """Pick an object, or let go of all."""
-        self.mesh, self.turning = number, self.turning and number is not None
+        self.mesh = number
 
     def pick_light(self, number: int | None) -> None:
         """Pick a light, in place of an object."""
-        self.light, self.mesh, self.aiming = number, None, False
+        self.light, self.mesh = number, None
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -54,7 +54,7 @@ class LightEdit:
     """A light of the scene as it is set: `light` with its full colour, brighter by `stops`, or off.
 
     loaded: the light as the scene's files have it, or as it was added. kelvin: the temperature by which it has its colour; None:
-    it has one of its own. of_sky: whether it is a sun of the scene's sky, which sets it when the time is another.
+    it has one of its own.
     """
 
     light: Light
@@ -62,16 +62,13 @@ class LightEdit:
     stops: float = 0.0
     on: bool = True
     kelvin: float | None = None
-    of_sky: bool = False
 
     @classmethod
-    def of(cls, light: Light, of_sky: bool = False) -> LightEdit:
-        """Return a light without changes."""
-        return cls(light, light, of_sky=of_sky)
+    def of(cls, light: Light) -> LightEdit:
+        return cls(light, light)
 
     @property
     def emitted(self) -> Light:
-        """The light that the scene gets."""
         if self.on and self.stops == 0.0:
             return self.light
         red, green, blue = self.light.color
@@ -87,11 +84,9 @@ class LightEdit:
         return replace(self, light=light)
 
     def aimed(self, target: Vector) -> LightEdit:
-        """The spot with another aim."""
         return replace(self, light=replace(self.light, spot_target=target))
 
     def coloured(self, color: Vector) -> LightEdit:
-        """Return the light in another colour."""
         return replace(self, light=replace(self.light, color=color), kelvin=None)
 
     def heated(self, kelvin: float) -> LightEdit:

@@ -8,13 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
-from irrsplat.app.viewer.editing.sun_sky import SunSky, is_sun_of, sun_of, with_sky
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
-from irrsplat.sky.cie import ROWS
-from irrsplat.sky.environment import Environment
 
-_SKIES = 4  # that are kept
 _POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
 
 
@@ -50,40 +46,19 @@ AS_LOADED = ObjectEdit()
 
 @dataclass(frozen=True)
 class SceneEdit:
-    """A scene's lights, what is changed about each of its meshes, and its sky; None: as it was loaded."""
+    """A scene's lights, and what is changed about each of its meshes."""
 
     lights: tuple[LightEdit, ...]
     objects: tuple[ObjectEdit, ...]
-    sky: SunSky | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> SceneEdit:
-        """Return the edit without changes."""
-        lights = tuple(LightEdit.of(light, is_sun_of(light, scene.environment)) for light in scene.lights)
-        return cls(lights, (AS_LOADED,) * len(scene.meshes))
-
-    def with_sky(self, sky: SunSky, environment: Environment | None) -> SceneEdit:
-        """Return the edit under another sky with this environment. Its sun takes the place of the old one.
-
-        The old sun is the light of the sky before, or else the brightest directional light.
-        """
-        before = next((edited for edited in self.lights if edited.of_sky), None)
-        if before is None:
-            directional = [edited for edited in self.lights if edited.light.directional]
-            before = max(directional, key=lambda edited: sum(edited.emitted.color), default=None)
-        light = sun_of(environment, None if before is None else before.light)
-        if before is None:
-            return replace(self, sky=sky, lights=(*self.lights, LightEdit.of(light, of_sky=True)))
-        sun = replace(before, light=light, loaded=light, kelvin=None, of_sky=True, stops=before.stops if before.of_sky else 0.0)
-        lights = tuple(sun if edited is before else edited for edited in self.lights if edited is before or not edited.of_sky)
-        return replace(self, sky=sky, lights=lights)
+        return cls(tuple(map(LightEdit.of, scene.lights)), (AS_LOADED,) * len(scene.meshes))
 
     def with_light(self, number: int, edited: LightEdit) -> SceneEdit:
-        """Return the edit with another light of this number."""
         return replace(self, lights=(*self.lights[:number], edited, *self.lights[number + 1 :]))
 
     def with_object(self, number: int, edit: ObjectEdit) -> SceneEdit:
-        """Return the edit with another change of the mesh of this number."""
         return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
 
 
@@ -121,24 +96,14 @@ class EditedScene:
 
     def __init__(self, loaded: Scene) -> None:
         self.loaded = loaded
-        self._skies: dict[tuple[SunSky, int], Environment | None] = {}  # the last ones, and of how many rows
         self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
         self._last: tuple[tuple[ObjectEdit, ...], tuple[Mesh, ...]] = (AS_LOADED,) * len(loaded.meshes), loaded.meshes
 
-    def sky(self, sky: SunSky, rows: int = ROWS) -> Environment | None:
-        """A sky as a map of so many rows; None at night."""
-        if (sky, rows) not in self._skies:
-            made = sky.environment(self.loaded.up, rows)
-            self._skies = dict([*self._skies.items(), ((sky, rows), made)][-_SKIES:])
-        return self._skies[sky, rows]
-
-    def scene(self, edit: SceneEdit, rows: int = ROWS) -> Scene:
-        """The scene with all that the edit says, a sky of its own as a map of so many rows. Raises InputError where a mesh would
-        go beyond what 32-bit floats hold."""
+    def scene(self, edit: SceneEdit) -> Scene:
+        """Return the scene after an edit. Raises InputError where a mesh would go beyond what 32-bit floats hold."""
         if edit.objects != self._last[0]:
             self._last = edit.objects, self._meshes(edit.objects)
-        scene = replace(self.loaded, lights=tuple(edited.emitted for edited in edit.lights), meshes=self._last[1])
-        return scene if edit.sky is None else with_sky(scene, self.sky(edit.sky, rows))
+        return replace(self.loaded, lights=tuple(edited.emitted for edited in edit.lights), meshes=self._last[1])
 
     def _meshes(self, edits: tuple[ObjectEdit, ...]) -> tuple[Mesh, ...]:
         meshes = [self._mesh(i, replace(one, hidden=False)) for i, one in enumerate(edits)]
@@ -177,43 +142,5 @@ class EditedScene:
         return mesh
 
 
-def describe(before: SceneEdit, after: SceneEdit, scene: Scene) -> str:
-    """Return the step from one edit to another in a few words."""
-    if before.sky != after.sky:
-        return "the sun's place and time" if before.sky is not None and after.sky is not None else "the sky"
-    if len(after.lights) != len(before.lights):
-        return "add a light" if len(after.lights) > len(before.lights) else "delete a light"
-    for number, (a, b) in enumerate(zip(before.lights, after.lights, strict=True)):
-        if a != b:
-            return f"{b.light.name or f'light {number + 1}'}: {_light_words(a, b)}"
-    for number, (old, new) in enumerate(zip(before.objects, after.objects, strict=True)):
-        if old != new:
-            return f"{object_name(scene, number)}: {_object_words(old, new)}"
-    return "nothing"
-
-
-def _light_words(a: LightEdit, b: LightEdit) -> str:
-    if a.on != b.on:
-        return "on" if b.on else "off"
-    if a.stops != b.stops:
-        return "brightness"
-    if a.light.position != b.light.position:
-        return "turn" if b.light.directional else "move"
-    if a.light.spot_target != b.light.spot_target:
-        return "aim"
-    return "colour" if a.light.color != b.light.color or a.kelvin != b.kelvin else "cone"
-
-
-def _object_words(a: ObjectEdit, b: ObjectEdit) -> str:
-    if a.hidden != b.hidden:
-        return "hide" if b.hidden else "show"
-    if a.turn != b.turn:
-        return "turn"
-    if a.offset != b.offset:
-        return "move"
-    return "colour" if a.albedo != b.albedo else "glow"
-
-
 def object_name(scene: Scene, number: int) -> str:
-    """Return the name of the mesh of this number."""
     return scene.meshes[number].name or f"mesh {number + 1}"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from irrsplat.app.film import video
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.view_options import COMPARES, SPLITS
+from irrsplat.reference import worker
 from irrsplat.settings import PRESETS
 
 
@@ -16,18 +18,19 @@ class Command:
     menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions, called with `argument`, if any.
     key: the name of a key as moderngl-window has it, "" for none; ctrl, shift: pressed with Ctrl or Shift.
     enabled: a property of Actions that is True while the action can run; "" for always. help: further words.
-    section: True if a line divides it from the entry above.
+    extra: of the package, that it needs; a key of EXTRAS. section: True if a line divides it from the entry above.
     """
 
     menu: str
     title: str
     action: str
     key: str = ""
-    argument: str | None = None
+    argument: str | float | None = None
     ctrl: bool = False
     shift: bool = False
     help: str = ""
     enabled: str = ""
+    extra: str = ""
     section: bool = False
 
     @property
@@ -39,10 +42,10 @@ class Command:
 
     @property
     def words(self) -> str:
-        """The title and the help in one line."""
         return f"{self.title}: {self.help}" if self.help else self.title
 
 
+EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # a module of each, and how it is installed
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
 _WORDS = {
     "LEFT_BRACKET": "[",
@@ -57,23 +60,30 @@ _WORDS = {
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
-    Command("File", "Open…", "open_dialog", "O", ctrl=True, help="a scene or a path"),
-    Command("File", "Reload", "reload", "F5", help="scene and shaders"),
+    Command("File", "Open…", "toggle", "O", "open", ctrl=True, help="a scene or a path"),
+    Command("File", "Reload", "reload", "F5", help="the scene from its files"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
-    Command("File", "Save picture", "screenshot_bare", "F12", help="a PNG in the pictures folder", section=True),
-    Command("File", "Save window", "screenshot", "F12", ctrl=True, help="the same with the interface"),
-    Command("File", "Save film…", "film_dialog", help="of the recorded flight or the opened path", enabled="film_possible"),
+    Command("File", "Save picture", "screenshot", "F12", "bare", help="a PNG in the pictures folder", section=True),
+    Command("File", "Save window", "screenshot", "F12", "window", ctrl=True, help="the same with the interface"),
+    Command(
+        "File",
+        "Save film…",
+        "save_dialog",
+        argument="film",
+        help="of the flight or the opened path",
+        enabled="film_possible",
+        extra="video",
+    ),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
-    Command("Edit", "Undo", "undo", "Z", ctrl=True),
-    Command("Edit", "Redo", "redo", "Y", ctrl=True),
-    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True),
+    Command("Edit", "Undo", "undo", "Z", ctrl=True, enabled="undo_possible"),
+    Command("Edit", "Redo", "redo", "Y", ctrl=True, enabled="redo_possible"),
+    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True, enabled="redo_possible"),
     Command("Edit", "Delete", "delete", "DELETE", help="the selected light; a selected object is hidden", section=True),
     Command("Edit", "Hide", "hide_object", "BACKSPACE", help="the selected object"),
-    Command("Edit", "Rotate or move", "turn_handles", "O", help="what the handles do; they aim a spot", enabled="selected"),
     Command("Edit", "Add a point light", "add_light", argument="point", section=True),
     Command("Edit", "Add a spot light", "add_light", argument="spot"),
     Command("Edit", "Add a directional light", "add_light", argument="directional"),
@@ -84,29 +94,24 @@ _VIEW = (
     Command("View/Camera", "First camera", "home", "HOME"),
     Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
     Command("View/Camera", "Selected object", "frame_selected", "F", help="or the whole scene"),
-    Command("View/Camera", "Headlamp", "headlamp", "H", help="a light at the camera without shadows"),
-    Command("View/Camera", "Add bookmark", "bookmark", "B", section=True),
-    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C"),
+    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C", section=True),
     Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
     Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
     Command("View", "Record normals", "toggle", "V", "normals"),
-    Command("View", "Colour records by age", "toggle", "G", "by_age", help="instead of by radius"),
-    Command("View", "Surface cache points", "toggle", "L", "sites"),
     Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
-    Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it, or click both ends"),
+    Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
-    Command("View", "Darker", "darker", "LEFT_BRACKET", help="half a stop", section=True),
-    Command("View", "Brighter", "brighter", "RIGHT_BRACKET", help="half a stop"),
+    Command("View", "Darker", "expose", "LEFT_BRACKET", -0.5, help="half a stop", section=True),
+    Command("View", "Brighter", "expose", "RIGHT_BRACKET", 0.5, help="half a stop"),
     Command("View", "Automatic exposure", "auto_exposure", "BACKSLASH"),
 )
 _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
-    Command("Render", "Preset paper and back", "swap_preset", "M"),
     Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
     Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
     Command("Render", "Gather one round", "step", "N", help="and freeze the cache"),
@@ -127,7 +132,7 @@ _COMPARE = (
         "trace",
         "Y",
         help="of this view; again: stop",
-        enabled="reference_possible",
+        extra="reference",
         section=True,
     ),
 )

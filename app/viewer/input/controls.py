@@ -58,7 +58,6 @@ class Controls:
 
     @property
     def session(self) -> Session:
-        """The session that the actions are about."""
         return self.actions.session
 
     @property
@@ -75,6 +74,11 @@ class Controls:
     def active(self) -> bool:
         """True if the camera may move in the next frame without a further event."""
         return bool(self.pressed) or self.looking
+
+    @property
+    def flies(self) -> bool:
+        """True if a flying key is down."""
+        return any(getattr(self.wnd.keys, name) in self.pressed for name in _FLYING)
 
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
@@ -105,14 +109,12 @@ class Controls:
 
     @property
     def _divider(self) -> float:
-        """The place of the divider, window coordinates."""
         left, _, width, _ = self.picture()
         return (left + self.session.options.divider * width) / self.wnd.pixel_ratio
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 
     def key(self, key: int | str, action: object, modifiers: KeyModifiers) -> None:
-        """A key went down or up."""
         names, down = self.wnd.keys, action != self.wnd.keys.ACTION_RELEASE
         # the modifiers that come with such a key's own event may be those before it (X11), or after it
         shift = down if key in (names.LEFT_SHIFT, names.RIGHT_SHIFT) else modifiers.shift
@@ -128,7 +130,7 @@ class Controls:
             self._capture(False)
         elif self.backend.wants_keyboard:
             return
-        flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
+        flying = self.looking or self.flies
         found = commands.of_key(names, key, bool(ctrl), bool(shift))
         if flying and found is not None and found.action != "escape":
             found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
@@ -140,13 +142,11 @@ class Controls:
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
-        """Text was typed."""
         self.backend.char(char)
 
     # ---- mouse -----------------------------------------------------------------------------------------------------
 
     def mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
-        """The mouse moved, with or without a button down."""
         if self.looking:
             if not self._skip:  # the first motion of a captured mouse is a jump
                 self.travelled += abs(dx) + abs(dy)
@@ -160,7 +160,7 @@ class Controls:
             left, _, width, _ = self.picture()
             self.session.options.divider = float(np.clip((x * self.wnd.pixel_ratio - left) / width, 0.02, 0.98))
         elif self.drawing and self.travelled > _CLICK:
-            self._draw_line(begin=False)
+            self._draw_line()
         elif self.pivot is not None and self.actions.editor.dragging:
             self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
@@ -190,6 +190,7 @@ class Controls:
         elif button == LEFT and self._on_divider(x):
             self.dividing = True
         elif button == LEFT and self.session.options.profile and not self.actions.editor.handles_used:
+            self.drawing = True
             self._draw_line(begin=True)
         elif button == LEFT:
             self.actions.stop()
@@ -197,7 +198,6 @@ class Controls:
             self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
-        """A mouse button went up."""
         self.backend.mouse_button(button, False)
         if button == RIGHT and self.looking:
             self._capture(False)
@@ -214,28 +214,21 @@ class Controls:
                 else:
                     self._pick(self.pointer)
             self.pivot, self.dividing = None, False
-            if self.drawing:
-                self.session.line.release()
             self.drawing = False
 
     def _pick(self, pixel: tuple[int, int]) -> None:
-        """Select the object or the light at a pixel."""
         self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
 
-    def _draw_line(self, begin: bool) -> None:
-        """Put an end of the line to measure along where the mouse is: the first one, or where it is dragged to."""
+    def _draw_line(self, begin: bool = False) -> None:
+        """Put the end of the line to measure along where the mouse is; begin: both ends."""
         point = self.display.point_at(self.pointer) if self.pointer is not None else None
-        if point is None:
-            if begin:
-                self.actions.say("no surface is there to measure on", topic="line")
+        if point is not None:
+            self.session.line = (point if begin or self.session.line is None else self.session.line[0]), point
         elif begin:
-            self.session.line.press(point)
-            self.drawing = True
-        else:
-            self.session.line.drag(point)
+            self.drawing = False
+            self.actions.say("no surface is there to measure on", topic="line")
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
-        """The wheel turned."""
         camera = self.session.free_camera
         if self.looking:
             camera.change_speed(y_offset)

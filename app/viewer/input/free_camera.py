@@ -102,11 +102,10 @@ class FreeCamera:
         self._stand(middle + self._axes[2] * distance, about=middle)
 
     def home(self) -> None:
-        """Back to the first camera."""
         self.go(self._first)
 
     def go(self, camera: Camera) -> None:
-        """Jump to a named camera or a bookmark; the world's up and the speed stay."""
+        """Jump to a camera; the world's up and the speed stay."""
         self._camera = camera
         self._eye = np.array(camera.eye, float)
         self._axes = camera.axes

@@ -33,7 +33,6 @@ class PathRecorder:
 
     @property
     def camera(self) -> Camera | None:
-        """The path's camera while it plays."""
         return None if self.path is None or self.frame is None else self.path.camera(self.frame)
 
     def fits(self, scene: Scene) -> bool:
@@ -47,7 +46,6 @@ class PathRecorder:
 
     @property
     def at_rest(self) -> bool:
-        """True if it neither plays nor records."""
         return self.playing is None and self.recording is None
 
     def tick(self, dt: float, camera: Camera) -> Camera | None:
@@ -76,7 +74,6 @@ class PathRecorder:
         self.recording = None if self.recording is None else [camera.shifted(by) for camera in self.recording]
 
     def play(self) -> None:
-        """Play the path from its start, where there is one."""
         self.playing = None if self.path is None else 0.0
 
     def stop(self) -> Camera | None:

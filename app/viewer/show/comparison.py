@@ -6,7 +6,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Values, ViewSource, colour_map
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Values, colour_map
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.screen import clear
@@ -20,8 +20,7 @@ class Comparison:
         self.session, self.buffer_view = session, buffer_view
 
     def draw(self, target: Target) -> None:
-        """Draw it over the whole target."""
-        left, right = (self._source(side) for side in (0, 1))
+        left, right = (self.session.source(side) for side in (0, 1))
         a, b = self._values()
         if a is None or b is None:
             return clear(target, GROUND)
@@ -43,7 +42,6 @@ class Comparison:
         )
 
     def legend(self) -> Legend:
-        """Return the legend of the difference."""
         session = self.session
         if any(BUFFERS[session.buffer(side)].needs_reference and session.source(side).reference is None for side in (0, 1)):
             return Legend(NO_REFERENCE)
@@ -55,7 +53,6 @@ class Comparison:
 
     @property
     def title(self) -> str:
-        """The compared buffers and presets in words."""
         words = [BUFFERS[self.session.buffer(side)].title for side in (0, 1)]
         what = words[0] if words[0] == words[1] else f"{words[0]} and {words[1]}"
         return f"difference of {what}, {self.session.pair}"
@@ -66,7 +63,7 @@ class Comparison:
             return None
         found = []
         for side in (0, 1):
-            source = self._source(side)
+            source = self.session.source(side)
             place = self.session.place(source.view, x, y)
             found.append(self.buffer_view.value(self.session.buffer(side), source, *place))
         left, right = found
@@ -75,13 +72,10 @@ class Comparison:
         difference: np.ndarray = np.mean(np.abs(left - right), keepdims=True)
         return difference
 
-    def _source(self, side: int) -> ViewSource:
-        return self.session.source(side)
-
     def _values(self) -> tuple[Values, Values] | tuple[None, None]:
         """Return the numbers of both sides; None if they are not of one kind."""
         names = [self.session.buffer(side) for side in (0, 1)]
-        left, right = (BUFFERS[name].values(self._source(side)) for side, name in enumerate(names))
+        left, right = (BUFFERS[name].values(self.session.source(side)) for side, name in enumerate(names))
         if left is None or right is None or len({BUFFERS[name].unit for name in names}) > 1 or left.channels != right.channels:
             return None, None
         return left, right

@@ -17,7 +17,7 @@ from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
 from irrsplat.app.viewer.show.light.why_dark import Point, Surface
-from irrsplat.app.viewer.show.markers import By, Markers
+from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, Texels, clear
 from irrsplat.core.color import photometric
@@ -61,9 +61,8 @@ class Display(Owner):
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.buffer(side), self.session.source(side)
-        cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
-        markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
-        return name, source.inputs, BUFFERS[name].inputs(source), markers
+        cache = source.renderer.cache
+        return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
@@ -90,12 +89,9 @@ class Display(Owner):
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
         if options.plane and (measured := self.session.plane.measured) is not None:
             self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
-        by: By = "age" if options.by_age else "radius"
         for kind in ("discs", "normals", "points"):
             if getattr(options, kind):
-                markers.records(kind, screen, view, renderer.cache.records, settings, scene, by, region)
-        if options.sites:
-            markers.sites(screen, view, renderer.scheduler.gatherer.surface_now, exposure=source.exposure, region=region)
+                markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held
@@ -135,8 +131,8 @@ class Display(Owner):
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
-        ends = self.session.line.ends
-        if ends is None:
+        ends = self.session.line
+        if ends is None or ends[0] == ends[1]:
             return None
         name, source = self.session.buffer(side), self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -19,9 +19,6 @@ from irrsplat.image.view import View
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.cache import SurfaceCache
-
-By = Literal["radius", "age"]
 
 _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
@@ -56,10 +53,9 @@ class Markers(Owner):
         records: Records,
         settings: Settings,
         scene: Scene,
-        by: By,
         region: Region | None,
     ) -> None:
-        """Draw every record, coloured by its radius a·R_k or by its age.
+        """Draw every record, coloured by its radius a·R_k.
 
         kind: "points", dots of constant size; "discs", ellipses of radii a·R in this view, in the tangent planes; or "normals",
         lines of constant length.
@@ -67,12 +63,11 @@ class Markers(Owner):
         if not records.count:
             return
         segments = _segments(target.size[1], settings)
-        low, high = (0.0, max(records.count - 1, 1)) if by == "age" else np.log(radius_range(settings, scene))
+        low, high = np.log(radius_range(settings, scene))
         uniforms = {
             **self._of_records(target, view, records, settings),
             "colours": self.colours,
             "size": target.size,
-            "by_age": by == "age",
             "span": (low, 1.0 / (high - low)),
             "radius": _RADIUS,
             "width": _WIDTH,
@@ -92,26 +87,6 @@ class Markers(Owner):
         """Draw strips of triangles with those of the uniforms that the program declares."""
         strip, state = moderngl.TRIANGLE_STRIP, _OVER
         program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
-
-    def sites(
-        self, target: Target, view: View, surface: SurfaceCache | None, *, exposure: float, region: Region | None = None
-    ) -> None:
-        """Draw every site of the surface cache that faces the camera as a dot in the colour of a white surface there."""
-        if surface is None or surface.records is None or not len(surface.sites):
-            return
-        records, count = surface.records.records, len(surface.sites)
-        uniforms = {
-            **view_uniforms(target, view.gbuffer, view.camera),
-            "records_position": records.textures["position"],
-            "records_normal": records.textures["normal"],
-            "surface_values": surface.lookup.values,
-            "first": records.count - count,
-            "eye": view.camera.eye,
-            "size": target.size,
-            "gain": 2.0**exposure,
-            "radius": _RADIUS,
-        }
-        self._draw(self.programs("viewer/markers/points", "viewer/markers/sites"), target, uniforms, region, instances=count)
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
         """Draw the edges of the scene's triangles, thin and half transparent."""
@@ -139,10 +114,7 @@ class Markers(Owner):
         return int(self.query.samples)
 
 
-def radius_legend(settings: Settings, scene: Scene, by: By, count: int) -> Legend:
-    """Return the legend of the colours of `count` records."""
-    if by == "age":
-        return Legend("record number, old to new", "0", str(max(count - 1, 0)), "", colour_map())
+def radius_legend(settings: Settings, scene: Scene) -> Legend:
     low, high = radius_range(settings, scene)
     text = "radius a·R_k before the view limits it, logarithmic"
     return Legend(text, f"{low:.2g}", f"{high:.2g}", "m", colour_map())

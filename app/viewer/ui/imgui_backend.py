@@ -99,7 +99,6 @@ class ImguiBackend(Owner):
         imgui.new_frame()
 
     def end(self) -> None:
-        """End a pass that is not drawn."""
         imgui.set_current_context(self._context)
         imgui.end_frame()
 
@@ -132,7 +131,6 @@ class ImguiBackend(Owner):
                 self._io.add_key_event(imgui.Key[f"mod_{name}"], bool(held))
 
     def char(self, text: str) -> None:
-        """Text was typed."""
         self._io.add_input_characters_utf8(text)
 
     def mouse_position(self, x: float, y: float) -> None:

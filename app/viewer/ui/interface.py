@@ -10,8 +10,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.editing.handles import Handles
-from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel
-from irrsplat.app.viewer.ui.editing.outliner import draw_outliner
+from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel, draw_outliner
 from irrsplat.app.viewer.ui.layout import Box, Layout
 from irrsplat.app.viewer.ui.legends import Legends
 from irrsplat.app.viewer.ui.lights_panel import LightsPanel

@@ -88,10 +88,8 @@ class Layout:
 
 
 def accent() -> tuple[float, float, float, float]:
-    """Return the colour of text that stands out."""
     return AMBER
 
 
 def in_unit(text: str, unit: str) -> str:
-    """Return a number with its unit."""
     return text if unit == "1" else f"{text} {unit}"

@@ -8,7 +8,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.markers import By, radius_legend
+from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout, in_unit
 from irrsplat.app.viewer.ui.statistics_view import draw_tracing
 
@@ -18,13 +18,10 @@ _MOST = 0.4  # of the picture's height
 
 
 class Legends:
-    """Draws the legends of the sides on show."""
-
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.display, self.layout = actions, display, layout
 
     def draw(self, cursor: tuple[int, int] | None) -> None:
-        """Draw them all. cursor: the pixel under the mouse."""
         session, layout = self.actions.session, self.layout
         layout.legend_height = 0.0
         if not session.views:
@@ -68,8 +65,7 @@ class Legends:
         if buffer.needs_reference:
             draw_tracing(self.actions)
         if (options.points or options.discs or options.normals) and not session.compared:
-            by: By = "age" if options.by_age else "radius"
-            draw_scale(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
+            draw_scale(radius_legend(source.settings, source.scene), scale)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:
             imgui.text(value)

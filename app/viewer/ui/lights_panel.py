@@ -13,10 +13,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
 from irrsplat.app.viewer.editing.photometry import light_units
-from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
-from irrsplat.app.viewer.ui.editing.handles import choose_handles
-from irrsplat.app.viewer.ui.editing.output_slider import edit_output
-from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
+from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
@@ -26,13 +23,10 @@ _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
 class LightsPanel:
-    """Draws the lights' panel, and the lights in the picture while it is open."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel."""
         actions, editor = self.actions, self.actions.editor
         if not editor.lights:
             imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
@@ -49,7 +43,6 @@ class LightsPanel:
         if editor.light is not None:
             imgui.separator()
             self._edit(editor.light)
-        draw_sky(actions, self.layout.label)
 
     def _edit(self, number: int) -> None:
         """Draw the widgets of a light, and apply their changes."""
@@ -69,7 +62,7 @@ class LightsPanel:
                 edited = edited.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("reset"):
-            edited = LightEdit.of(edited.loaded, edited.of_sky)
+            edited = LightEdit.of(edited.loaded)
         imgui.same_line()
         if imgui.button("delete"):
             actions.attempt(lambda: editor.delete_light(number))
@@ -78,7 +71,7 @@ class LightsPanel:
 
     def _placed(self, edited: LightEdit) -> LightEdit:
         """Return the light after the widgets of place, aim and cone."""
-        session, editor, light = self.actions.session, self.actions.editor, edited.light
+        session, light = self.actions.session, edited.light
         step = session.scene.diagonal / 500.0 if not light.directional else 0.01
         label = "towards" if light.directional else "position"
         moved, place = self._dragged(self.layout.label(label), light.position, step, light.directional)
@@ -89,7 +82,6 @@ class LightsPanel:
         moved, aim = self._dragged(self.layout.label("aims at"), light.spot_target, step)
         if moved and aim != tuple(edited.light.position):
             edited = edited.aimed(aim)
-        editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return edited
         cutoff, inner = light.spot_cutoff, light.spot_inner

@@ -11,25 +11,20 @@ from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
 from irrsplat.app.viewer.view_options import SCALES
-from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 
-_CONTEXT = ("delete", "hide_object", "turn_handles", "frame_selected", "undo")  # actions on what is selected
+_CONTEXT = ("delete", "hide_object", "frame_selected", "undo")  # actions on what is selected
 _TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
-_NAME_WIDTH = 8.0  # of a bookmark's name and of a slider, heights of the font
+_NAME_WIDTH = 8.0  # of a slider, heights of the font
 
 
 class Menus:
-    """Draws the menu bar."""
-
     def __init__(self, actions: Actions) -> None:
         self.actions = actions
         self._scale = 0.0  # of the interface, while its slider is dragged
         self._before: dict[str, Callable[[], None]] = {  # what the table cannot list, above the entry of an action
             "save_again": self._scenes,
-            "add_light point": self._hidden_objects,
             "home": self._cameras,
-            "copy_line": self._bookmarks,
             "fullscreen": self._size,
             "toggle help": self._version,
         }
@@ -78,7 +73,6 @@ class Menus:
             imgui.end_menu()
 
     def _entries(self, menu: str) -> None:
-        """Draw the entries of a menu."""
         for command in COMMANDS:
             if command.menu != menu:
                 continue
@@ -90,20 +84,15 @@ class Menus:
             self._entry(command)
 
     def _entry(self, command: Command) -> None:
-        actions = self.actions
-        what = {"undo": actions.editor.undoes, "redo": actions.editor.redoes}.get(command.action)
+        actions, possible = self.actions, self.actions.can(command)
         if command.action == "redo" and command.shift:
             return  # the second key of the entry above
-        title, possible = f"{command.title}: {what}" if what else command.title, actions.can(command) and what != ""
-        name = f"{title}##{command.menu}"
-        if imgui.menu_item(name, command.shown, actions.is_active(command), possible)[0]:
+        if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), possible)[0]:
             actions.press(command)
-        missing = command.enabled == "reference_possible" and not possible
-        if command.help or missing:
-            imgui.set_item_tooltip(f"needs the extra reference: {INSTALL}" if missing else command.help)
+        if said := actions.missing(command) or command.help:
+            imgui.set_item_tooltip(said)
 
     def _scenes(self) -> None:
-        """Draw recent and bundled scenes."""
         actions, names = self.actions, bundled()
         recent = [source for source in actions.preferences.recent if source not in names]
         if imgui.begin_menu("Open recent", bool(recent)):
@@ -117,28 +106,12 @@ class Menus:
             if imgui.menu_item(name, "", actions.source == name)[0]:
                 actions.attempt(lambda name=name: actions.open(name))  # type: ignore[misc]
 
-    def _hidden_objects(self) -> None:
-        editor = self.actions.editor
-        for number in editor.hidden:
-            if imgui.menu_item(f"Show {editor.name(number)}##{number}", "", False)[0]:
-                self.actions.show_hidden(number)
-
     def _cameras(self) -> None:
         actions = self.actions
         for i, camera in enumerate(actions.session.scene.placed(actions.session.origin).cameras):
             if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:
                 actions.go(camera)
         imgui.separator()
-
-    def _bookmarks(self) -> None:
-        actions = self.actions
-        for bookmark in list(actions.bookmarks):
-            if imgui.begin_menu(bookmark.name):
-                if imgui.menu_item("Go to", "", False)[0]:
-                    actions.go(bookmark)
-                if imgui.menu_item("Delete", "", False)[0]:
-                    actions.forget(bookmark)
-                imgui.end_menu()
 
     def _size(self) -> None:
         imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())

@@ -1,4 +1,4 @@
-"""The settings, stage by stage: a widget each, made from its declaration, and the reason if it has no effect."""
+"""The settings, stage by stage: a widget each, made from its declaration."""
 
 from __future__ import annotations
 
@@ -7,29 +7,10 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.ui.layout import Layout, accent
-from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
+from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
-_OF_RENDERS = ("samples", "quality")
-_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality")
-_INDIRECT = ("gather", "splat", "examine")  # stages that are left out without bounces
-_ALWAYS = ("bounces", "seed")
-
-
-def why_idle(name: str, settings: Settings) -> str | None:
-    """Why the setting `name` changes nothing that the viewer shows while the others are as in `settings`; None: it does."""
-    if name in _OF_RENDERS:
-        return "irrsplat render alone goes by it"
-    concerned = SETTINGS[name].stage in _INDIRECT and name not in _ALWAYS
-    if settings.most_bounces == 0 and (concerned or name in _OF_INDIRECT_LIGHT):
-        return "bounces is 0: there is no indirect light"
-    if name == "warmup" and settings.placement == "tiles":
-        return "placement is tiles: there is no random warm-up"
-    if name == "viewer_quality" and settings.placement == "scan":
-        return "placement is scan: what the paper's order has placed is not refined"
-    return None
-
-
+OF_RENDERS = frozenset(("samples", "quality"))  # without effect here
 Value = float | int | bool | str
 
 # ends of sliders whose ranges are far wider than usual values; other values are typed (Ctrl+click)
@@ -44,9 +25,7 @@ _SPANS: dict[str, tuple[float, float]] = {
     "max_records": (1000, 1_000_000),
     "exposure": (-10.0, 10.0),
     "budget": (10.0, 1000.0),
-    "samples": (1, 256),
     "viewer_samples": (0, 256),
-    "quality": (0.0, 5.0),
     "viewer_quality": (0.0, 5.0),
 }
 _LOGARITHMIC = {
@@ -54,7 +33,6 @@ _LOGARITHMIC = {
 }
 _STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
 _OPEN = ("splat", "examine", "composite")  # stages that are unfolded at first
-_IDLE = 0.45  # opacity of settings without effect
 _TOOLTIP = 28.0  # width of the text, in heights of the font
 _COSTLY = ("shadow", "gather")  # stages whose settings make every record anew: a slider changes them when it is released
 
@@ -72,7 +50,6 @@ class SettingsPanel:
         self.actions.panels.settings, self._sought = True, name
 
     def draw(self) -> None:
-        """Draw all of them."""
         if not self.actions.panels.controls:
             if self.actions.session.options.split == "presets":
                 self.draw_sides()
@@ -82,7 +59,7 @@ class SettingsPanel:
                 imgui.set_next_item_open(True)
             if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
                 for declaration in SETTINGS.values():
-                    if declaration.stage == stage:
+                    if declaration.stage == stage and declaration.name not in OF_RENDERS:
                         self.draw_setting(declaration)
 
     def draw_sides(self) -> None:
@@ -94,7 +71,6 @@ class SettingsPanel:
                 self.actions.side = side
 
     def draw_presets(self) -> None:
-        """Draw the list of presets."""
         actions = self.actions
         chosen, settings = actions.session.settings(actions.side)
         differs = any(getattr(settings, name) != getattr(preset(chosen), name) for name in SETTINGS)
@@ -110,21 +86,16 @@ class SettingsPanel:
         d, actions = declaration, self.actions
         chosen, settings = actions.session.settings(actions.side)
         value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
-        idle = why_idle(d.name, settings)
         imgui.push_id(d.name)
         if d.name == self._sought:
             imgui.set_scroll_here_y()
             self._sought = ""
-        imgui.push_style_var(imgui.StyleVar_.alpha, imgui.get_style().alpha * (1.0 if idle is None else _IDLE))
         imgui.begin_group()
         new = self._widget(d, value)
         imgui.end_group()
-        imgui.pop_style_var()
         if imgui.begin_item_tooltip():
             imgui.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size())
             imgui.text_wrapped(d.help)
-            if idle is not None:
-                imgui.text_colored(accent(), f"no effect now: {idle}")
             imgui.text_disabled(f"{d.flag}  {d.range}; in preset {chosen}: {_in_words(base)}")
             if d.kind in ("int", "float"):
                 imgui.text_disabled("Ctrl+click: type a number")

@@ -106,7 +106,6 @@ class SidePanel:
         self._state()
 
     def _buffer(self) -> None:
-        """Draw the list of buffers."""
         actions, options = self.actions, self.actions.session.options
         side = actions.side if options.split != "off" else 0
         label = self.layout.label("buffer")

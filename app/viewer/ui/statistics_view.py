@@ -12,7 +12,6 @@ from irrsplat.app.viewer.ui.layout import accent
 from irrsplat.image.view import Progress
 
 _MEAN = 20  # frames of the mean rate
-_KEPT = 30  # frames that a stage's row stays after it ran
 
 
 class FrameTimes:
@@ -33,60 +32,42 @@ class FrameTimes:
 
 
 class StatisticsView:
-    """Draws times and numbers."""
+    """Draws times and numbers. The table of stages has a row for each that has run."""
 
     def __init__(self, actions: Actions, times: FrameTimes) -> None:
         self.actions, self.times = actions, times
-        self._frames_since: dict[str, int] = {}  # that a stage of the table ran
+        self._rows: dict[str, None] = {}  # in the order of their first runs
 
     def draw(self) -> None:
-        """Draw them."""
-        self._rate()
-        self._stages()
-        for side, progress in enumerate(self.actions.session.progress):
-            imgui.separator()
-            self._side(side, progress)
-
-    def _rate(self) -> None:
-        frames = self.times.frames
+        session, frames = self.actions.session, self.times.frames
         mean = max(sum(frames) / max(len(frames), 1), 1e-3)  # of fewer frames it is no rate
-        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / mean:.0f} fps" if len(frames) == _MEAN else "starting"
+        rate = "at rest" if session.at_rest else f"{1e3 / mean:.0f} fps" if len(frames) == _MEAN else "starting"
         imgui.text(f"{rate}, last frame {self.times.work:.0f} ms")
-
-    def _stages(self) -> None:
-        """Draw a row for each stage; rows stay a while after the stage ran."""
-        session = self.actions.session
         present = {**session.ms, **self.times.stages}
-        frames = {stage: since + 1 for stage, since in self._frames_since.items() if since < _KEPT}
-        self._frames_since = frames | dict.fromkeys(present, 0)
+        self._rows |= dict.fromkeys(present)
         if imgui.begin_table("stages", 2):
-            for stage in self._frames_since:
+            for stage in self._rows:
                 imgui.table_next_column()
                 imgui.text_disabled(stage)
                 imgui.table_next_column()
                 imgui.text(f"{present.get(stage, 0.0):6.1f} ms")
             imgui.end_table()
         imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
-
-    def _side(self, side: int, progress: Progress) -> None:
-        session = self.actions.session
-        renderer = session.renderers[side]
-        in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
-        who = f"{('left', 'right')[side]}: " if len(session.progress) > 1 else ""
-        imgui.text_wrapped(f"{who}{progress.records} records, {progress.new} new")
-        imgui.text_wrapped(f"{in_view} in view, {coverage_in_words(progress, renderer.settings.fill_holes)}")
-        if progress.error is not None:
-            imgui.text_wrapped(f"error about {100.0 * progress.error:.2g} %" + ("" if progress.refined else ", refining"))
-        if progress.surface < 1.0:
-            imgui.text_colored(accent(), f"surface cache {100.0 * progress.surface:.0f} %")
-        if progress.stale:
-            imgui.text_colored(accent(), f"{progress.stale} stale records")
-        if progress.full:
-            imgui.text_colored(accent(), "max_records is reached: raise it")
+        for renderer, progress in zip(session.active, session.progress, strict=False):
+            imgui.separator()
+            in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
+            imgui.text_wrapped(f"{renderer.preset}: {progress.records} records, {progress.new} new, {in_view} in view")
+            imgui.text_wrapped(coverage_in_words(progress, renderer.settings.fill_holes))
+            if progress.surface < 1.0:
+                imgui.text_colored(accent(), f"surface cache {100.0 * progress.surface:.0f} %")
+            if progress.stale:
+                imgui.text_colored(accent(), f"{progress.stale} stale records")
+            if progress.full:
+                imgui.text_colored(accent(), "max_records is reached: raise it")
 
 
 def coverage_in_words(progress: Progress, filled: bool) -> str:
-    """Return the share of the view that records cover. filled: a coarse estimate stands in the rest."""
+    """Return the share of the view that records cover. filled: a coarse estimate replaces the rest."""
     if progress.coverage == 0.0:  # of the first round it is known only when that ends
         return "first estimate" if filled else "first round"
     return f"coverage {math.floor(1000.0 * progress.coverage) / 10.0:.1f} %"  # 100 only where it is
@@ -94,9 +75,8 @@ def coverage_in_words(progress: Progress, filled: bool) -> str:
 
 def draw_tracing(actions: Actions) -> None:
     """Draw the progress of the reference while it is traced."""
-    references = actions.session.references
-    if references.progress:
-        share = "" if references.traced is None else f"{100.0 * references.traced:.0f} % done, "
+    tracing = actions.session.tracing
+    if tracing.traced is not None:
         imgui.push_style_color(imgui.Col_.text, accent())
-        imgui.text_wrapped(f"{references.progress} ({share}Y stops it)")
+        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
         imgui.pop_style_color()

@@ -126,7 +126,7 @@ def main() -> None:
     """Take them all."""
     IMAGES.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        os.environ["IRRSPLAT_CONFIG"] = folder  # nobody's bookmarks
+        os.environ["IRRSPLAT_CONFIG"] = folder  # nobody's settings
         show("cornell", LARGE, whole)
         show("curved", SMALL, buffers)
         show("atrium", SMALL, sky)

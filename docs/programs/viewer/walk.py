@@ -265,7 +265,7 @@ def repaint(walker: Walker) -> None:
     walker.drag((x0 + 20.0, 0.5 * (y0 + y1)), (x0 + 90.0, 0.5 * (y0 + y1)), "drag its red")
     walker.rest()
     walker.keep("repaint")
-    assert editor.undoes
+    assert walker.viewer.actions.undo_possible
     walker.key("ctrl+z")
     walker.rest()
 
@@ -311,8 +311,8 @@ def compare(walker: Walker) -> None:
 @task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
-    references = walker.viewer.actions.session.references
-    walker.until(lambda: references.traced is None or references.traced > 0.1, "a reference of some samples")
+    tracing = walker.viewer.actions.session.tracing
+    walker.until(lambda: tracing.traced is None or tracing.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")

@@ -1,18 +1,16 @@
-// What the markers of records share: an instance is a record, coloured by its radius or its age.
+// What the markers of records share: an instance is a record, coloured by its radius.
 #include "records/view_radius.glsl"
 #include "viewer/colours.glsl"
 
 uniform mat4 clip_from_world;
 uniform vec2 size;    // of the target in pixels
-uniform bool by_age;  // colour by number; else by the logarithm of a·R_k in metres
-uniform vec2 span;    // where the colours begin, and by how much they advance
+uniform vec2 span;    // where the colours begin, and by how much they advance per logarithm of a·R_k in metres
 
 flat out vec3 v_color;
 
 vec3 record_color(ivec2 texel)
 {
-    float value = by_age ? float(gl_InstanceID) : log(max(a * record_radius(texel), 1e-30));
-    return heat((value - span.x) * span.y);
+    return heat((log(max(a * record_radius(texel), 1e-30)) - span.x) * span.y);
 }
 
 // A clip space point moved by so many pixels of the target.

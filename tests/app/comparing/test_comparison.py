@@ -1,4 +1,4 @@
-"""Both sides of a split in one place: one after the other, and their difference in numbers."""
+"""Both sides of a split in one place: their difference in numbers."""
 
 from __future__ import annotations
 
@@ -18,23 +18,6 @@ def buffers(driver: Driver, left: str, right: str, compare: Compare = "divided")
     driver.session.options.buffers = [left, right]
     driver.session.options.compare = compare
     driver.frame()
-
-
-def test_the_sides_take_turns_twice_a_second(driver: Driver) -> None:
-    pictures: list[np.ndarray] = []
-    for name in ("irradiance", "image"):
-        driver.actions.show(name)
-        driver.frame()
-        pictures.insert(0, driver.canvas())
-    buffers(driver, "image", "irradiance")
-    driver.actions.compare_by("flip")
-    shown = []
-    for _ in range(13):
-        driver.frame(dt=0.1)
-        shown.append(next(i for i, picture in enumerate(pictures) if np.array_equal(picture, driver.canvas())))
-        assert driver.session.side_at(0) == driver.session.side_at(driver.wnd.width - 1) == shown[-1]
-    turns = np.flatnonzero(np.diff(shown)) + 1
-    assert len(turns) == 2 and turns[1] - turns[0] == 5 and shown[0] == 0
 
 
 def test_the_difference_of_two_presets_is_what_the_buffers_say(driver: Driver) -> None:

@@ -27,8 +27,8 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     driver.frame(2)
     home = driver.session.camera
     driver.drag((160, 170), (460, 200))
-    assert driver.session.camera == home and driver.session.line.ends is not None, "a drag is no orbit now"
-    start, end = (np.array(point) for point in driver.session.line.ends)
+    assert driver.session.camera == home and driver.session.line is not None, "a drag is no orbit now"
+    start, end = (np.array(point) for point in driver.session.line)
     found = driver.display.profile(0)
     assert found is not None and found.unit == "lux" and found.channels == ("",) and found.summary is not None
     assert found.metres[-1] == pytest.approx(np.linalg.norm(end - start)) and abs(start[1]) < 1e-4 > abs(end[1])
@@ -46,4 +46,4 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     there = np.isfinite(turned.values[:, 0])
     assert 0.1 < there.mean() < 0.95 and 179.0 * turned.values[there, 0] == pytest.approx(truth[there], rel=0.03)
     driver.click(330.0, 60.0)
-    assert driver.session.line.ends is not None and "no surface" in driver.said
+    assert driver.session.line is not None and "no surface" in driver.said

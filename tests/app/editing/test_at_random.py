@@ -29,7 +29,7 @@ SIZES = (96, 64), (128, 72), (64, 96), (80, 60)
 BOX = 2
 QUICK: SettingValues = {"warmup": 20, "a": 0.8, "gather_size": 8, "shadow_size": 64, "exposure": 1.0}
 QUICK |= {"viewer_samples": 0, "viewer_quality": 0.0}
-KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXVGLTINHO")
+KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXVTIN")
 
 Draw = np.random.Generator
 Act = Callable[[Driver, Draw], None]
@@ -85,7 +85,7 @@ def move_camera(driver: Driver, draw: Draw) -> None:
 def press(driver: Driver, draw: Draw) -> None:
     """A key: cameras, overlays, panels, the cache's state, or another preset."""
     if draw.random() < 0.3:
-        push(driver, "M")
+        driver.actions.use_preset(str(draw.choice(("paper", "default"))))
         driver.session.change(driver.actions.side, **QUICK)
     else:
         push(driver, str(draw.choice(KEYS)))

@@ -36,7 +36,7 @@ def carry(path: Path) -> None:
 
 
 def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Positions and their profile, a dragged light, flags, flights, bookmarks, and a saved scene."""
+    """Positions and their profile, a dragged light, flags, flights, and a saved scene."""
     (tmp_path / "far").mkdir()
     carry(write_room(tmp_path / "far"))
     session, actions = driver.session, driver.actions
@@ -85,8 +85,6 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     assert session.camera.eye == pytest.approx(before.eye, abs=1e-6)
     actions.stop()
 
-    actions.bookmark()
-    assert actions.bookmarks[-1].eye == pytest.approx(scene.cameras[0].eye, abs=1e-6)
     actions.save("again")
     again = irrsplat.load("again.scene")
     assert np.abs(again.bounds - scene.bounds).max() < 1e-6

@@ -5,21 +5,24 @@ from __future__ import annotations
 import os
 import select
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path as Folder
 
 import numpy as np
 import pytest
 
 import irrsplat
 from irrsplat.app.verify.error_image import signed_error
+from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference as module
 from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
 from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
 from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced
+from irrsplat.scene.camera_path import Path
 from tests.support.viewing import SAFETY, SIZE, Driver, Tracer, push
 
 
@@ -29,7 +32,7 @@ def tracer(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> Tracer:
 
 
 def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
-    if not driver.session.references.on:
+    if driver.session.tracing.traced is None:
         push(driver, "Y")
     tracer.finish(driver)
     found = here(driver)
@@ -43,36 +46,22 @@ def here(driver: Driver) -> TracedReference | None:
     return on.reference(on.camera, on.settings(0)[1])
 
 
-@pytest.mark.parametrize("passes", [4, 2])
-def test_both_buffers_show_every_square_s_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch, passes: int) -> None:
-    """The truth as irradiance is shown, the error in the colours of `verify`: in every pixel that of its square's middle.
-
-    At last, every pixel is its own square; with 50 of 240 rows, 5 x 5 pixels are one. The cursor finds the same numbers.
-    """
-    tracer = Tracer(monkeypatch, early=passes)
+def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The truth as irradiance is shown, the error in the colours of `verify`. The cursor finds the same numbers."""
+    tracer, session = Tracer(monkeypatch, early=1), driver.session
     push(driver, "Y")
-    lattice, session = tracer.wait(driver).lattice, driver.session
-    assert lattice.stride == (1 if passes == 4 else 5)
-    found = Tracer.traced(lattice.count)
-    y, x = np.indices((SIZE[1], SIZE[0]))
-    column, row = ((p + m) // lattice.stride for p, m in zip((x, y), lattice.margin, strict=True))
-    E = session.frame().irradiance
-    half = lattice.stride // 2
-    middle_y, middle_x = (
-        np.clip(np.arange(n) * lattice.stride + half - m, 0, most - 1)
-        for n, m, most in zip(lattice.count[::-1], lattice.margin[::-1], E.shape, strict=False)
-    )
-    middles = E[np.ix_(middle_y, middle_x)]
+    tracer.wait(driver)
+    found = Tracer.traced(SIZE)
     pictures = {
-        "reference": show("irradiance", found.irradiance, session.exposure, found.seen)[row, column],
-        "error": signed_error(middles, found)[row, column],
+        "reference": show("irradiance", found.irradiance, session.exposure, found.seen),
+        "error": signed_error(session.frame().irradiance, found),
     }
     for name, expected in pictures.items():
         driver.actions.show(name)
         driver.frame()
         assert np.abs(driver.canvas() / 255.0 - expected).max() < 1.01 / 255.0, name
     for px, py in ((0, 0), (17, 100), (SIZE[0] - 1, SIZE[1] - 1), (160, 7), (161, 120)):
-        value, at = driver.display.buffer_view.value("reference", session.source(0), px, py), (row[py, px], column[py, px])
+        value, at = driver.display.buffer_view.value("reference", session.source(0), px, py), (py, px)
         assert (value is not None and np.allclose(value, found.irradiance[at], rtol=1e-5)) if found.seen[at] else value is None
 
 
@@ -82,7 +71,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
     push(driver, "Y")
     tracer.begin(driver)
     source, before = driver.session.source(0), driver.canvas()
-    assert driver.session.references.traced == 0.25 and driver.session.references.progress == "reference: the first samples"
+    assert driver.session.tracing.traced == 0.25 and driver.session.tracing.progress == "reference: the first samples"
     assert NO_REFERENCE in BUFFERS["error"].legend(source).text
     assert (np.ptp(before, axis=-1) == 0).all() and 0 < before.max() < 128 and before.std() > 1.0
     tracer.finish(driver)
@@ -108,49 +97,52 @@ def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer)
         assert here(driver) is truth
     session.change(0, bounces=0)
     driver.frame()
-    other = traced_truth(driver, tracer)
-    assert other is not truth and "0 bounces" in other.about
+    assert "0 bounces" in traced_truth(driver, tracer).about
     session.change(0, bounces=bounces)
     driver.frame()
-    assert here(driver) is truth
+    assert here(driver) is None, "one reference is kept"
 
 
-def test_tracing_follows_the_view_and_goes_on_where_it_was(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A move of the camera ends the tracing, and a rest begins it. At the first view again, its 8 samples are continued."""
-    tracer, references, home = Tracer(monkeypatch, early=3), driver.session.references, driver.session.camera
+def test_a_move_ends_the_tracing_which_goes_on_where_it_was(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the first view again, its 8 samples are continued."""
+    tracer, home = Tracer(monkeypatch, early=1), driver.session.camera
     push(driver, "Y")
     first = tracer.wait(driver)
-    corner = driver.session.scene.camera("corner")
-    for fov in (50.0, 51.0, 52.0):
-        driver.actions.go(replace(corner, fov=fov))
-        driver.frame()
-        assert references.traced is None, "the view moves"
-    assert "begins when the view is at rest" in references.progress
-    second = tracer.wait(driver)
-    assert second.subject.camera.fov == 52.0 and here(driver) is second
+    driver.actions.go(driver.session.scene.camera("corner"))
+    driver.frame(2)
+    assert driver.session.tracing.traced is None and "the view is another one" in driver.said and here(driver) is None
     driver.actions.go(home)
     driver.frame()
     assert here(driver) is first and first.estimate.samples == 8 and not first.complete
     tracer.early = 0
+    push(driver, "Y")
     tracer.begin(driver)
     tracer.finish(driver)
     last = here(driver)
     assert last is not None and last.complete and last.estimate.samples == 16
 
 
-def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Actions, "reference_possible", False)
-    push(driver, "Y")
-    (said,) = [m.text for m in driver.actions.messages.lines]
-    assert worker.INSTALL in said and "\n" not in said and driver.session.references.traced is None
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch, extra: str
+) -> None:
+    """The entry of the menu has the same words under the cursor."""
+    monkeypatch.setattr(actions, "find_spec", lambda name: None)
+    driver.session.path_recorder.path = Path((driver.session.camera,) * 2, 2)
+    (command,) = (one for one in COMMANDS if one.extra == extra)
+    driver.actions.press(command)
+    (said,) = [m.text for m in driver.actions.messages.lines if not m.error]
+    assert EXTRAS[extra][1] in said and not driver.actions.can(command) and not driver.actions.panels.save
+    monkeypatch.setattr(actions, "find_spec", lambda name: name)
+    assert driver.actions.can(command)
 
 
-def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     """The process ends though it has sent nothing yet, and would send nothing for an hour."""
     script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
     monkeypatch.setattr(worker, "_REFINE", script)
     monkeypatch.setattr(worker, "require", lambda: None)
-    monkeypatch.setattr(Actions, "reference_possible", True)
+    monkeypatch.setattr(Actions, "missing", lambda self, command: "")
     os.mkfifo(tmp_path / "pid")
     begun = os.open(tmp_path / "pid", os.O_RDONLY | os.O_NONBLOCK)
     push(driver, "Y")
@@ -158,43 +150,39 @@ def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Path, 
     pid = int(os.read(begun, 20))
     os.close(begun)
     os.kill(pid, 0)
-    (thread,) = driver.session.references._threads
+    thread = driver.session.tracing._last
+    assert thread is not None
     push(driver, "Y")
     thread.join(SAFETY)
     assert not thread.is_alive() and thread.error is None
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
     driver.frame(2)
-    assert driver.session.references.traced is None and not [m for m in driver.actions.messages.lines if m.error]
+    assert driver.session.tracing.traced is None and not [m for m in driver.actions.messages.lines if m.error]
 
 
 @pytest.mark.long
 def test_every_pass_has_the_right_mean() -> None:
-    """In the middles of its squares, each agrees with a fresh truth within the noise of both, in both halves of the picture.
-    Noise falls with the samples as its legend states."""
+    """Each agrees with a fresh truth within the noise of both, in both halves of the picture. Noise falls with the samples."""
     pytest.importorskip("mitsuba")
     scene = irrsplat.load("cornell")
     subject, made = Subject(scene, scene.camera(), (63, 57), 3), list[Estimate]()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "COARSE", (12, 20))
         patch.setattr(module, "SIDES", (2, 2, 4, 8))
         plan = subject.plan()
 
     def take(found: dict[str, np.ndarray]) -> None:
-        made.append(Estimate.after(made[-1] if made else None, *plan[len(made)], found))
+        made.append(Estimate.after(made[-1] if made else None, plan[len(made)], found))
 
-    worker.refine(scene, [one for _, one in plan], 3, take, lambda share: None)
+    worker.refine(scene, plan, 3, take, lambda share: None)
     truth = Traced(**worker.trace(scene, subject.camera, subject.size, 24, 3))
-    assert [(one.lattice.stride, one.samples) for one in made] == [(5, 8), (3, 8), (1, 8), (1, 16), (1, 48), (1, 176)]
+    assert [one.samples for one in made] == [8, 16, 48, 176]
     for one in made:
-        rows, columns = np.nonzero(one.valid)
-        at = np.array([one.lattice.middle((int(c), int(r)), subject.size) for r, c in zip(rows, columns, strict=True)])
-        inside = truth.valid[at[:, 1], at[:, 0]]
-        E, E_ref = one.irradiance[rows, columns].astype(float), truth.irradiance[at[:, 1], at[:, 0]].astype(float)
-        off, mean = (E - E_ref)[inside], E_ref[inside].mean()
+        rows, columns = np.nonzero(one.valid & truth.valid)
+        E, E_ref = one.irradiance[rows, columns].astype(float), truth.irradiance[rows, columns].astype(float)
+        off, mean = E - E_ref, E_ref.mean()
         assert one.noise is not None
-        for some in (at[inside, 1] < subject.size[1] // 2, at[inside, 1] >= subject.size[1] // 2):
+        for some in (rows < subject.size[1] // 2, rows >= subject.size[1] // 2):
             # three channels go together; the error of the mean of N pixels, four times
             assert abs(off[some].mean()) < 4.0 * one.noise * mean / np.sqrt(some.sum()) + 0.002 * mean, one.samples
-        if one.lattice.stride == 1:
-            assert np.sqrt(np.mean(off**2)) / mean == pytest.approx(one.noise, rel=0.5)
+        assert np.sqrt(np.mean(off**2)) / mean == pytest.approx(one.noise, rel=0.5)

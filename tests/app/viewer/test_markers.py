@@ -47,7 +47,7 @@ class Stage:
     def marks(self, kind: str, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
         """Return those of one of the markers of records."""
         scene, draw = self.renderer.scene, self.markers.records
-        return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, "radius", None))
+        return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, None))
 
     def edges(self) -> np.ndarray:
         """Return where edges are drawn."""

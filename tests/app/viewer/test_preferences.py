@@ -1,4 +1,4 @@
-"""The viewer's memory: what is saved comes back, what is damaged is kept aside, and nothing in a file stops the viewer."""
+"""The viewer's memory: what is saved comes back, and nothing in a file stops the viewer."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Any, cast
 
 import pytest
 
-from irrsplat.app.viewer.preferences import Preferences, bookmarks, load, save, set_bookmarks
-from irrsplat.scene import Camera
+from irrsplat.app.viewer.preferences import Preferences, load, save
 from irrsplat.scene import load as load_scene
 from irrsplat.settings import SETTINGS, SettingValues, preset
 
@@ -22,10 +21,6 @@ FULL = Preferences(
     ui={"panel": True, "overlay": None, "places": [1, 2.5, {"x": "é"}]},
     recent=["/scenes/one.scene", "cornell", os.fsdecode(b"/caf\xe9.obj")],  # the last is not Unicode
 )
-CAMERAS = [
-    Camera((0.1, 1 / 3, -2e-7), (1.0, 2.0, 3.0), (0.0, 0.0, 1.0), 33.3, "the \n door"),
-    Camera((1e6, 0.0, 5.0), (0.0, 0.0, 0.0), name=""),
-]
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +40,7 @@ def one_line(text: Any) -> bool:
 
 def test_what_is_saved_comes_back(place: Path) -> None:
     """Types come back, too; no partial file stays. Without files there are defaults, and reading makes no folder."""
-    assert load() == (Preferences(), []) and bookmarks("cornell") == [] and not place.parent.exists()
+    assert load() == (Preferences(), []) and not place.parent.exists()
     assert save(FULL) is None
     (place / "viewer.json").write_bytes(b"\xef\xbb\xbf" + (place / "viewer.json").read_bytes())  # an editor's byte order mark
     back, notices = load()
@@ -63,24 +58,17 @@ DAMAGED = {
     "later": b'{"version": 2, "size": [100, 100]}',
     "infinite": b'{"version": 1, "ui": {"x": 1e999}}',
     "deep": b'{"version": 1, "ui": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
-    "scenes": b'{"version": 1, "scenes": [1]}',
+    "list": b"[1]",
 }
 
 
 @pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_file_is_kept_aside(place: Path, content: bytes) -> None:
-    """Each gets a name of its own, also one that was damaged after it was read. Saving still works."""
+def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
     place.mkdir(parents=True)
-    for name in ("viewer.json", "bookmarks.json"):
-        (place / name).write_bytes(content)
+    (place / "viewer.json").write_bytes(content)
     back, notices = load()
-    assert back == Preferences() and len(notices) == 2 and all(map(one_line, notices))
-    assert "viewer.json.broken" in notices[0] and names(place) == {"viewer.json.broken", "bookmarks.json.broken"}
-    (place / "viewer.json").write_text('{"version": 99}')
-    said = save(FULL)
-    assert one_line(said) and "viewer.json.broken-2" in str(said)
-    assert load() == (FULL, []) and set_bookmarks("cornell", CAMERAS) is None and bookmarks("cornell") == CAMERAS
-    assert (place / "viewer.json.broken").read_bytes() == content
+    assert back == Preferences() and len(notices) == 1 and one_line(notices[0])
+    assert save(FULL) is None and load() == (FULL, [])
 
 
 def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path) -> None:
@@ -98,47 +86,18 @@ def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path)
         "samples": 10**400,
     }
     (place / "viewer.json").write_text(json.dumps(data))
-    back, notices = load()
+    back, (notice,) = load()
     assert back == Preferences(ui=FULL.ui, values={"seed": 7, "viewer_samples": 8}, recent=["/kept.obj"])
-    for word in ("preset", "size", "fullscreen", "relative.obj", "scene", "'a'", "splines", "bounces", "gather", "samples"):
-        assert any(word in notice for notice in notices), word
-    assert len(notices) == 10 and all(map(one_line, notices))
-
-
-def test_a_scene_has_one_set_of_bookmarks_whatever_it_is_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By any path to it, links too. A file with the name of a bundled scene wins over that, as it does when loading."""
-    (tmp_path / "room.scene").write_text("")
-    (tmp_path / "link.scene").symlink_to(tmp_path / "room.scene")
-    monkeypatch.chdir(tmp_path)
-    assert set_bookmarks(str(tmp_path / "room.scene"), CAMERAS) is None
-    for called in ("room.scene", "link.scene", f"../{tmp_path.name}/./room.scene"):
-        assert bookmarks(called) == CAMERAS
-    assert set_bookmarks("cornell", CAMERAS[:1]) is None and bookmarks(load_scene("cornell").path) == CAMERAS[:1]
-    (tmp_path / "cornell").write_text("")
-    assert bookmarks("cornell") == []
-
-
-def test_another_viewers_bookmarks_and_good_ones_among_damaged_are_kept(place: Path) -> None:
-    """The file is read again before it is written. A damaged entry is left out with a notice."""
-    assert set_bookmarks("/one.obj", CAMERAS) is None
-    other = json.loads((place / "bookmarks.json").read_text())  # the other viewer adds two scenes, one newer than we know
-    cameras = other["scenes"]["/one.obj"]
-    damaged = [
-        {**cameras[0], key: wrong} for key, wrong in (("fov", "1"), ("eye", [1, 2]), ("up", None), ("target", [1e300] * 3))
-    ]
-    other["scenes"] |= {"/two.obj": [*damaged, cameras[0]], "/three.obj": [{"shape": "of tomorrow"}]}
-    (place / "bookmarks.json").write_text(json.dumps(other))
-    assert set_bookmarks("/one.obj", CAMERAS[1:]) is None
-    assert bookmarks("/one.obj") == CAMERAS[1:] and bookmarks("/two.obj") == CAMERAS[:1]
-    assert json.loads((place / "bookmarks.json").read_text())["scenes"]["/three.obj"] == [{"shape": "of tomorrow"}]
-    assert "/two.obj" in load()[1][0]
+    for word in ("preset", "size", "fullscreen", "'a'", "splines", "bounces", "gather", "samples"):
+        assert word in notice
+    assert one_line(notice)
 
 
 def test_what_cannot_be_written_or_read_is_told_and_nothing_is_lost(place: Path) -> None:
     """A file stands where the folder should be, a folder where the file; JSON cannot hold the value."""
     place.parent.write_text("kept")
-    for said in (save(FULL), set_bookmarks("cornell", CAMERAS)):
-        assert one_line(said) and str(place) in str(said)
+    said = save(FULL)
+    assert one_line(said) and str(place) in str(said)
     assert load()[0] == Preferences() and place.parent.read_text() == "kept"
     place.parent.unlink()
     assert save(FULL) is None

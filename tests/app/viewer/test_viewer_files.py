@@ -1,8 +1,7 @@
-"""Files that the viewer reads while it runs: scenes, paths and shaders, correct and wrong ones."""
+"""Files that the viewer reads while it runs: scenes and paths, correct and wrong ones."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat.core import paths
-from irrsplat.gpu import shader_source
 from tests.support.viewing import ROOM, Driver, push, write_room
 
 PATH = "frames 31\ncam 0 0 2.6  0 0 0  0 1 0\ncam 0.5 0.2 1.6  0 0 0  0 1 0\n"
@@ -27,15 +24,6 @@ def room(one: Driver) -> Iterator[Path]:
         one.actions.attempt(lambda: one.actions.open(str(path)))
 
 
-@pytest.fixture
-def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the shaders, which is read instead of them."""
-    folder = tmp_path / "shaders"
-    shutil.copytree(paths.folder("shaders"), folder)
-    monkeypatch.setattr(shader_source, "folder", lambda name: folder)
-    return folder
-
-
 def rewrite(driver: Driver, path: Path, text: str) -> None:
     """Write a file, and press F5."""
     path.write_text(text)
@@ -44,26 +32,6 @@ def rewrite(driver: Driver, path: Path, text: str) -> None:
 
 def errors(driver: Driver) -> list[str]:
     return [m.text for m in driver.actions.messages.errors]
-
-
-def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, copied: Path) -> None:
-    """The error has file and line, and goes once F5 has read a correct file."""
-    name = "image/composite.frag"
-    file = copied / name
-    good = file.read_text()
-    at = next(i for i, line in enumerate(good.splitlines()) if "void main" in line)
-    file.write_text(good.replace("void main", "float wrong = nonsense;\nvoid main"))
-    before, renderer = driver.canvas(), driver.session.renderers[0]
-    push(driver, "F5")
-    (said,) = errors(driver)
-    assert f"{name}:{at + 1}: " in said and "nonsense" in said
-    driver.frame(2)
-    assert errors(driver) and driver.session.renderers[0] is renderer and np.array_equal(driver.canvas(), before)
-    for text in (good.replace("out_image = ", "out_image = 0.0 * "), good):
-        file.write_text(text)
-        push(driver, "F5")
-        driver.frame(3)
-        assert not errors(driver) and driver.canvas().any() == (text == good), "a changed shader shows at once"
 
 
 def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -> None:
@@ -111,8 +79,7 @@ def test_f5_asks_before_unsaved_changes_are_lost(driver: Driver, room: Path) -> 
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
-    """From its own first camera, remembered as the newest. Bookmarks are those of the scene."""
-    push(driver, "B")
+    """From its own first camera, remembered as the newest."""
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
     other = write_room(tmp_path).rename(tmp_path / "other.scene")
@@ -121,12 +88,12 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     driver.frame()
     assert driver.session.scene.name == "other" and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert driver.session.settings(0)[1].a == 0.7
-    assert driver.actions.preferences.recent[:2] == [str(other), str(room)] and driver.actions.bookmarks == []
+    assert driver.actions.preferences.recent[:2] == [str(other), str(room)]
     driver.resize((640, 480), density=0.25)
     driver.choose("File", "Open recent")
     driver.frame(2)
     driver.choose(next(w.label.split("##")[0] for w in driver.widgets if w.label.endswith(f"##{room}")))
-    assert driver.session.scene.name == "room" and [b.name for b in driver.actions.bookmarks] == ["bookmark 1"]
+    assert driver.session.scene.name == "room"
 
 
 def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path) -> None:

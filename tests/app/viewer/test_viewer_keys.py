@@ -16,13 +16,12 @@ from irrsplat.app.viewer.input.commands import GROUPS
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
-from irrsplat.settings import preset
 from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
 TOGETHER = "Home", "End", "P"  # with F and R
-OTHER = "B", "F5", "F11", "I", "J", "Y", "\\", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
+OTHER = "F5", "F11", "I", "J", "Y", "\\", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
 case = CASES.case
@@ -44,7 +43,7 @@ def test_a_key_does_its_action(driver: Driver, group: str) -> None:
             driver.actions.messages.lines.clear()
             CASES.run(driver, key.shown, moving=(key.shown,))
             driver.press("HOME")
-            driver.reset() if key.shown in ("Tab", "M", "Space") else driver.settle()
+            driver.reset() if key.shown in ("Tab", "Space") else driver.settle()
 
 
 # ---- camera --------------------------------------------------------------------------------------------------------------
@@ -66,19 +65,6 @@ def frame_all(driver: Driver, shown: str) -> None:
     editor.pick_mesh(None)
     push(driver, "Home")
     assert driver.session.camera == first
-
-
-@case("H")
-def headlamp(driver: Driver, shown: str) -> None:
-    """It adds direct light, and leaves the records as they are."""
-    cache = driver.session.renderers[0].cache
-    before, state = driver.canvas(), (cache.count, cache.revision)
-    push(driver, shown)
-    driver.settle()
-    assert "headlamp on" in driver.said and not np.array_equal(driver.canvas(), before)
-    push(driver, shown)
-    driver.settle()
-    assert np.array_equal(driver.canvas(), before) and (cache.count, cache.revision) == state
 
 
 @case("C", "Ctrl+C")
@@ -144,17 +130,10 @@ def changed(driver: Driver, shown: str) -> float:
     return float((after != before).any(-1).mean())
 
 
-@case("Z", "X", "V", "T", "G", "L")
+@case("Z", "X", "V", "T")
 def overlay(driver: Driver, shown: str) -> None:
-    """Part of the pixels change. G colours the dots of Z by age; a single bounce has no sites for L."""
-    if shown in "GL":
-        assert changed(driver, shown) == 0.0
-        push(driver, "Z") if shown == "G" else driver.session.change(0, bounces=2)
-        driver.settle()
+    """Part of the pixels change."""
     assert 0.002 < changed(driver, shown) < 1.0
-    if shown == "G":
-        push(driver, "Z")
-    driver.session.change(0, bounces=1)
 
 
 @case("Shift+F")
@@ -218,17 +197,6 @@ def split(driver: Driver, shown: str) -> None:
         assert (picture[:, middle + 1 :] != before[:, middle + 1 :]).any(-1).mean() > 0.2
     push(driver, shown)
     assert driver.session.options.split == "off" and np.array_equal(driver.canvas(), before)
-
-
-@case("M")
-def swap_preset(driver: Driver, shown: str) -> None:
-    """To the paper's settings, and back to the default ones."""
-    picture = driver.canvas()
-    driver.session.options.frozen = True  # the paper's own settings take a while
-    push(driver, shown)
-    assert driver.session.settings(0)[0] == "paper" and not np.array_equal(driver.canvas(), picture)
-    push(driver, shown)
-    assert driver.session.settings(0) == ("default", preset("default", exposure=1.0, budget=80.0))
 
 
 @case("Space")

@@ -16,8 +16,8 @@ import pytest
 from tests.support.viewing import viewing, write_room
 
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
-RARE = {"quit", "fullscreen", "reload", "screenshot", "screenshot_bare", "record", "bookmark"}
-RARE |= {"open_dialog", "save_dialog", "save_again"}
+RARE = {"quit", "fullscreen", "reload", "screenshot", "record"}
+RARE |= {"save_dialog", "save_again"}
 LEFT_OUT = RARE | {"trace"}  # actions that are not tried at random: these, and one that takes minutes
 
 
@@ -64,7 +64,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         session, actions, options = driver.session, driver.actions, driver.session.options
         driver.settle()
         driver.move(60.0, 60.0)
-        options.inspect = options.points = options.discs = options.sites = options.wire = True
+        options.inspect = options.points = options.discs = options.wire = True
         before: list[weakref.ref[object]] = []
         for name in ("light", "shadow", "atlas", "surface", "image"):
             actions.show(name)
@@ -79,7 +79,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         actions.editor.mesh = 0
         actions.editor.set_light(0, actions.editor.lights[0].moved((0.2, 0.5, 0.1)))
         driver.frame()
-        options.inspect = options.points = options.discs = options.sites = options.wire = False
+        options.inspect = options.points = options.discs = options.wire = False
         driver.frame()
         before += [
             weakref.ref(thing)

@@ -91,3 +91,25 @@ def test_a_click_waits_for_a_pass_of_the_interface(driver: Driver) -> None:
     for kind in ("cursor_pos", "mouse_button", "key", "window_size", "cursor_pos", "scroll"):
         desktop._keeping(kind, lambda *_, kind=kind: handled.append(kind))(None, 0, 0, 0)
     assert desktop.waits(flowing=False) and not handled and [len(desktop.take()) for _ in range(5)] == [1, 1, 1, 1, 2]
+
+
+def test_a_key_that_is_pressed_in_a_tick_of_flight_moves_its_picture(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tick begins anew with what the key does, and gathers nothing."""
+    desktop, session = driver.viewer.desktop, driver.session
+    driver.down("W")
+    driver.frame(3)
+    before, count = session.views[0].camera, session.renderers[0].cache.count
+    events = [lambda: driver.down("E")]
+
+    def waits(flowing: bool) -> bool:
+        if events and not desktop._events:
+            desktop._keeping("key", lambda *_: events.pop()())(None, 0, 0, 0)
+            return True
+        return False
+
+    monkeypatch.setattr(desktop, "waits", waits)
+    driver.frame()
+    after = session.views[0].camera
+    assert after.eye[1] > before.eye[1] and after == session.camera and session.renderers[0].cache.count == count
+    driver.up("E")
+    driver.up("W")

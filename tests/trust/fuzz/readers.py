@@ -166,13 +166,9 @@ def _settings(folder: Path, data: bytes) -> None:
 
 def _preferences(folder: Path, data: bytes) -> None:
     with mock.patch.dict("os.environ", {"IRRSPLAT_CONFIG": str(folder)}):
-        for name in ("viewer.json", "bookmarks.json"):
-            (folder / name).write_bytes(data)
+        (folder / "viewer.json").write_bytes(data)
         _, notices = preferences.load()
-        preferences.bookmarks("cornell")
         assert not any("\n" in notice for notice in notices)
-    for aside in folder.glob("*.broken*"):
-        aside.unlink()
 
 
 @cache

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.input.measuring_line import Point
+from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.show.screen import Texels
 
 COUNT = 200  # points along a line
@@ -34,7 +34,6 @@ class Profile:
 
     @property
     def csv(self) -> str:
-        """A table of them all."""
         head = ",".join(("along", *(name or "value" for name in self.channels)))
         rows = np.column_stack([self.metres, self.values]).tolist()
         lines = (",".join("" if np.isnan(v) else f"{v:.7g}" for v in row) for row in rows)

@@ -19,14 +19,11 @@ _OVER = DrawState(blend="over", depth_clamp=True)
 
 
 class PlaneView(Owner):
-    """Draws a measured plane over a view."""
-
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "viewer/markers/plane", "viewer/markers/plane")
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the program."""
         return (self.program,)
 
     def draw(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:

@@ -11,15 +11,14 @@ from imgui_bundle import imgui, imguizmo
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
-from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
-from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.editing.scene_edit import ObjectEdit, angles, middle, rotation
+from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene.model import Light
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
 _SIZE = 0.16  # of the handles, share of the picture
-_ARROW = 0.25  # length of a directional light's, share of the distance to its handles
-_NOISE = 1e-6  # of the scene's diagonal
+_NOISE = 1e-6  # of the scene's diagonal, and of 1 in rotations: ImGuizmo's float32
 
 
 class Handles:
@@ -30,139 +29,102 @@ class Handles:
 
     def draw(self) -> None:
         """Draw them where something is picked; a drag changes the edit as it goes."""
-        editor = self.actions.editor
-        matrix = self._matrix()
-        if matrix is None or not self.actions.session.views:
-            editor.handles_used = editor.dragging = False
+        actions, editor = self.actions, self.actions.editor
+        editor.handles_used = editor.dragging = False
+        if not actions.session.views or actions.session.options.inspect:  # then a click is for records
             return
-        turning = editor.turning if editor.mesh is not None else self._sun is not None
-        camera, (width, height) = self.actions.session.camera, self.layout.picture_size
+        if editor.mesh is not None:
+            number, edit = editor.mesh, editor.object(editor.mesh)
+            origin = middle(editor.loaded.meshes[number])
+            place, turn = self._dragged(origin + edit.offset, rotation(edit.turn), True, True)
+            changed = replace(edit, offset=edit.offset if place is None else _vector(place - origin))
+            self._apply_object(number, replace(changed, turn=changed.turn if turn is None else angles(turn)))
+        elif editor.light is not None and actions.panels.lights:
+            light_number, edited = editor.light, editor.lights[editor.light]
+            light = edited.light
+            at = self._middle() if light.directional else light.position
+            place, turn = self._dragged(
+                np.asarray(at), _axes_of(light), not light.directional, light.directional or light.spot_target is not None
+            )
+            if place is not None and _vector(place) != light.spot_target:  # a spot does not look at its own place
+                edited = edited.moved(_vector(place))
+            if turn is not None:
+                edited = _aimed(edited, turn[:, 2])
+            if edited != editor.lights[light_number]:
+                actions.attempt(lambda: editor.set_light(light_number, edited))
+
+    def _apply_object(self, number: int, edit: ObjectEdit) -> None:
+        editor = self.actions.editor
+        if edit != editor.object(number):
+            self.actions.attempt(lambda: editor.set_object(number, edit))
+
+    def _dragged(
+        self, place: np.ndarray, axes: np.ndarray, moves: bool, turns: bool
+    ) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Draw handles at a place (3,) with axes (3, 3). Return the place and the axes after a drag; None where unchanged."""
+        editor, camera, (width, height) = self.actions.editor, self.actions.session.camera, self.layout.picture_size
         _gizmo.begin_frame()
         _gizmo.set_drawlist(imgui.get_background_draw_list())
         _gizmo.set_orthographic(False)
         _gizmo.allow_axis_flip(False)
         _gizmo.set_gizmo_size_clip_space(_SIZE)
         _gizmo.set_rect(*self.layout.picture[:2], width, height)
-        placed = _matrix16(matrix)
-        if (sun := self._sun) is not None:
-            self._draw_arrow(sun.light)
-        changed = _gizmo.manipulate(
-            _matrix16(camera.view_from_world),
-            _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR)),
-            _gizmo.OPERATION.rotate if turning else _gizmo.OPERATION.translate,
-            _gizmo.MODE.world,
-            placed,
-        )
-        editor.dragging = _gizmo.is_using()
-        editor.handles_used = editor.dragging or _gizmo.is_over()
-        if changed and editor.dragging:
-            self._place(np.asarray(placed.values, float).reshape(4, 4).T, turning)
-
-    def _matrix(self) -> np.ndarray | None:
-        """(4, 4) where the handles are, and how they are turned; None for nowhere."""
-        editor, matrix = self.actions.editor, np.eye(4)
-        if self.actions.session.options.inspect:  # then a click is for records
-            return None
-        if editor.mesh is not None:
-            edit = editor.object(editor.mesh)
-            matrix[:3, :3] = rotation(edit.turn)
-            matrix[:3, 3] = middle(editor.loaded.meshes[editor.mesh]) + edit.offset
-            return matrix
-        if editor.light is None or not self.actions.panels.lights:
-            return None
-        light = editor.lights[editor.light].light
-        if light.directional:
-            matrix[:3, :3], matrix[:3, 3] = _axes_of(light.position), self._middle()
-            return matrix
-        matrix[:3, 3] = light.spot_target if editor.aiming and light.spot_target is not None else light.position
-        return matrix
-
-    @property
-    def _sun(self) -> LightEdit | None:
-        """The directional light that is picked, and no object; None for none."""
-        editor = self.actions.editor
-        edited = None if editor.light is None or editor.mesh is not None else editor.lights[editor.light]
-        return edited if edited is not None and edited.light.directional else None
+        views = _matrix16(camera.view_from_world), _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR))
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = axes, place
+        found: list[np.ndarray | None] = [None, None]
+        for i, drawn in enumerate((moves, turns)):
+            if not drawn:
+                continue
+            operation, placed = (_gizmo.OPERATION.translate, _gizmo.OPERATION.rotate)[i], _matrix16(matrix)
+            _gizmo.push_id(i)
+            changed = _gizmo.manipulate(*views, operation, _gizmo.MODE.world, placed) and _gizmo.is_using()
+            editor.dragging |= _gizmo.is_using()
+            editor.handles_used |= _gizmo.is_using() or _gizmo.is_over(operation)
+            _gizmo.pop_id()
+            if changed:
+                found[i] = np.asarray(placed.values, float).reshape(4, 4).T
+        moved, turned = found
+        diagonal = self.actions.session.scene.diagonal
+        if moved is not None:
+            moved = np.where(np.abs(moved[:3, 3] - place) < _NOISE * diagonal, place, moved[:3, 3])
+        if turned is not None:
+            turned = turned[:3, :3] / np.linalg.norm(turned[:3, :3], axis=0)
+        return _unless_same(moved, place), _unless_same(turned, axes)
 
     def _middle(self) -> Vector:
-        """Where the handles of a light without a place are: in the middle of the scene, or, where that is not in the picture, at
-        what the camera looks at."""
+        """Return the place of a directional light's handles: in the middle of the scene, or, if that is not in the picture, at
+        the camera's target."""
         camera, size = self.actions.session.camera, self.actions.session.size
         middle = _vector(self.actions.session.scene.bounds.mean(0))
         at = on_screen(camera, size, middle)
         inside = at is not None and all(0.0 < a < s for a, s in zip(at, size, strict=True))
         return middle if inside else _vector(np.asarray(camera.target, float))
 
-    def _draw_arrow(self, light: Light) -> None:
-        """Draw an arrow from where a directional light comes to its handles."""
-        session, end = self.actions.session, np.asarray(self._middle())
-        depth = float(session.camera.axes[2] @ (np.asarray(session.camera.eye) - end))
-        towards = np.asarray(light.position) / np.linalg.norm(light.position)
-        tip, start = (self.layout.seen(session.camera, _vector(p)) for p in (end, end + _ARROW * depth * towards))
-        if tip is None or start is None:
-            return
-        draw = imgui.get_background_draw_list()
-        for colour, width in (((0.0, 0.0, 0.0, 0.7), 4.0), (AMBER, 2.0)):
-            draw.add_line(start, tip, imgui.get_color_u32(colour), width)
-            draw.add_circle_filled(start, 3.0 + width, imgui.get_color_u32(colour))
 
-    def _place(self, matrix: np.ndarray, turning: bool) -> None:
-        """Put what is picked where the handles are now."""
-        actions, editor = self.actions, self.actions.editor
-        place = matrix[:3, 3]
-        if not np.isfinite(matrix).all():
-            return
-        if editor.mesh is not None:
-            number, edit = editor.mesh, editor.object(editor.mesh)
-            if turning:
-                edit = replace(edit, turn=angles(matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)))
-            else:
-                offset = place - middle(editor.loaded.meshes[number])
-                edit = replace(edit, offset=_vector(self._without_noise(offset, edit.offset)))
-            actions.attempt(lambda: editor.set_object(number, edit))
-        elif editor.light is not None:
-            light_number, edited = editor.light, editor.lights[editor.light]
-            if edited.light.directional:
-                turned = _turned(edited, matrix[:3, 2])
-                actions.attempt(lambda: editor.set_light(light_number, turned))
-                return
-            aims = editor.aiming and edited.light.spot_target is not None
-            if edited.light.spot_target is not None and np.allclose(
-                place, edited.light.position if aims else edited.light.spot_target
-            ):
-                return  # a spot does not look at its own place
-            was = edited.light.spot_target if aims and edited.light.spot_target is not None else edited.light.position
-            there = _vector(self._without_noise(place, was))
-            edited = edited.aimed(there) if aims else edited.moved(there)
-            actions.attempt(lambda: editor.set_light(light_number, edited))
-
-    def _without_noise(self, place: np.ndarray, before: Vector) -> np.ndarray:
-        """A place in which coordinates that differ from those before by no more than ImGuizmo's float32 are as before."""
-        least = _NOISE * self.actions.session.scene.diagonal
-        return np.where(np.abs(place - before) < least, before, place)
+def _unless_same(after: np.ndarray | None, before: np.ndarray) -> np.ndarray | None:
+    """Return a finite value that differs by more than float32's noise, else None."""
+    known = after is not None and np.isfinite(after).all() and np.abs(after - before).max() > _NOISE
+    return after if known else None
 
 
-def choose_handles(other: str, chosen: bool) -> bool:
-    """Draw the choice of the handles: move, or the `other`. Return True if the other is chosen."""
-    for what, value in (("move", False), (other, True)):
-        if imgui.radio_button(what, chosen == value):
-            chosen = value
-        if not value:
-            imgui.same_line()
-    imgui.set_item_tooltip("what the handles in the picture do; O switches")
-    return chosen
+def _aimed(edited: LightEdit, axis: np.ndarray) -> LightEdit:
+    """Return a light that comes from along an axis, or a spot that looks against it."""
+    light = edited.light
+    if light.directional:
+        return edited.moved(_vector(axis * np.linalg.norm(light.position)))
+    assert light.spot_target is not None
+    distance = np.linalg.norm(np.subtract(light.spot_target, light.position))
+    return edited.aimed(_vector(np.asarray(light.position) - axis * distance))
 
 
-def _turned(edited: LightEdit, towards: np.ndarray) -> LightEdit:
-    """A directional light that comes from another direction; the same where that is another one by float32's noise alone."""
-    before = np.asarray(edited.light.position)
-    towards = towards / np.linalg.norm(towards) * np.linalg.norm(before)
-    return edited if np.abs(towards - before).max() < _NOISE * np.linalg.norm(before) else edited.moved(_vector(towards))
-
-
-def _axes_of(towards: Vector) -> np.ndarray:
-    """(3, 3) columns at right angles, the last one of which is a direction."""
-    z = np.asarray(towards, float) / np.linalg.norm(towards)
+def _axes_of(light: Light) -> np.ndarray:
+    """Return (3, 3) columns at right angles, the last one against a light's direction."""
+    if light.spot_target is None and not light.directional:
+        return np.eye(3)
+    z = np.asarray(light.position, float)
+    z = z if light.spot_target is None else z - light.spot_target
+    z = z / np.linalg.norm(z)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
     axes: np.ndarray = np.stack([x, np.cross(z, x), z], axis=1)
@@ -170,7 +132,7 @@ def _axes_of(towards: Vector) -> np.ndarray:
 
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:
-    """A matrix (4, 4) as ImGuizmo takes it, column by column."""
+    """Return a matrix (4, 4) as ImGuizmo takes it, column by column."""
     taken: _gizmo.Matrix16 = _gizmo.Matrix16(matrix.T.ravel().tolist())
     return taken
 

@@ -1,4 +1,4 @@
-"""The panel of the picked object: place, reflectance and emission, as numbers."""
+"""The panel of the picked object: place, reflectance and emission, as numbers; and the list of objects."""
 
 from __future__ import annotations
 
@@ -11,24 +11,20 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
-from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
-from irrsplat.app.viewer.ui.editing.handles import choose_handles
-from irrsplat.app.viewer.ui.editing.output_slider import edit_output
+from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_ROWS = 10  # of the list that are in sight; more are scrolled to
 _BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
 
 
 class ObjectPanel:
-    """Draws the panel of the picked object."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel of the picked object."""
         actions, editor = self.actions, self.actions.editor
         number = editor.mesh
         if number is None:
@@ -36,7 +32,6 @@ class ObjectPanel:
         mesh, edit = editor.loaded.meshes[number], editor.object(number)
         imgui.text_wrapped(editor.name(number))
         imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
-        editor.turning = choose_handles("turn", editor.turning)
         after = self._placed(edit)
         after = self._painted(after, mesh)
         if imgui.button("hide"):
@@ -82,6 +77,27 @@ class ObjectPanel:
             if changed and max(tint) > 0.0:
                 edit = replace(edit, emission=_vector([c * brightest for c in tint]))
         return edit
+
+
+def draw_outliner(actions: Actions) -> None:
+    """Draw the names of all meshes; hidden ones are grey, and have a button that shows them again."""
+    editor = actions.editor
+    count = len(editor.edit.objects)
+    height = (min(count, _ROWS) + 1) * imgui.get_text_line_height_with_spacing()
+    if imgui.begin_child("objects", (0.0, height)):
+        clipper = imgui.ListClipper()
+        clipper.begin(count)
+        while clipper.step():
+            for number in range(clipper.display_start, clipper.display_end):
+                title = f"{editor.name(number)}##{number}"
+                if editor.object(number).hidden:
+                    if imgui.small_button(f"show##{number}"):
+                        actions.show_hidden(number)
+                    imgui.same_line()
+                    imgui.text_disabled(title.split("##")[0])
+                elif imgui.selectable(title, number == editor.mesh)[0]:
+                    editor.pick_mesh(number)
+    imgui.end_child()
 
 
 def needs_emission(material: Material) -> bool:

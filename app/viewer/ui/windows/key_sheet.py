@@ -13,7 +13,6 @@ _KEYS = 8.0  # width of the column of keys, heights of the font
 
 
 def draw_key_sheet(actions: Actions, scale: float) -> None:
-    """Draw all keys if the sheet is open."""
     if not actions.panels.help:
         return
     view = imgui.get_main_viewport()

@@ -19,20 +19,16 @@ _DECADES = 6
 
 
 class LightScalePanel:
-    """Draws the widgets of the light's scale."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     @property
     def is_open(self) -> bool:
-        """True if a side shows light in false colours."""
         session = self.actions.session
         shown = (BUFFERS[session.options.buffers[side]] for side, _ in session.sides())
         return bool(session.views) and any(isinstance(buffer, LightBuffer) for buffer in shown)
 
     def draw(self) -> None:
-        """Draw the widgets."""
         session, label = self.actions.session, self.layout.label
         scale, high = session.options.light_scale, session.light_scale.ends[1]
         units = [replace(scale, unit=unit).shown_unit for unit in _UNITS]

@@ -9,9 +9,9 @@ from imgui_bundle import imgui, implot
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.input.measuring_line import Point
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
+from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, WHITE, Layout, in_unit
 
 _SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
@@ -22,7 +22,7 @@ _COLOURS = {
     **dict.fromkeys("gy", (0.38, 0.76, 0.38, 1.0)),
     **dict.fromkeys("bz", (0.42, 0.60, 0.98, 1.0)),
 }
-_HOW = "drag a line over surfaces, or click its two ends"
+_HOW = "drag a line over surfaces"
 
 
 class LinePlot:
@@ -33,7 +33,6 @@ class LinePlot:
         self._marked: Point | None = None  # the point of the line that the cursor is at in the plot
 
     def draw(self) -> None:
-        """Draw the line and the window."""
         session = self.actions.session
         if not session.options.profile or not session.views:
             return
@@ -56,8 +55,7 @@ class LinePlot:
     def _line(self) -> None:
         """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
         session = self.actions.session
-        draw, line = imgui.get_background_draw_list(), session.line
-        ends = [point for point in (line.start, line.end) if point is not None]
+        draw, ends = imgui.get_background_draw_list(), list(session.line or ())
         marks = [*ends, *([] if self._marked is None else [self._marked])]
         places = [self.layout.seen(session.camera, point) for point in marks]
         first = places[: len(ends)]
@@ -95,7 +93,7 @@ class LinePlot:
         """Show the value at the cursor, and where that is in the picture."""
         number = int(np.abs(found.metres - metres).argmin())
         values = found.values[number]
-        ends = self.actions.session.line.ends
+        ends = self.actions.session.line
         if ends is None or not np.isfinite(values).all():
             return
         words = ", ".join(f"{value:.4g}" for value in values)
@@ -113,7 +111,7 @@ class LinePlot:
         if imgui.button("copy as CSV"):
             self.actions.copy(found.csv, "the table")
         imgui.same_line()
-        ends = self.actions.session.line.ends
+        ends = self.actions.session.line
         if ends is not None and imgui.button("copy for measure"):
             self.actions.copy("--line " + " ".join(f"{x:.6g}" for point in ends for x in point))
         imgui.set_item_tooltip("flags of irrsplat measure, which gathers at the points themselves")

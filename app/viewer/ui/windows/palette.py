@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS
 from irrsplat.app.viewer.ui.layout import DIALOG
+from irrsplat.app.viewer.ui.settings_panel import OF_RENDERS
 from irrsplat.scene import bundled
 from irrsplat.settings import SETTINGS
 
@@ -69,7 +70,7 @@ class Palette:
             if actions.can(one) and one.action != "escape" and one.argument != "palette":
                 key = f"  ({one.shown})" if one.shown else ""
                 entries.setdefault(f"{one.menu.replace('/', ' ')}: {one.title}{key}", partial(actions.press, one))
-        for name in SETTINGS:
+        for name in sorted(SETTINGS.keys() - OF_RENDERS):
             entries[f"Setting: {name.replace('_', ' ')}"] = partial(self._show_setting, name)
         for source in dict.fromkeys((*bundled(), *actions.preferences.recent)):
             entries.setdefault(f"Open: {os.path.basename(source)}", partial(actions.open, source))

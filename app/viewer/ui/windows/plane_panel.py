@@ -19,13 +19,10 @@ _NEARER = 0.999  # of the way from the eye to a point of the plane, which may li
 
 
 class PlanePanel:
-    """Draws the section of the side panel, and the values."""
-
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
 
     def draw(self) -> None:
-        """Draw the panel."""
         session = self.actions.session
         plane, top = session.plane, float(np.ptp(session.scene.corners @ np.asarray(session.scene.up)))
         height = imgui.slider_float(self.layout.label("height"), plane.height, 0.0, top, "%.2f m")[1]

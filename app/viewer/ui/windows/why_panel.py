@@ -17,14 +17,11 @@ _BLOCKED = (0.93, 0.36, 0.30, 1.0)
 
 
 class WhyPanel:
-    """Draws the section of the side panel, and the sight lines."""
-
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.display, self.layout = actions, display, layout
         self._memo = Memo()
 
     def _light(self) -> PointLight | None:
-        """Return the direct light of the chosen point; None for no point."""
         session = self.actions.session
         if not session.options.why or session.surface is None or not session.views or not ray_caster.available():
             return None
@@ -33,7 +30,6 @@ class WhyPanel:
         return self._memo.get("light", known, lambda: light_at(renderer.scene, renderer.world.caster, *surface))
 
     def draw(self) -> None:
-        """Draw the section."""
         found, surface = self._light(), self.actions.session.surface
         if found is None or surface is None:
             here = ray_caster.available()

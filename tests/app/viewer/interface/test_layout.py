@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.ui.settings_panel import why_idle
-from irrsplat.settings import SettingValues
 from tests.support.viewing import Driver
 
 SIZE = (1000, 640)
-
-
-def test_what_changes_nothing_says_why(driver: Driver) -> None:
-    """A change of a setting that is idle without bounces leaves the picture bit for bit."""
-    driver.session.change(0, bounces=0)
-    driver.settle()
-    before, changes = driver.canvas(), {"a": 1.5, "gather_size": 12, "radius_min": 5.0}
-    assert {why_idle(name, driver.session.settings(0)[1]) for name in changes} == {"bounces is 0: there is no indirect light"}
-    driver.session.change(0, **cast(SettingValues, changes))
-    driver.settle()
-    assert np.array_equal(driver.canvas(), before)
 
 
 def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:

@@ -103,7 +103,7 @@ def viewer(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """Start the viewer of the Cornell box with panels closed. Yield its process once its window shows a picture."""
     config = folder / "config"
     config.mkdir()
-    closed = {"version": 1, "ui": {"panels": {"controls": False}}}
+    closed = {"version": 1, "ui": {"controls": False}}
     (config / "viewer.json").write_text(json.dumps(closed), encoding="utf-8")
     command = [sys.executable, "-m", "irrsplat", "view", "cornell", "--size", *map(str, SIZE), *FAST, *words]
     environment = {**os.environ, "IRRSPLAT_CONFIG": str(config)}
