@@ -77,7 +77,7 @@ class PlaceLight(Tenant):
         if not self.settings.most_bounces or not where.seen.any():
             return Gathered(empty, where.seen.copy(), self.cache.count, True)
         scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
-        scheduler.prepare(self.lit.shadows, budget)
+        scheduler.gatherer.prepare(self.lit.shadows, budget)
         with (
             _Drawn(self.ctx, where, settings.gradients) as drawn,
             PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,

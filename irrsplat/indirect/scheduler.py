@@ -17,7 +17,6 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
-from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.site_selection import FEWER, chessboard, choose
@@ -29,7 +28,7 @@ from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Camera, Part, Scene, measure
+from irrsplat.scene.model import Camera, Part, measure
 from irrsplat.settings import Settings
 
 _ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
@@ -60,7 +59,6 @@ class RecordScheduler(Owner):
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
         self.adaptation = AdaptiveRadius(world.ctx, cache, timers)
-        self.flight_order = FlightOrder()
         self._passes = Workshop()
         self._checked = PlacesChecked()
 
@@ -80,10 +78,6 @@ class RecordScheduler(Owner):
         return self._passes.get("refresh_order", gradients, lambda: RefreshOrder(self.ctx, gradients))
 
     # ---- what changes ----------------------------------------------------------------------------------------------
-
-    def change_to(self, scene: Scene) -> SceneChange:
-        """Return how `scene` differs from the scene by which records are gathered now."""
-        return self.gatherer.change_to(scene)
 
     def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
         """Apply other settings and another state of the scene.
@@ -105,10 +99,6 @@ class RecordScheduler(Owner):
         self.gatherer.expire()
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
-
-    def prepare(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
-        """Prepare gathering. Return True if records may be gathered. idle: True if no record waits."""
-        return self.gatherer.prepare(shadows, budget, idle)
 
     def refresh(self, shadows: ShadowMaps, gbuffer: GBuffer | None, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place. Return how many. gbuffer: records with most pixels in it come first."""
@@ -169,7 +159,7 @@ class RecordScheduler(Owner):
             if view.phase is Phase.CLOSE:
                 view, ended, _ = close(view)
                 return replace(view, rounds=view.rounds + ended), replace(NOTHING_ASKED, complete=False)
-            view = self._requested(view, screen, camera, budget, side)
+            view = self._requested(view, screen, camera, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
@@ -196,15 +186,12 @@ class RecordScheduler(Owner):
         )
         return view, replace(result, complete=result.new > 0 or settled)
 
-    def _requested(self, view: ViewState, screen: Screen, camera: Camera, budget: Budget, side: int) -> ViewState:
+    def _requested(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
         """Return the view with the queue of a new round, coarse to fine; None if there is nothing to gather."""
-        view, queue = self._select(view, screen)
-        sites = queue.sites
-        if budget.limited and not side:
-            sites = sites[self.flight_order(sites.position, camera, screen.size)]
+        view, (sites, near) = self._select(view, screen)
         room = self.room if side else self._room(len(sites), camera, screen.size)
         sites, full = sites[:room], room < len(sites)
-        return replace(view, queue=Queue(sites, queue.near) if len(sites) else None, full=full)
+        return replace(view, queue=Queue(sites, near) if len(sites) else None, full=full)
 
     def _close(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool

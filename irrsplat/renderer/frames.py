@@ -154,7 +154,7 @@ class Frames(Owner):
 
     def follow_scene(self, state: State, stages: Stages) -> ShadowMaps:
         """Let records and surface cache follow the scene's changes, and return its shadow maps."""
-        self.scheduler.apply(state.settings, self.scheduler.change_to(state.scene), stages.shadows(state))
+        self.scheduler.apply(state.settings, self.scheduler.gatherer.change_to(state.scene), stages.shadows(state))
         return stages.draw_shadows(state)
 
     def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:
@@ -162,7 +162,7 @@ class Frames(Owner):
         gatherer = self.scheduler.gatherer
         idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(self.cache.stale)
         dark = gatherer.surface_now is None
-        ready = self.scheduler.prepare(shadows, budget.part(1.0, reserve), idle)
+        ready = self.scheduler.gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
         # the first light is shown at once: passes that gather records take a tenth of a second to make
         first = dark and gatherer.surface_now is not None
         return ready and not (first and budget.limited and budget.left <= 0.0)
@@ -303,7 +303,7 @@ class Frames(Owner):
         """Change to another scene, size or settings that have been validated."""
         if state.view_subject != self.state.view_subject:
             self.leave_refinement()
-        change = self.scheduler.change_to(state.scene)
+        change = self.scheduler.gatherer.change_to(state.scene)
         dimming = change.dimming
         self.scheduler.apply(state.settings, change, self.stages.shadows(self.state))
         if dimming is not None:

@@ -16,9 +16,11 @@ import numpy.typing as npt
 from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import named
 from irrsplat.gpu import program, self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
@@ -29,8 +31,9 @@ from irrsplat.image.view import Progress, View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.lighting import gl_limits
+from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.renderer import kept_records
+from irrsplat.records.scene_stamp import earlier, stamp
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
 from irrsplat.renderer.tiling import Tiling, check_whole
@@ -334,7 +337,9 @@ class Renderer(Tenant):
         Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
         """
         self._use()
-        kept_records.save(path, self._state.scene, self.scheduler)
+        files.check_file(named(path))
+        scene, scheduler = self._state.scene, self.scheduler
+        cache_file.write(path, cache_file.key(scene, scheduler.settings), scheduler.state(), stamp(scene))
 
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Take the records of a file in place of those that there are.
@@ -347,9 +352,36 @@ class Renderer(Tenant):
         """
         self._use()
         self._frames.leave_refinement()
-        reason = kept_records.load(path, update, self._state, self, self._change_to)
+        wanted, reason = cache_file.key(self._state.scene, self.scheduler.settings), ""
+        if update:
+            found, reason = cache_file.read_of_any_scene(named(path), wanted)
+            if reason:
+                self._carry_over(found, found.key.lights == wanted.lights)
+            else:
+                self.scheduler.restore(found.state)
+        else:
+            self.scheduler.restore(cache_file.read(named(path), wanted))
         self.forget(records=False)
         return reason
+
+    def _carry_over(self, found: cache_file.Content, same_lights: bool) -> None:
+        """Take the records of a file that belong to another state of the scene, and change to the present state from there."""
+        present, scheduler = self._state, self.scheduler
+        then = earlier(found.scene, present.scene, stamp(present.scene))
+        records = cache_file.carried_over(found.state, then)
+        self.forget()
+        try:
+            self._change_to(replace(present, scene=then.scene))
+            scheduler.restore(records)
+            if then.complete and same_lights:  # probes of the former scene find the records that the change concerns
+                scheduler.gatherer.restore_surface(self.draw_shadows(), Budget(None))
+            else:
+                scheduler.cache.invalidate()
+            self._change_to(present)
+        except BaseException:
+            scheduler.cache.truncate(0)
+            self._change_to(present)
+            raise
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 

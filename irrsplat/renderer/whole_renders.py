@@ -214,7 +214,8 @@ class WholeRenders:
 
     def _splatted(self, count: int) -> np.ndarray:
         """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
-        return self.stages.splatted(self.frames.state, self.frames.state.view.subject[0], count)
+        state = self.frames.state
+        return self.stages.splatted(state, cast(Camera, state.view.subject[0]), count)
 
     def described(self, samples: int, stops: float) -> Statistics:
         """Return the statistics that describe scene, settings and OpenGL renderer for a picture; `converge` adds its counts.

@@ -44,7 +44,7 @@ def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
         fresh.cache.append(renderer.cache.sites(slice(0, renderer.cache.count)))
         fresh.cache.invalidate()
         shadows, gbuffer = fresh.draw_shadows(), fresh.draw_gbuffer(renderer.scene.camera())
-        assert fresh.scheduler.prepare(shadows, Budget(None))
+        assert fresh.scheduler.gatherer.prepare(shadows, Budget(None))
         fresh.scheduler.refresh(shadows, gbuffer, renderer.scene.camera(), Budget(None))
         return fresh.cache.records.read(*HELD)
 

@@ -39,7 +39,9 @@ def made(ctx: moderngl.Context, world: Scene, **settings: Any) -> Iterator[Rende
 def advance(renderer: Renderer) -> None:
     renderer.frame(gather=False)
     assert renderer.shadows is not None
-    assert renderer.scheduler.prepare(renderer.shadows, Budget(None)) and renderer.scheduler.gatherer.surface_share == 1.0
+    assert (
+        renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None)) and renderer.scheduler.gatherer.surface_share == 1.0
+    )
 
 
 def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
@@ -70,7 +72,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "gather_size": 16, "gather": kind, "bounces": number}) as renderer:
         renderer.frame(gather=False)
         assert renderer.shadows is not None
-        renderer.scheduler.prepare(renderer.shadows, Budget(None))
+        renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None))
         E = gathered(renderer, sites(where, [[0, 1, 0], [-1, 0, 0], [0, 1, 0], [1, 0, 0]]))
     rho = np.array(ALBEDO)
     factor = (1.0 if number == "all" else 1.0 - rho ** int(number)) / (1.0 - rho)

@@ -14,7 +14,6 @@ from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress, read
 from irrsplat.scene.model import Light
-from irrsplat.settings import SettingValues
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import box, lamp, material, scene
@@ -56,7 +55,7 @@ def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeyp
     for name in ("_PICTURE_SHARE", "_OLDEST_PICTURE"):
         monkeypatch.setattr(f"irrsplat.renderer.frames.{name}", 1e9)
     monkeypatch.setattr("irrsplat.indirect.gathering.record_gatherer._FIRST_LIGHT", 1.0)  # not within the first frame
-    fine: SettingValues = {**TRACED, "gather_size": 32}  # a smaller gather has a surface cache as coarse as the first one
+    fine = {**TRACED, "gather_size": 32}  # a smaller gather has a surface cache as coarse as the first one
     with Renderer(room(), SIZE, ctx=ctx, **fine) as renderer:
         before = view = renderer.frame(seconds=2e-3)[0]
         while renderer.scheduler.gatherer.surface_now is None:

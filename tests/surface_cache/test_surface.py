@@ -146,7 +146,7 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         renderer.frame(gather=False)
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
-        renderer.scheduler.prepare(renderer.shadows, Budget(None))
+        renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None))
         values = np.random.default_rng(0).uniform(0.0, 1.0, (MAX_SITES, 3)).astype("f4")
         cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
         view, _ = renderer.frame(gather=False)
@@ -174,7 +174,7 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512, "gather_size": 32}) as renderer:
         view, _ = renderer.frame(gather=False)
         assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None
-        renderer.scheduler.prepare(renderer.shadows, Budget(None))
+        renderer.scheduler.gatherer.prepare(renderer.shadows, Budget(None))
         found = pixels(renderer.scheduler.gatherer.surface.view(view.gbuffer))[..., :3]
         p = pixels(view.gbuffer.position)
     beyond = np.max(np.abs(p[..., :3] - (-0.02, 0.0, -0.02)) - (0.39, 9.0, 0.31), axis=-1)  # metres from the box's foot
