@@ -5,7 +5,7 @@
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
 #include "lib/octahedral.glsl"
-#if SHADOW_RAYS || SHADOW_MARKS
+#if SHADOW_RAYS
 #include "generated/vertex_table.glsl"
 #include "lib/rays/triangles.glsl"
 #include "lib/normals.glsl"
@@ -22,7 +22,7 @@ uniform vec4 headlamp;       // where it is, and its W/sr
 
 const float SMOOTH = 0.99999;  // cosine of the angle between geometric and interpolated normal, below which facets stand for a curve
 
-#if SHADOW_RAYS || SHADOW_MARKS
+#if SHADOW_RAYS
 uniform int lit;             // triangles of lower numbers are those that light sees
 
 // The place on the curved surface that facets stand for, at the point p of such a facet: the mean of the projections of p onto the
@@ -63,12 +63,15 @@ void main()
     Receiver receiver = Receiver(p.xyz, m, g, FLAT);
     if (dot(n.xyz, g) < SMOOTH)
     {
-#if SHADOW_RAYS || SHADOW_MARKS
+#if SHADOW_RAYS
         int triangle = int(texel_at(emission, pixel).w);
         if (triangle < lit) receiver.p = curved_place(p.xyz, n.xyz, triangle);
         receiver.g = n.xyz;
 #else
         receiver.rise = CURVED;
+#if SHADOW_MARKS
+        undecided = true;
+#endif
 #endif
     }
     vec3 E = direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
