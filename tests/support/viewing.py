@@ -18,8 +18,8 @@ import irrsplat
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
+from irrsplat.app.viewer.buffers.table import BufferView
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder

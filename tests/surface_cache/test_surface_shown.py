@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.image.tonemap import tonemap
 from irrsplat.renderer import Renderer

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, Values, colour_map
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.gpu.target import Target

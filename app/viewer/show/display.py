@@ -7,9 +7,8 @@ from math import dist
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
+from irrsplat.app.viewer.buffers.table import BufferView
 from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.core.buffers import Records

@@ -22,6 +22,7 @@ from events import ROOT, Hand
 from walk import display
 
 FIRST, PATIENCE, PAUSE = 60.0, 5.0, 0.35  # seconds: until the first frame; until an event counts as lost; between two events
+NOISE = 1e-6  # metres
 BUSY = "while True: pass"
 LAUNCHER = """
 import json, os, sys, time
@@ -50,7 +51,9 @@ def swapped(self):
     if made and made[0].session.progress:
         session, actions = made[0].session, made[0].actions
         rest, filled = session.at_rest, all(p.coverage == 1.0 and p.surface == 1.0 for p in session.progress)
-        shown = {"wire": session.options.wire, "lights": actions.panels.lights, "eye": list(session.views[0].camera.eye)}
+        shown = {"wire": session.options.wire, "lights": actions.panels.lights}
+        camera = session.views[0].camera
+        shown["aside"] = float(camera.axes[0] @ camera.eye)  # which flight ahead does not change
         state = "rest" if rest else "refining" if filled else "filling"
         line = json.dumps({"t": time.monotonic(), "state": state, "parts": parts, **shown})
         os.write(out, (line + "\\n").encode())
@@ -120,11 +123,11 @@ class Run:
         self.measure("click", lambda: self.click(*LINK), lambda a, b: a["lights"] != b["lights"])
 
     def fly(self, count: int) -> None:
-        """Measure flight upward and downward while the camera flies ahead and back."""
+        """Measure flight to the right and to the left while the camera flies ahead and back."""
         for number in range(count):
-            along, across = ("w", "e") if number % 2 else ("s", "q")
+            along, across = ("w", "d") if number % 2 else ("s", "a")
             self.hand.key(along, True)
-            self.measure("key", lambda: self.hand.key(across, True), lambda a, b: b["eye"][1] != a["eye"][1], "flying")  # noqa: B023
+            self.measure("key", lambda: self.hand.key(across, True), lambda a, b: abs(b["aside"] - a["aside"]) > NOISE, "flying")  # noqa: B023
             for name in (across, along):
                 self.hand.key(name, False)
 
