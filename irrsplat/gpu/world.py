@@ -26,6 +26,7 @@ from irrsplat.scene.looks import numbered_alike, runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import face_counts
+from irrsplat.scene.visible_parts import SceneParts
 
 Made = TypeVar("Made")
 
@@ -47,6 +48,7 @@ class World(Owner):
         self.derived = Workshop()  # resources that other modules derive from the scene, freed with it
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
+        self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
         self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
         self._pending_tree: Future[Bvh] | None = None
@@ -101,6 +103,13 @@ class World(Owner):
     def shows(self, scene: Scene) -> bool:
         """True if all GPU data belong to this scene."""
         return self._scene is scene and self._uploaded is scene.meshes
+
+    @property
+    def parts(self) -> SceneParts:
+        """The scene's parts for culling; the same object until a mesh moves."""
+        if self._parts is None or self._parts[0] is not self._scene.meshes:
+            self._parts = self._scene.meshes, SceneParts.of(self._scene)
+        return self._parts[1]
 
     @property
     def triangles(self) -> TriangleTable:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -17,9 +17,9 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Region, Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
-from irrsplat.image.visible_parts import SceneParts
 from irrsplat.scene.looks import Look, Run
-from irrsplat.scene.model import Camera, Mesh, Part, Scene, part_drawn, part_of
+from irrsplat.scene.model import Camera, Part, part_drawn, part_of
+from irrsplat.scene.visible_parts import SceneParts
 
 _NEAR = 1e-6  # of the far distance: used by the matrix only, since nothing is clipped there
 _EDGE_ON = 5e-7  # of the eye's coordinates: closer to a triangle's plane, the eye lies in the plane
@@ -57,6 +57,9 @@ class GBufferTarget(Target):
         return self._parts.get(f"{name} target {together}", (), make)
 
 
+Sides = Literal["back"] | None  # culled sides
+
+
 @dataclass(frozen=True)
 class _Batch:
     """Runs that differ in uniforms only: draws by the program of these `defines`, with or without back-face culling.
@@ -83,7 +86,6 @@ class GBufferPass(Owner):
         self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
         self._cell = Workshop()  # target of a cell, if it is not the whole picture
         self._programs: dict[tuple[object, ...], Program] = {}
-        self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -113,12 +115,6 @@ class GBufferPass(Owner):
                 kinds.setdefault((run.look.single_sided, *_defines(run.look).values()), []).append(run)
             self._batched = runs, tuple(map(self._batch, kinds.values()))
         return self._batched[1]
-
-    def _scene_parts(self, scene: Scene) -> SceneParts:
-        """Return the scene's parts; the same object until a mesh moves."""
-        if self._parts is None or self._parts[0] is not scene.meshes:
-            self._parts = scene.meshes, SceneParts.of(scene)
-        return self._parts[1]
 
     def _batch(self, runs: Sequence[Run]) -> _Batch:
         look, surfaces, filters, glows = runs[0].look, [], [], []
@@ -202,10 +198,10 @@ class GBufferPass(Owner):
         }
         # depth 0 marks an empty pixel, whose other textures are not read
         target.depths.clear()
-        parts = self._scene_parts(scene)
+        parts = world.parts
         sides = parts.sides(placed["clip_from_world"], eye, far)
         for batch in batches:
-            for cull, draws in parts.draws(batch.surfaces, sides, batch.cull):
+            for cull, draws in _visible(parts, batch.surfaces, sides, batch.cull):
                 self._program("image/gbuffer", {**batch.defines, "MAPPED_NORMALS": int(mapped), "EMISSIVE": int(emissive)})(
                     surfaces,
                     scissor=scissor,
@@ -262,6 +258,25 @@ def _defines(look: Look) -> dict[str, int]:
         "MASK": int(look.alpha == "mask"),
         "BLEND": int(look.alpha == "blend"),
     }
+
+
+def _visible(parts: SceneParts, draws: Sequence[Draw], sides: np.ndarray, cull: Sides) -> Iterator[tuple[Sides, list[Draw]]]:
+    """Yield the culled side and the draws with it, without invisible parts, in the same order.
+
+    sides: from SceneParts.sides. cull: side culled in any case.
+    """
+    now: Sides = None
+    kept: list[Draw] = []
+    for draw in draws:
+        for side, first, count in parts.runs(draw.first // 3, draw.count // 3, sides):
+            culled: Sides = "back" if side == 1 else cull
+            if culled != now and kept:
+                yield now, kept
+                kept = []
+            now = culled
+            kept.append(replace(draw, first=3 * first, count=3 * count, uniforms={**draw.uniforms, "first_triangle": first}))
+    if kept:
+        yield now, kept
 
 
 def _draw(run: Run, uniforms: Uniforms) -> Draw:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import moderngl
+import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
@@ -13,6 +14,7 @@ from irrsplat.lighting.light_table import light_table, near_plane, sheet
 from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
 
 _PARTS = "closed", "open", "cut_out"
+_ONE = np.array([0.0, 0.0, 0.0, 1.0])  # w of a parallel tile
 
 
 class ShadowPass(Owner):
@@ -62,15 +64,18 @@ class ShadowPass(Owner):
         near = near_plane(world.scene)
         for i, (matrix, parallel) in enumerate(zip(lights.tiles, lights.parallel, strict=True)):
             cell = (side * (i % columns), side * (i // columns), side, side)
+            seen = world.parts.seen(matrix[0], matrix[1], _ONE if parallel else matrix[2], lights.far)
             for part in _PARTS:
-                if not world.geometry.parts[part][1]:
+                first, count = world.geometry.parts[part]
+                draws = [Draw(3 * at, 3 * n, {}) for _, at, n in world.parts.runs(first // 3, count // 3, seen)]
+                if not draws:
                     continue
                 cut_out = part == "cut_out"
                 program = self._cutting(world) if cut_out else self.program
                 program(
                     self.target,
                     geometry=world.geometry,
-                    part=part,
+                    draws=draws,
                     # geometry before the near plane casts a shadow in parallel light only
                     state=DrawState(depth="<", depth_clamp=bool(parallel)),
                     viewport=cell,

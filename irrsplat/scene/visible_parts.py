@@ -1,23 +1,19 @@
-"""Frustum and back-face culling of a g-buffer's triangles, by parts of meshes."""
+"""Frustum and back-face culling of triangles by parts of meshes, for g-buffers and shadow maps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
-from irrsplat.gpu.program import Draw
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, sort_of
 
 _MOST = 4096  # triangles per part
 _SLACK = 1e-4  # of the far distance: more than rounding
-
-Sides = Literal["back"] | None  # culled sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,34 +53,29 @@ class SceneParts:
         clip_from_world: (4, 4). eye: (3,). far: beyond the whole scene, metres.
         """
         x, y, _, w = clip_from_world
-        planes = np.stack([w + x, w - x, w + y, w - y, w])
-        farthest = np.where(planes[:, None, :3] > 0.0, self.high, self.low)  # corner of each box farthest inward of each plane
-        seen = ((farthest * planes[:, None, :3]).sum(-1) + planes[:, 3:] >= -_SLACK * far).all(0)
         slack = _SLACK * far
         outside = ((eye < self.inner_low - slack) | (eye > self.inner_high + slack)).any(1)
-        return np.where(seen, np.where(outside, 1, 2), 0)
+        return np.where(self.seen(x, y, w, far), np.where(outside, 1, 2), 0)
 
-    def draws(self, draws: Sequence[Draw], sides: np.ndarray, cull: Sides) -> Iterator[tuple[Sides, list[Draw]]]:
-        """Yield the culled side and the draws with it, without invisible parts, in the same order.
+    def seen(self, x: np.ndarray, y: np.ndarray, w: np.ndarray, far: float) -> np.ndarray:
+        """Return (N,) True for parts that may lie within -w <= x, y <= w and 0 <= w; all (4,), dotted with (p, 1).
 
-        sides: from `sides`. cull: side culled in any case.
+        far: metres, the scale of rounding.
         """
-        now: Sides = None
-        kept: list[Draw] = []
-        for draw in draws:
-            begin, end = np.searchsorted(self.first, (draw.first // 3, (draw.first + draw.count) // 3))
-            here = sides[begin:end]
-            edges = [0, *(np.flatnonzero(np.diff(here)) + 1).tolist(), len(here)]
-            for a, b in pairwise(edges):
-                if here[a] == 0:
-                    continue
-                culled: Sides = "back" if here[a] == 1 else cull
-                if culled != now and kept:
-                    yield now, kept
-                    kept = []
-                now = culled
-                first, last = int(self.first[begin + a]), int(self.first[begin + b])
-                uniforms = {**draw.uniforms, "first_triangle": first}
-                kept.append(replace(draw, first=3 * first, count=3 * (last - first), uniforms=uniforms))
-        if kept:
-            yield now, kept
+        planes = np.stack([w + x, w - x, w + y, w - y, w])
+        farthest = np.where(planes[:, None, :3] > 0.0, self.high, self.low)  # corner of each box farthest inward of each plane
+        inside: np.ndarray = ((farthest * planes[:, None, :3]).sum(-1) + planes[:, 3:] >= -_SLACK * far).all(0)
+        return inside
+
+    def runs(self, first: int, count: int, kinds: np.ndarray) -> Iterator[tuple[int, int, int]]:
+        """Yield the kind, the first triangle and the number of triangles of successive parts of one kind.
+
+        first, count: the triangles to go through, whole parts. kinds: (N,) of all parts; those of kind 0 are left out.
+        """
+        begin, end = np.searchsorted(self.first, (first, first + count))
+        here = kinds[begin:end].astype(int)
+        edges = [0, *(np.flatnonzero(np.diff(here)) + 1).tolist(), len(here)]
+        for a, b in pairwise(edges):
+            if a < b and here[a]:
+                low, high = int(self.first[begin + a]), int(self.first[begin + b])
+                yield int(here[a]), low, high - low
