@@ -334,15 +334,15 @@ class Renderer(Tenant):
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Take the records of a file in place of those that there are.
 
-        update: where they belong to another state of the scene, to other materials or lights, what that concerns is renewed:
-        records on meshes that have moved move along, those on what is gone go, and those whose light has changed are gathered
-        again when a view is rendered. Returns what differs, in words; the empty text where nothing does.
+        update: accept records of another state of the scene, or of other materials or lights. Records on meshes that have moved
+        or are gone are removed; all others are gathered again when a view is rendered. Return the difference as a text; empty if
+        there is none.
         Raises InputError, and changes nothing, for a file that is missing, damaged or no record cache. The same holds for records
         of other settings (cache_file.key lists them) and, without `update`, of another scene or other lights.
         """
         self._use()
         self._frames.leave_refinement()
-        reason = kept_records.load(path, update, self._state, self, self._change_to)
+        reason = kept_records.load(path, update, self._state.scene, self.scheduler)
         self.forget(records=False)
         return reason
 
@@ -354,7 +354,7 @@ class Renderer(Tenant):
         progress: Callable[[Progress], None] | None = None,
         sparing: bool = False,
     ) -> tuple[View, Statistics]:
-        """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
+        """Rounds until the examination finds nothing, at most MOST_ROUNDS; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
         each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
