@@ -22,14 +22,14 @@ from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
-from irrsplat.records.scene_stamp import Earlier, SceneStamp, hashed, stamp
+from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, stamp
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
 FORMAT = 9  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
-_CHECKED = "checked"  # array of the viewpoints of spot checks, absent in older files
+_CHECKED = "checked"  # array of the viewpoints of spot checks
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
@@ -88,11 +88,12 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     return replace(state, records=records, adapted=AdaptiveRadiusState(), checked=np.zeros(0, np.int64))
 
 
-def carried_over(state: CacheState, then: Earlier) -> CacheState:
-    """Return the records on triangles that still exist, with the present triangle numbers."""
+def carried_over(content: Content, scene: SceneStamp) -> CacheState:
+    """Return the records on triangles that `scene` still has, with its triangle numbers."""
+    state, present = content.state, present_triangles(content.scene, scene)
     triangle = np.asarray(state.records["triangle"], np.intp)
     known = triangle >= 0
-    triangle = np.where(known, np.append(then.triangle, -1)[np.minimum(triangle, len(then.triangle))], -1)
+    triangle = np.where(known, np.append(present, -1)[np.minimum(triangle, len(present))], -1)
     gone = known & (triangle < 0)
     state = replace(state, records={**state.records, "triangle": triangle})
     return selected(state, np.flatnonzero(~gone)) if gone.any() else state
@@ -101,9 +102,9 @@ def carried_over(state: CacheState, then: Earlier) -> CacheState:
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
     about = {"adapted": astuple(state.adapted), "bounces": dict(state.bounces), "settings": dict(state.settings)}
-    text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
+    text = json.dumps({"key": asdict(key), "about": about, "scene": asdict(scene)})
     payload = io.BytesIO()
-    arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **scene.arrays, **state.records}
+    arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **state.records}
     np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
     data = payload.getvalue()
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
@@ -114,10 +115,9 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
 
     Raises InputError if the file cannot be read, is no record cache, is damaged, or was made for another key.
     """
-    content = read_any(path)
-    if reason := difference(content.key, key):
-        renewed = "" if content.key.settings != key.settings else "; --cache-mode update renews it"
-        raise InputError(f"this record cache was made {reason}; {_REMEDY}{renewed}", path)
+    content, reason = read_of_any_scene(path, key)
+    if reason:
+        raise InputError(f"this record cache was made {reason}; {_REMEDY}; --cache-mode update renews it", path)
     return content.state
 
 
@@ -127,8 +127,8 @@ def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str
     Raises InputError as `read` does, except for another scene or other lights.
     """
     content = read_any(path)
-    if reason := difference(content.key, replace(key, geometry=content.key.geometry, lights=content.key.lights)):
-        raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
+    if content.key.settings != key.settings:
+        raise InputError(f"this record cache was made with {_differing(content.key.settings, key.settings)}; {_REMEDY}", path)
     return content, difference(content.key, key)
 
 
@@ -144,15 +144,14 @@ def read_any(path: files.Pathlike) -> Content:
         made_for, about = CacheKey(**header["key"]), header["about"]
         if not isinstance(made_for.settings, dict) or not isinstance(about["settings"], dict):
             raise ValueError("settings")
-        scene = SceneStamp.read(header["scene"], arrays)
-        checked = arrays.pop(_CHECKED, np.zeros(0, np.int64))
+        scene = SceneStamp.read(header["scene"])
+        checked = arrays.pop(_CHECKED)
         if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
             raise ValueError(_CHECKED)
-        records = {name: array for name, array in arrays.items() if name not in scene.arrays}
-        record_cache.check_state(records)
+        record_cache.check_state(arrays)
         limited, compared, inputs = about["adapted"]
         adapted = AdaptiveRadiusState(int(limited), int(compared), tuple(inputs))
-        return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"], checked), scene)
+        return Content(made_for, CacheState(arrays, adapted, dict(about["bounces"]), about["settings"], checked), scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
@@ -212,14 +211,10 @@ def difference(made_for: CacheKey, wanted: CacheKey) -> str:
 
 def _differing(was: Mapping[str, object], now: Mapping[str, object]) -> str:
     """Return the differing settings as flags: those of the file, then the requested ones."""
-
     names = [name for name in SETTINGS if was.get(name) != now.get(name)]
 
     def flags(values: Mapping[str, object]) -> str:
-        return " ".join(f"{SETTINGS[name].flag} {_word(values[name])}" for name in names if name in values)
+        words = {name: {True: "on", False: "off"}[value] if isinstance(value, bool) else value for name, value in values.items()}
+        return " ".join(f"{SETTINGS[name].flag} {words[name]}" for name in names if name in words)
 
     return f"{flags(was)}, not {flags(now)}"
-
-
-def _word(value: object) -> str:
-    return ("on" if value else "off") if isinstance(value, bool) else str(value)

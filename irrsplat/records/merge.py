@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 from scipy.spatial import cKDTree
 
 from irrsplat.core.color import LUMINANCE
@@ -176,9 +175,15 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Contributions of records to each other's places: sparse (N, N), a row a place; w, k, k·Y and k·Y²."""
+    """Contributions of records to each other's places.
 
-    values: tuple[sparse.csr_matrix, ...]
+    place, other: (P,) numbers of the records. values: (4, P) w, k, k·Y and k·Y² of `other` at `place`.
+    """
+
+    count: int  # of records
+    place: np.ndarray
+    other: np.ndarray
+    values: np.ndarray
 
     @classmethod
     def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
@@ -191,7 +196,8 @@ class _Pairs:
         places = np.arange(count) if source is None else np.flatnonzero(source > 0)
         places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
-        rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros((4, 0))]
+        none = np.zeros(0, np.intp)
+        chunks = [(none, none, np.zeros((4, 0)))]
         parts = [places[start : start + _AT_ONCE] for start in range(0, len(places), _AT_ONCE)][::-1]
         while parts:
             part = parts.pop()
@@ -205,32 +211,27 @@ class _Pairs:
             i, j = i[wanted], j[wanted]
             shares = table.contributions(i, j)
             counts = shares[0] > 0.0
-            rows.append(i[counts])
-            columns.append(j[counts])
-            values.append(shares[:, counts])
-        where = np.concatenate(rows), np.concatenate(columns)
-        return cls(tuple(sparse.csr_matrix((one, where), (count, count)) for one in np.concatenate(values, axis=1)))
+            chunks.append((i[counts], j[counts], shares[:, counts]))
+        return cls(count, *(np.concatenate(parts, axis=-1) for parts in zip(*chunks, strict=True)))
 
     def sums(self, kept: np.ndarray) -> np.ndarray:
         """Return (4, N), the summed contributions of the `kept` (N,) records at all places."""
-        return np.stack([one @ kept.astype(float) for one in self.values])
+        counts = kept[self.other]
+        return np.stack([np.bincount(self.place, one * counts, self.count) for one in self.values])
 
     def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
         """Return (N,) Σw at each place of the kept records of other caches."""
-        pairs = self.values[0].tocoo()
-        counts = kept[pairs.col] & (source[pairs.row] != source[pairs.col])
-        return np.bincount(pairs.row[counts], pairs.data[counts], len(kept))
+        counts = kept[self.other] & (source[self.place] != source[self.other])
+        return np.bincount(self.place, self.values[0] * counts, self.count)
 
     def apart(self, numbers: np.ndarray) -> np.ndarray:
         """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""
-        rank = np.full(self.values[0].shape[0], len(numbers))
+        rank = np.full(self.count, len(numbers))
         rank[numbers] = np.arange(len(numbers))
-        pairs = self.values[0].tocoo()
-        both = (rank[pairs.row] < len(numbers)) & (rank[pairs.col] < len(numbers))
-        later = np.maximum(rank[pairs.row[both]], rank[pairs.col[both]])
-        free = np.ones(len(numbers), bool)
+        later = np.maximum(rank[self.place], rank[self.other])
+        free = np.ones(len(numbers) + 1, bool)  # and one for all other pairs
         free[later] = False
-        return numbers[free]
+        return numbers[free[:-1]]
 
 
 # ---- arrays of cache files ---------------------------------------------------------------------------------------------

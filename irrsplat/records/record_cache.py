@@ -42,8 +42,6 @@ _COLUMNS: dict[str, _Column] = {
     "geometric": _Column((4,), "f4", "xyz, unit geometric normal"),
     "triangle": _Column((), "i8", "number of the triangle that it lies on, -1: not known"),
     "epoch": _Column((), "i8", "the invalidation epoch that it was gathered in"),
-    "values": _Column((4,), "f4", "E in W/m² and R_k in metres, where `values_read`", saved=False),
-    "values_read": _Column((), "?", "whether `values` has what the GPU has", saved=False),
     "last_view": _Column((), "i8", "number of the last view that had it in sight"),
     "id": _Column((), "i8", "what it is known by, whatever number it has"),
     "frame_rotation": _Column((), "i8", "what the rotation of its frame is drawn from: see Sites"),
@@ -132,8 +130,8 @@ class RecordCache(Owner):
             columns[name][new, :3] = rows
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
-        columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
-        columns["gather_size"][new] = 0
+        for name in ("probe", "drift", "due", "gather_size"):
+            columns[name][new] = 0
         columns["screen"][new] = 0.0 if sites.screen is None else sites.screen
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
@@ -172,13 +170,8 @@ class RecordCache(Owner):
 
     @property
     def values(self) -> np.ndarray:
-        """(N, 4) float32 E in W/m² and R_k in metres, the cache's own array; read back from the GPU where necessary."""
-        columns, new = self._columns, np.flatnonzero(~self._columns["values_read"][: self.count])
-        if len(new):
-            rows = texel_table.read(self.ctx, self._textures["irradiance"], new[0], new[-1] + 1)
-            columns["values"][new] = rows[new - new[0]]
-            columns["values_read"][new] = True
-        return columns["values"][: self.count]
+        """(N, 4) float32 E in W/m² and R_k in metres, read back from the GPU."""
+        return texel_table.read(self.ctx, self._textures["irradiance"], 0, self.count)
 
     def read(self) -> dict[str, np.ndarray]:
         """Return the records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
@@ -289,7 +282,6 @@ class RecordCache(Owner):
         """Mark the records of these numbers as refreshed, no longer stale. sizes: sides of their gathers."""
         columns = self._columns
         columns["gather_size"][numbers] = sizes
-        columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
         columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # taken before the change of the scene
         columns["due"][numbers] = 0.0
@@ -367,9 +359,6 @@ class RecordCache(Owner):
     def correct(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
         """Overwrite columns of the records of these numbers (K,); values: (K, …) by the names of the columns."""
         textures = {name: self._filled(name, rows) for name, rows in self._corrected(values, numbers).items()}
-        columns = {**self._columns, "values_read": self._columns["values_read"].copy()}
-        columns["values_read"][numbers] = False
-        self._columns = columns
         self.revision += 1
         self._replace(textures)
 
@@ -406,7 +395,7 @@ class RecordCache(Owner):
         columns = {name: array.copy() for name, array in self._columns.items()}
         for name in _SAVED:
             columns[name][:count] = state[name]
-        for name in ("values_read", "gather_size", "due"):
+        for name in ("gather_size", "due"):
             columns[name][:count] = 0
         texels = {name: np.zeros((count, channels), "f4") for name, channels in TEXTURES.items()}
         texels |= {name: columns[name][:count] for name in ("position", "normal")}

@@ -1,10 +1,10 @@
-"""Scene stamp of a cache file: hashes of the geometry, materials and sky, and the places of meshes, to find later changes."""
+"""Scene stamp of a cache file: hashes of meshes, materials and sky, to find later changes."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -12,70 +12,34 @@ import numpy as np
 
 from irrsplat.scene.looks import order
 from irrsplat.scene.model import Image, Material, Scene
-from irrsplat.scene.motion import hidden
-
-_MOST_VERTICES = 1_000_000  # 24 MB in a file; moved meshes of a larger scene count as replaced
 
 
 @dataclass(frozen=True)
 class MeshStamp:
-    """A mesh: its name, hashes of its shape (faces, texture coordinates, colours), its place and its material, and its numbers of
-    vertices and triangles."""
+    """A mesh: hashes of its geometry (with texture coordinates and colours) and of its material, and its number of triangles."""
 
-    name: str
-    shape: str
-    place: str
+    geometry: str
     material: str
-    vertices: int
     triangles: int
 
 
 @dataclass(frozen=True)
 class SceneStamp:
-    """The scene of a cache file.
-
-    around: a hash of its sky. origin: as in Scene. order: the meshes in the order of their triangles' numbers.
-    positions, normals: (V, 3) float32 of all vertices, mesh by mesh; (0, 3) for a scene of too many vertices.
-    """
+    """The scene of a cache file. around: a hash of its sky. order: the meshes in the order of their triangles' numbers."""
 
     name: str
     around: str
-    origin: tuple[float, ...]
     meshes: tuple[MeshStamp, ...]
     order: tuple[int, ...]
-    positions: np.ndarray
-    normals: np.ndarray
-
-    @property
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Arrays for the file."""
-        return {"mesh_positions": self.positions, "mesh_normals": self.normals}
-
-    def as_json(self) -> dict[str, object]:
-        """Return all members except the arrays."""
-        plain: dict[str, object] = {"name": self.name, "around": self.around, "origin": self.origin, "order": self.order}
-        return plain | {"meshes": [asdict(mesh) for mesh in self.meshes]}
 
     @classmethod
-    def read(cls, values: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> SceneStamp:
-        """Build a stamp from `as_json` and `arrays`; raises KeyError, TypeError or ValueError for other content."""
+    def read(cls, values: Mapping[str, Any]) -> SceneStamp:
+        """Build a stamp from its members by name; raises KeyError, TypeError or ValueError for other content."""
         meshes = tuple(MeshStamp(**mesh) for mesh in values["meshes"])
-        stamp = cls(
-            str(values["name"]),
-            str(values["around"]),
-            tuple(map(float, values["origin"])),
-            meshes,
-            tuple(map(int, values["order"])),
-            arrays["mesh_positions"],
-            arrays["mesh_normals"],
-        )
-        vertices = sum(mesh.vertices for mesh in meshes)
-        for array in stamp.arrays.values():
-            if array.shape not in ((vertices, 3), (0, 3)) or array.dtype != np.float32 or not np.isfinite(array).all():
-                raise ValueError("vertices")
-        if sorted(stamp.order) != list(range(len(meshes))) or min([0, *(mesh.triangles for mesh in meshes)]) < 0:
+        order = tuple(map(int, values["order"]))
+        if sorted(order) != list(range(len(meshes))) or min([0, *(mesh.triangles for mesh in meshes)]) < 0:
             raise ValueError("meshes")
-        return stamp
+        return cls(str(values["name"]), str(values["around"]), meshes, order)
 
     @property
     def first_triangles(self) -> np.ndarray:
@@ -87,7 +51,7 @@ class SceneStamp:
     @property
     def geometry(self) -> str:
         """Hash of all that records depend on in the scene except lights; names do not count."""
-        return hashed(repr((self.around, self.order, [astuple(replace(mesh, name="")) for mesh in self.meshes])).encode())
+        return hashed(repr((self.around, self.order, self.meshes)).encode())
 
 
 def stamp(scene: Scene) -> SceneStamp:
@@ -95,21 +59,15 @@ def stamp(scene: Scene) -> SceneStamp:
     materials = {material: hashed(*_material(material)) for material in scene.materials}
     meshes = tuple(
         MeshStamp(
-            mesh.name,
-            hashed(mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
-            hashed(mesh.positions, mesh.normals),
+            hashed(
+                *(mesh.positions, mesh.normals, mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
+            ),
             materials[mesh.material],
-            len(mesh.positions),
             len(mesh.faces),
         )
         for mesh in scene.meshes
     )
-    held = scene.meshes if sum(mesh.vertices for mesh in meshes) <= _MOST_VERTICES else ()
-    positions, normals = (
-        np.concatenate([np.zeros((0, 3), np.float32), *(getattr(mesh, name) for mesh in held)])
-        for name in ("positions", "normals")
-    )
-    return SceneStamp(scene.name, hashed(_sky(scene)), tuple(scene.origin), meshes, tuple(order(scene)), positions, normals)
+    return SceneStamp(scene.name, hashed(_sky(scene)), meshes, tuple(order(scene)))
 
 
 def _sky(scene: Scene) -> bytes:
@@ -142,57 +100,16 @@ def _image_digest(image: Image) -> bytes:
     return _digests[image]
 
 
-@dataclass(frozen=True)
-class Earlier:
-    """The scene at the time of the records, as far as a file holds it.
-
-    scene: the present scene with the former places of its meshes; meshes new since then are hidden. triangle: the present number
-    of each former triangle; -1: the triangle is gone. complete: True if only places of meshes may have changed since.
-    """
-
-    scene: Scene
-    triangle: np.ndarray
-    complete: bool
-
-
-def earlier(stamp: SceneStamp, scene: Scene, present: SceneStamp) -> Earlier:
-    """Return the present `scene`, with the stamp `present`, in its state at the time of a file with this `stamp`."""
-    meshes, twins = list(scene.meshes), _twins(stamp, present)
-    starts = np.cumsum([0, *(mesh.vertices for mesh in stamp.meshes)])
-    for number, mesh in enumerate(scene.meshes):
-        if number not in twins:
-            meshes[number] = hidden(mesh, mesh.positions[0]) if len(mesh.positions) else mesh
-        elif stamp.meshes[twins[number]].place != present.meshes[number].place:
-            rows = slice(starts[twins[number]], starts[twins[number] + 1])
-            meshes[number] = replace(mesh, positions=stamp.positions[rows], normals=stamp.normals[rows])
-    triangle = np.full(sum(mesh.triangles for mesh in stamp.meshes), -1)
-    was, now = stamp.first_triangles, present.first_triangles
-    for new, old in twins.items():
-        own = np.arange(stamp.meshes[old].triangles)
-        triangle[was[old] + own] = now[new] + own
-    alike = all(stamp.meshes[old].material == present.meshes[new].material for new, old in twins.items())
-    complete = alike and len(twins) == len(stamp.meshes) == len(present.meshes) and stamp.around == present.around
-    return Earlier(replace(scene, meshes=tuple(meshes)), triangle, complete)
-
-
-def _twins(stamp: SceneStamp, present: SceneStamp) -> dict[int, int]:
-    """Return the former index of each present mesh that existed before.
-
-    Matches of shape, name and place come first, then of shape and place, then of shape and name, then of shape alone.
-    """
-    twins: dict[int, int] = {}
-    if stamp.origin != present.origin:
-        return twins
-    known = len(stamp.positions) > 0
-    for names in (("shape", "name", "place"), ("shape", "place"), ("shape", "name"), ("shape",)):
-        free: dict[tuple[object, ...], list[int]] = {}
-        for number in sorted(set(range(len(stamp.meshes))) - set(twins.values()), reverse=True):
-            free.setdefault(tuple(getattr(stamp.meshes[number], name) for name in names), []).append(number)
-        for number, mesh in enumerate(present.meshes):
-            same = free.get(tuple(getattr(mesh, name) for name in names))
-            if number not in twins and same and (known or "place" in names):
-                twins[number] = same.pop()
-    return twins
+def present_triangles(then: SceneStamp, now: SceneStamp) -> np.ndarray:
+    """Return (T,) the present number of each former triangle; -1: its mesh has moved, has another shape, or is gone."""
+    starts: dict[tuple[str, int], list[int]] = {}
+    for mesh, first in zip(now.meshes, now.first_triangles, strict=True):
+        starts.setdefault((mesh.geometry, mesh.triangles), []).append(int(first))
+    found = np.full(sum(mesh.triangles for mesh in then.meshes), -1)
+    for mesh, first in zip(then.meshes, then.first_triangles, strict=True):
+        if same := starts.get((mesh.geometry, mesh.triangles)):
+            found[first : first + mesh.triangles] = same.pop(0) + np.arange(mesh.triangles)
+    return found
 
 
 def hashed(*parts: np.ndarray | bytes | None) -> str:

@@ -20,7 +20,6 @@ from irrsplat.core.paths import named
 from irrsplat.gpu import program, self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
-from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
@@ -33,7 +32,7 @@ from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.records.scene_stamp import earlier, stamp
+from irrsplat.records.scene_stamp import stamp
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
 from irrsplat.renderer.tiling import Tiling, check_whole
@@ -344,44 +343,25 @@ class Renderer(Tenant):
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Take the records of a file in place of those that there are.
 
-        update: where they belong to another state of the scene, to other materials or lights, what that concerns is renewed:
-        records on meshes that have moved move along, those on what is gone go, and those whose light has changed are gathered
-        again when a view is rendered. Returns what differs, in words; the empty text where nothing does.
+        update: accept records of another state of the scene, or of other materials or lights. Records on meshes that have moved
+        or are gone are removed; all others are gathered again when a view is rendered. Return the difference as a text; empty if
+        there is none.
         Raises InputError, and changes nothing, for a file that is missing, damaged or no record cache. The same holds for records
         of other settings (cache_file.key lists them) and, without `update`, of another scene or other lights.
         """
         self._use()
         self._frames.leave_refinement()
-        wanted, reason = cache_file.key(self._state.scene, self.scheduler.settings), ""
+        scene, scheduler = self._state.scene, self.scheduler
+        wanted, reason = cache_file.key(scene, scheduler.settings), ""
         if update:
             found, reason = cache_file.read_of_any_scene(named(path), wanted)
+            scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
             if reason:
-                self._carry_over(found, found.key.lights == wanted.lights)
-            else:
-                self.scheduler.restore(found.state)
+                scheduler.cache.invalidate()
         else:
-            self.scheduler.restore(cache_file.read(named(path), wanted))
+            scheduler.restore(cache_file.read(named(path), wanted))
         self.forget(records=False)
         return reason
-
-    def _carry_over(self, found: cache_file.Content, same_lights: bool) -> None:
-        """Take the records of a file that belong to another state of the scene, and change to the present state from there."""
-        present, scheduler = self._state, self.scheduler
-        then = earlier(found.scene, present.scene, stamp(present.scene))
-        records = cache_file.carried_over(found.state, then)
-        self.forget()
-        try:
-            self._change_to(replace(present, scene=then.scene))
-            scheduler.restore(records)
-            if then.complete and same_lights:  # probes of the former scene find the records that the change concerns
-                scheduler.gatherer.restore_surface(self.draw_shadows(), Budget(None))
-            else:
-                scheduler.cache.invalidate()
-            self._change_to(present)
-        except BaseException:
-            scheduler.cache.truncate(0)
-            self._change_to(present)
-            raise
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 
@@ -391,7 +371,7 @@ class Renderer(Tenant):
         progress: Callable[[Progress], None] | None = None,
         sparing: bool = False,
     ) -> tuple[View, Statistics]:
-        """Rounds until the examination finds nothing, or the most rounds are done; returns the view and its statistics.
+        """Rounds until the examination finds nothing, at most MOST_ROUNDS; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
         each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
