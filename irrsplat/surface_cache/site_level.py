@@ -1,0 +1,317 @@
+"""One level of a surface cache: its sites, the light between them, and the values that lookups find.
+
+Sites are chosen, rays from every site find its first light and the other sites that they hit, and from then on all bounces are
+sums. While lights or meshes move, a Follower updates the values in use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from irrsplat.core.buffers import HitLight, ShadowMaps
+from irrsplat.gather.record_frame import offset_of
+from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.records.dimming import dim
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.change import SceneChange
+from irrsplat.settings import Settings
+from irrsplat.surface_cache.follower import Follower
+from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
+from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
+
+_RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
+_FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
+
+
+@dataclass(frozen=True)
+class _Changing:
+    """The scene's changes from frame to frame.
+
+    now: True if the scene has changed since the last frame. moved: True if meshes have moved and the sites are still the former
+    ones. rested: frames without a change since then.
+    """
+
+    now: bool = False
+    moved: bool = False
+    rested: int = 0
+
+
+@dataclass
+class _Steps:
+    """The unfinished steps of a level. chosen: the finished share of the choice of sites."""
+
+    choosing: Generator[float, None, SiteLayout] | None = None
+    chosen: float = 0.0
+    searching: PlaceSearch | None = None
+    bouncing: Iterator[BouncedLight] | None = None
+
+
+class SiteLevel(Owner):
+    """A level of the surface cache of a world's scene.
+
+    detail: the density of its sites and rays. unlit: (F,) from clustering.unlit_interiors. solution: the values in use.
+    """
+
+    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail, unlit: np.ndarray) -> None:
+        self.ctx, self.world, self.timers, self.detail = world.ctx, world, timers, detail
+        self.settings, self.unlit, self._scene = settings, unlit, world.scene
+        self._rays = SiteRays(world, settings, detail)
+        self._made = Workshop()
+        self._pace, self._quick_pace = Pace(self.ctx), Pace(self.ctx)
+        self._steps, self._changing = _Steps(), _Changing()
+        self.laid_out: LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
+        self._transport: Transport | None = None  # between these sites
+        self.follower: Follower | None = None  # of the values in use, while the next ones are still to be made
+        self.solution = Solution(unknown(self.ctx))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """Return the resources that `release` frees."""
+        return (self._rays, self._made, self.solution.table, self.solution.laid_out, self.laid_out)
+
+    @property
+    def complete(self) -> bool:
+        """True if the values are complete for the scene and settings."""
+        return self.solution.complete
+
+    @property
+    def changes(self) -> bool:
+        """True if the scene has changed since the last frame."""
+        return self._changing.now
+
+    @property
+    def progress(self) -> float:
+        """The completed share of the values for the scene and settings, 0..1."""
+        if self.complete:
+            return 1.0
+        records = None if self.laid_out is None else self.laid_out.records
+        if records is None or not records.count:
+            return 0.5 * self._steps.chosen
+        return 0.5 + 0.49 * (1.0 - len(records.stale) / records.count)
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def change(self, settings: Settings, change: SceneChange, unlit: np.ndarray) -> None:
+        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
+        old, relit, moved = self.settings, change.looks_otherwise and change.dimming is None, bool(change.moved)
+        other_rays = old.seed != settings.seed
+        if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
+            self._transport = self.follower = None
+        if moved and self.follower is not None:
+            self.follower.move(change)
+            held = self.solution.laid_out
+            if held is not None and held.places is not None:
+                held.places = held.places.moved(change)
+        elif moved or not np.array_equal(self.unlit, unlit):  # a light entered or left a closed mesh
+            self._drop_sites()
+        if change.other_sky:  # which sites share a value depends on whether the sky is the same all around
+            self._transport = self.follower = None
+            self._drop_sites()
+        if change.dimming is not None:
+            self._dim(change.dimming)
+        if moved or relit:
+            self._changing = _Changing(now=True, moved=self._changing.moved or moved)
+        if relit and self.follower is not None:
+            self.follower.relight()
+        if other_rays:
+            self._transport = self.follower = None
+        other_light = old.light_samples != settings.light_samples or old.shadow_size != settings.shadow_size
+        if other_rays or other_light or relit or moved:
+            self.expire()
+        if old.bounces != settings.bounces:
+            self._bounce_again()
+        self._scene, self.unlit, self.settings, self._rays.settings = change.new, unlit, settings, settings
+
+    def _dim(self, factor: np.ndarray) -> None:
+        """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
+        held, f = self.solution, np.asarray(factor, np.float32)
+        self._steps.bouncing = None
+        caches = [laid_out.records for laid_out in {self.laid_out, held.laid_out} if laid_out is not None]
+        for records in caches:
+            dim(records, f)
+        if self.follower is not None:
+            self.follower.dim(f)
+        if held.light is not None:
+            light = replace(held.light, irradiance=held.light.irradiance * f)
+            held.table.write(light.irradiance)
+            self.solution = replace(held, light=light)
+
+    def expire(self) -> None:
+        """Gather all sites again."""
+        if self.laid_out is not None:  # one by one: which of them a move concerns most is still to be known
+            self.laid_out.records.invalidate(np.arange(self.laid_out.records.count))
+        self._bounce_again()
+
+    def _bounce_again(self) -> None:
+        self.solution = replace(self.solution, complete=False)
+        self._steps.bouncing = None
+
+    def _drop_sites(self) -> None:
+        """Choose the sites again; those whose values are in use stay until there are others."""
+        before, self.laid_out = self.laid_out, None
+        self._steps.choosing = self._steps.searching = self._transport = None
+        self._bounce_again()
+        if before is not None and before is not self.solution.laid_out:
+            before.release()
+
+    # ---- making ----------------------------------------------------------------------------------------------------
+
+    def advance(self, shadows: ShadowMaps, budget: Budget) -> float | None:
+        """Make values until the budget ends. Return their relative change, 1 for a new solution; None if they are as before."""
+        if self.complete:
+            return None
+        followed = self.follow(shadows, budget)
+        if followed is not None:
+            return followed
+        return 1.0 if self.make(shadows, budget) else None
+
+    def make(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Continue the next solution until the budget ends. Return True if lookups find its values now."""
+        try:
+            with self.timers("surface"):
+                laid_out = self._lay_out(budget)
+                if laid_out is None or not self._find_places(laid_out, shadows, budget):
+                    return False
+                self._gather_sites(laid_out, shadows, budget)
+                if len(laid_out.records.stale):
+                    return False
+                made = self._bounce(laid_out, budget)
+                if made is None:
+                    return False
+                self._use(laid_out, made, shadows)
+        except BaseException:  # a generator that was interrupted is over
+            self._steps.choosing = self._steps.searching = self._steps.bouncing = None
+            raise
+        return True
+
+    def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
+        """Update the values in use while the scene changes from frame to frame. Return their relative change; None for none."""
+        changing, follower, held = self._changing, self.follower, self.solution
+        following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
+        self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)
+        if not following:
+            if changing.moved:
+                self._changing = _Changing()
+                self._drop_sites()
+            return None
+        assert follower is not None and held.laid_out is not None and held.light is not None
+        with self.timers("surface"):
+            gather, order = self._rays.gather_for(held.laid_out.records.count, quick=True), follower.order
+            order = order[order >= FIRST_SITE]
+            part = budget.part(0.0, 0.0, _FOLLOWING)
+            done = self._gather(gather, held.laid_out, order, follower.transport, shadows, self._quick_pace, part)
+            E = follower.step(shadows, order[:done])
+        held.table.write(E)
+        self.solution = replace(held, light=replace(held.light, irradiance=E))
+        return follower.change
+
+    def _gather(
+        self,
+        gather: TraceGather,
+        laid_out: LaidOut,
+        numbers: np.ndarray,
+        transport: Transport | None,
+        shadows: ShadowMaps,
+        pace: Pace,
+        budget: Budget,
+    ) -> int:
+        """Gather E_1 at sites of these numbers, as many as the budget has time for. Return how many.
+
+        transport: gets the sites that the rays of unknown rows hit; None for two bounces.
+        """
+        records, places, done = laid_out.records, laid_out.places, 0
+        assert places is not None
+        light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms)
+        for count in pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
+            batch = numbers[done : done + count]
+            self._rays.light(gather, light, records, batch, places.of)
+            if transport is not None and not transport.known[batch].all():
+                self._rays.link(gather, transport, places, batch)
+            records.mark_refreshed(batch)
+            done += count
+        return done
+
+    def _lay_out(self, budget: Budget) -> LaidOut | None:
+        """The sites, once all are chosen; None where the budget ends before."""
+        while self.laid_out is None:
+            if self._steps.choosing is None:
+                scene, unlit = self._scene, self.unlit
+                offset = offset_of(scene)
+                self._steps.choosing = SiteChooser(scene, unlit, offset, self._rays.see, self.detail).layout()
+            try:
+                self._steps.chosen = next(self._steps.choosing)
+            except StopIteration as end:
+                self.laid_out = LaidOut(self.ctx, end.value)
+                self._steps.choosing, self._steps.chosen = None, 1.0
+            if budget.left <= 0.0:
+                return None
+        return self.laid_out
+
+    def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Find out from where the sites look; whether that is known."""
+        if laid_out.places is None:
+            if self._steps.searching is None:
+                self._steps.searching = PlaceSearch(self._rays, laid_out)
+            laid_out.places = self._steps.searching.advance(shadows, budget)
+            if laid_out.places is None:
+                return False
+            self._steps.searching = None
+        return True
+
+    def _gather_sites(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
+        """Gather E_1 at the sites that lack it, and find the sites that their rays hit if these are not known yet."""
+        records = laid_out.records
+        gather = self._rays.gather_for(records.count)
+        if self.settings.most_bounces > 2 and self._transport is None:
+            records.invalidate()
+            self._transport = Transport(records.count, gather.share.size)
+        stale = records.stale
+        records.mark_refreshed(stale[stale < FIRST_SITE])
+        self._gather(gather, laid_out, stale[stale >= FIRST_SITE], self._transport, shadows, self._pace, budget)
+
+    def _first(self, records: RecordCache) -> np.ndarray:
+        """Return (S, 3) E_1 at the sites, W/m², with the values that are known without a gather."""
+        E_1 = records.read()["irradiance"]
+        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._scene.sky)
+        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+        return E_1
+
+    def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
+        """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
+        most, everything = self.settings.most_bounces, self.settings.bounces == "all"
+        return sum_bounces(E_1, self._transport if most > 2 else None, laid_out.layout.area, most, everything)
+
+    def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
+        """All bounces from E_1, one after the other; None where the budget ends before."""
+        if self._steps.bouncing is None:
+            self._steps.bouncing = self._bounces(self._first(laid_out.records), laid_out)
+        made = next(self._steps.bouncing)
+        while not made.complete:
+            if budget.left <= 0.0:
+                return None
+            made = next(self._steps.bouncing)
+        return made
+
+    def _use(self, laid_out: LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
+        """Make these the values that lookups find."""
+        laid_out.table.write(made.irradiance)
+        before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
+        self._steps.bouncing, self._changing = None, _Changing()
+        self.follower = None
+        if self._transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
+            E_1, E = self._first(laid_out.records), made.irradiance.copy()
+            area = laid_out.layout.area
+            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, MAX_SITES, E_1, E)
+            self.follower.begin(shadows)
+        if before.laid_out is None:
+            before.table.release()
+        elif before.laid_out is not laid_out:
+            before.laid_out.release()
