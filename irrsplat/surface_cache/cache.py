@@ -154,7 +154,7 @@ class SurfaceCache(Owner):
         self._relit |= change.looks_otherwise and change.dimming is None
         unlit = unlit_interiors(change.new) if change else level.unlit
         level.change(settings, change, unlit)
-        if coarse is not None and change.moved and level.follower is not None:  # its own values follow, others come at rest
+        if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             coarse.release()
             self._coarse, self._stood_in = None, False
         elif coarse is not None:

@@ -285,7 +285,7 @@ class SiteLevel(Owner):
         return E_1
 
     def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
-        """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
+        """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, up to the last one of the settings."""
         most, everything = self.settings.most_bounces, self.settings.bounces == "all"
         return sum_bounces(E_1, self._transport if most > 2 else None, laid_out.layout.area, most, everything)
 
