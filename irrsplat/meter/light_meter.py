@@ -69,7 +69,9 @@ class LightMeter(Tenant):
         with self._moving_in(ctx) as made:
             self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
             self.world, self.cache = self.lit.world, self.lit.cache
-            self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, self.lit.timers))
+            self.gatherer = made.enter_context(
+                RecordGatherer(self.world, self.settings, self.cache, self.lit.timers, measuring=True)
+            )
         self._light: _Light | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -72,6 +72,7 @@ class Detail:
         return MAX_REFINED_SITES if self.level > 0 else MAX_SITES
 
 
+FULL = Detail(1.0, 1.0)
 COARSE = Detail(0.15, 0.5, -1)  # 8 % of the rays; its light at pixels is 5, 14 and 18 % off in cornell, door and atrium
 MAX_LEVEL = 2  # the finest level, whose tables take some hundred megabytes
 _FINE = 64  # side of a gather from which the surface cache is full

@@ -25,7 +25,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.site_layout import detail_for
+from irrsplat.surface_cache.site_layout import FULL, detail_for
 
 _PROBES_FROM = 64  # side of a gather, of which the rays of a first probe are a small part
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
@@ -38,7 +38,10 @@ _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache whil
 
 
 class RecordGatherer(Owner):
-    """Gathers records of the `cache`, new ones and stale ones, by the light of the scene as it is now."""
+    """Gathers records of the `cache`, new ones and stale ones, by the light of the scene as it is now.
+
+    measuring: True for a full surface cache, however coarse the gathers are: readings of single points show its bias.
+    """
 
     def __init__(
         self,
@@ -46,8 +49,10 @@ class RecordGatherer(Owner):
         settings: Settings,
         cache: RecordCache,
         timers: Timers,
+        measuring: bool = False,
     ) -> None:
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
+        self._measuring = measuring
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
@@ -102,7 +107,7 @@ class RecordGatherer(Owner):
     def surface(self) -> SurfaceCache | None:
         """The surface cache, made when more than one bounce is requested; None before. It stays when fewer are requested."""
         if self._basis.wants_surface:
-            detail = detail_for(self.settings)
+            detail = FULL if self._measuring else detail_for(self.settings)
             return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
         return self._made.find("surface", SurfaceCache)
 
