@@ -214,7 +214,10 @@ class Actions:
 
     @property
     def title(self) -> str:
-        """The name of the scene on show; its folder where the file is called as those of its format are."""
+        """The name of the scene on show; its folder where the file is called as those of its format are.
+        A saved scene has the name of its file."""
+        if self.saved_as:
+            return Path(self.saved_as).stem
         name = self.session.scene.name
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
@@ -396,6 +399,7 @@ class Actions:
         lost = write_scene(scene, path, overwrite)
         self.editor.saved = self.editor.edit
         self.panels.save, self.saved_as = False, str(path)
+        self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
             self.say(lost)
@@ -466,7 +470,7 @@ class Actions:
     def _quit(self) -> None:
         if self.filming and not self.film.warned:
             self.film.warned = True
-            self.say(f"{self.film.progress}; Quit again gives it up", topic="film")
+            self.say("a film is being made; Quit again gives it up", topic="quit")  # progress has another topic
             return
         self.quitting = True
 
@@ -517,7 +521,9 @@ class Actions:
         self._unless_unsaved(self._reload)
 
     def _reload(self) -> None:
-        self._load(self.source, keep_camera=True)
+        source = self.saved_as or self.source  # Save writes to saved_as, whatever was read
+        self._load(source, keep_camera=True)
+        self.source = source
         self.say("the scene is read again")
 
 

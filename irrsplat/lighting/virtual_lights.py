@@ -42,7 +42,6 @@ class VirtualLights(Owner):
 
     def __init__(self, world: World, samples: int, rays: float) -> None:
         self.world = world
-        self._passes = _passes(world)
         # independent of the number of samples
         self._windows = world.derived.get("light windows", _inputs(world), lambda: LightWindows(world))
         spots = self._spots(np.flatnonzero(self._windows.rooms), samples, rays)
@@ -66,7 +65,8 @@ class VirtualLights(Owner):
         """Return the uniforms of shaders/gather/light_samples/sample.glsl for these lights."""
         assert self._places is not None
         if self._lit is not shadows:
-            self._passes.shine(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
+            # the present passes: this result can be current again after other lights, which had passes of their own
+            _passes(self.world).shine(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
             self._lit = shadows
         return {"virtual_places": self._places, "virtual_radiance": self._radiance.textures[0]}
 
@@ -80,7 +80,7 @@ class VirtualLights(Owner):
         parallel, sides = rows[:, 0, 3] > 0.5, 2.0 * self._windows.rectangles[lamps, 2:]
         density = each / np.where(parallel, sides.prod(1), 2.0 * np.pi * rows[:, 1, 3])
         sets = int(np.clip(_ENDS // samples, *_SETS))
-        place, normal, share = self._passes.find(rows, each, sets, _find_uniforms(self.world, each))
+        place, normal, share = _passes(self.world).find(rows, each, sets, _find_uniforms(self.world, each))
         far, triangle, spread = place[..., 3].copy(), normal[..., 3].copy(), share[..., 3].copy()
         lit = spread > 0.0
         # a room is about as wide as a light's rays are long: within reach they are as dense as the rays of records across it

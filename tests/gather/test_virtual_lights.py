@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import moderngl
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
 from irrsplat.lighting.light_table import near_plane
-from irrsplat.lighting.virtual_lights import VirtualLightPasses
+from irrsplat.lighting.virtual_lights import VirtualLightPasses, virtual_lights
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
 from tests.gather.test_light_samples import look, relative
 from tests.support.worlds import Lit, box, lamp, material, polygon_vector, quad, scene
@@ -75,6 +78,21 @@ def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     distance, _ = KDTree(away).query(away, 2)
     assert np.quantile(distance[:, 1], 0.1) > 0.4 * np.sqrt(4.0 * np.pi / len(away)), "of the spacing of an even grid"
+
+
+def test_lights_that_come_back_shine_again(ctx: moderngl.Context) -> None:
+    """A further spot needs other programs. Its removal restores virtual lights that were found before it."""
+    spot = lamp((1.0, 1.0, 0.1), POWER, spot_target=(1.0, HEIGHT, 0.1), spot_cutoff=30.0, spot_inner=20.0)
+    few = scene(DARK, CEILING, lights=(LAMP,))
+    with Lit(ctx, few) as lit:
+        found = virtual_lights(lit.world, SAMPLES, RAYS)
+        assert found is not None
+        found.sample_uniforms(lit.light.shadows)
+        for other in (replace(few, lights=(LAMP, spot)), few):
+            lit.world.apply(SceneChange.between(lit.world.scene, other))
+            virtual_lights(lit.world, 64, RAYS)
+        assert virtual_lights(lit.world, SAMPLES, RAYS) is found, "kept, for its lights are as before"
+        assert "virtual_radiance" in found.sample_uniforms(lit.shadow(lit.world, 256))
 
 
 @pytest.mark.parametrize("half", [5.0, 2.0, 0.5])

@@ -51,7 +51,7 @@ class Interface:
             self._switched("measuring plane", "plane", self.plane_panel.draw),
             Section("scale of light", lambda: scale_panel.is_open, scale_panel.draw),
             self._switched("settings", "settings", settings.draw),
-            self._switched("times and numbers", "hud", statistics.draw),
+            self._switched("statistics", "hud", statistics.draw),
         )
         self.side_panel = SidePanel(actions, settings, self.layout, sections)
         self.palette = Palette(actions, settings.show)

@@ -15,7 +15,7 @@ from irrsplat.scene import bundled
 
 _CONTEXT = ("delete", "hide_object", "frame_selected", "undo")  # actions on what is selected
 _TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
-_NAME_WIDTH = 8.0  # of a slider, heights of the font
+_SLIDER = 10.0  # width of a slider, heights of the font
 
 
 class Menus:
@@ -114,8 +114,8 @@ class Menus:
         imgui.separator()
 
     def _size(self) -> None:
-        imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
-        _, self._scale = imgui.slider_float("Size of the interface", self._scale or self.actions.scale, *SCALES, "%.2f")
+        imgui.set_next_item_width(_SLIDER * imgui.get_font_size())
+        _, self._scale = imgui.slider_float("##scale", self._scale or self.actions.scale, *SCALES, "interface × %.2f")
         if not imgui.is_item_active():  # while it is dragged, it would move away from under the mouse
             self.actions.enlarge(self._scale)
             self._scale = 0.0

@@ -15,7 +15,7 @@ from irrsplat.app.viewer.ui.statistics_view import draw_tracing
 from irrsplat.settings import SETTINGS
 
 FIRST = ("a", "tolerance", "blend", "exposure")  # settings
-_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"), ("Times and numbers…", "hud"))
+_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"), ("Statistics…", "hud"))
 _FLAGS = (
     imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_title_bar
@@ -92,7 +92,7 @@ class SidePanel:
     def _controls(self) -> None:
         """Draw the buffer, the preset, the first settings and the state."""
         actions = self.actions
-        if actions.session.options.split == "presets":
+        if actions.session.options.split != "off":
             self.settings.draw_sides()
         self._buffer()
         self.settings.draw_presets()

@@ -1,4 +1,4 @@
-"""Times and numbers: frames per second, milliseconds by stage, records and coverage."""
+"""Statistics: frames per second, milliseconds by stage, records and coverage."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FrameTimes:
 
 
 class StatisticsView:
-    """Draws times and numbers. The table of stages has a row for each that has run."""
+    """Draws the statistics. The table of stages has a row for each that has run."""
 
     def __init__(self, actions: Actions, times: FrameTimes) -> None:
         self.actions, self.times = actions, times

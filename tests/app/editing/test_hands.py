@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
@@ -80,14 +82,19 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
-    """And overwritten only when asked."""
+    """And overwritten only when asked. It is the newest of the recent scenes, and F5 reads its file."""
     push(driver, "Ctrl+S")
     driver.frame(2)
     assert driver.viewer.interface.files.typed == "room-2.scene"
     driver.choose("save")
     assert not driver.actions.panels.save and "room-2.scene is written" in driver.said
+    editor.set_light(0, replace(editor.lights[0], stops=1.0))
+    bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
     assert not driver.actions.panels.save, "saved where it was saved"
+    push(driver, "F5")
+    assert driver.session.scene.lights == bright and driver.actions.title == "room-2"
+    assert driver.actions.preferences.recent[0] == os.path.abspath("room-2.scene")
     push(driver, "Ctrl+Shift+S")
     driver.frame(2)
     assert driver.find("overwrite").kind == "button"
@@ -227,8 +234,16 @@ def _third(field: Widget) -> tuple[float, float, float, float]:
     return left, top, left + 0.2 * (right - left), bottom
 
 
-def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path) -> None:
-    """Before the window closes, and before another scene opens. The answers are cancel, discard, and save."""
+def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the window closes, and before another scene opens. The answers are cancel, discard, and save.
+
+    A film in the making is warned about, and its progress leaves the warning in place.
+    """
+    with monkeypatch.context() as filming:
+        filming.setattr(FilmInBackground, "busy", True)
+        push(driver, "Ctrl+Q")
+        driver.actions.say(driver.actions.film.progress, topic="film")
+        assert not driver.actions.quitting and "Quit again" in driver.said
     assert not editor.unsaved
     driver.actions.editor.set_light(0, replace(editor.lights[0], stops=1.0))
     push(driver, "Ctrl+Q")

@@ -114,9 +114,11 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
     panel.press("ESCAPE")
     panel.frame(2)
     for way in ("buffers", "presets", "off", "buffers"):
+        panel.actions.panels.controls = way != "off"  # they have the choice of the side, for its buffer
         panel.press("TAB")
         panel.frame(3)
         assert panel.session.options.split == way and not panel.viewer.backend.wants_keyboard
+        assert ("right" in shown(panel)) == (way != "off")
         if way == "off":
             for _ in range(2):
                 panel.click(*panel.find("gradients").at())

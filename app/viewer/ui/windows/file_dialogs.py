@@ -16,7 +16,7 @@ from irrsplat.app.viewer.ui.layout import DIALOG
 from irrsplat.scene import FORMATS
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")  # one of which portable_file_dialogs needs on Linux
-_SHARE = 0.6  # of the window's width, for the line
+_SHARE = 0.6  # of the window's width, for the dialog of one line
 
 
 def has_desktop_dialogs() -> bool:
@@ -87,13 +87,15 @@ class FileDialogs:
         """Draw the dialog of one line, where the desktop has none."""
         actions, panels, view = self.actions, self.actions.panels, imgui.get_main_viewport()
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
-        shown, opened = imgui.begin(title, True, imgui.WindowFlags_.always_auto_resize | DIALOG)
+        imgui.set_next_window_size((_SHARE * view.size.x, 0.0))  # imgui fits a window into what the side panel leaves
+        shown, opened = imgui.begin(title, True, imgui.WindowFlags_.no_resize | DIALOG)
         if shown:
             if imgui.is_window_appearing():
                 known = actions.saved_as if actions.saving == "scene" else ""
                 self.typed = (known or actions.free_name()) if verb == "save" else ""
                 imgui.set_keyboard_focus_here()
-            imgui.set_next_item_width(_SHARE * view.size.x)
+            imgui.set_next_item_width(-1.0)
+            imgui.push_text_wrap_pos(0.0)
             entered, self.typed = imgui.input_text("##name", self.typed, imgui.InputTextFlags_.enter_returns_true)
             name = self.typed.strip()
             there = verb == "save" and bool(name) and Path(actions.saved_path(name)).exists()
@@ -106,6 +108,7 @@ class FileDialogs:
             form = "a .scene; lights and objects go into a folder beside it" if actions.saving == "scene" else " ".join(ENDINGS)
             saving = "the file is there already" if there else form
             imgui.text_disabled(saving if verb == "save" else "a path, or the name of a bundled scene; files can be dropped, too")
+            imgui.pop_text_wrap_pos()
         imgui.end()
         if not opened:
             panels.open = panels.save = False

@@ -26,7 +26,11 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
         driver.press("ENTER")
         driver.frame(2)
         assert driver.session.scene.name == name and not driver.actions.panels.open
+    driver.resize((640, 400), density=0.25)
+    driver.actions.enlarge(2.0)
     push(driver, "Ctrl+O")
+    driver.frame(6)
+    assert driver.find("").box[0] > 0.2 * 640, "the line is not scrolled out of the dialog, which has 0.6 of the width"
     push(driver, "Esc")
     assert not driver.actions.panels.open
 
