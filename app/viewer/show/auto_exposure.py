@@ -21,8 +21,8 @@ class AutoExposure:
     """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture.
 
     The first picture that is lit decides at once. After it nothing jumps: the exposure moves by at most _FASTEST. While a view
-    fills, it moves only as far as it is off by more than _SLACK. It stays in a view that is all black, and while the blend alone
-    changes.
+    fills, it moves only as far as it is off by more than _SLACK. It stays in a view that is black also with _MOST, so that
+    the next lit view is not white, and while the blend alone changes.
     """
 
     def __init__(self) -> None:
@@ -82,9 +82,9 @@ class AutoExposure:
         self._inputs, self._blend = inputs, blend
 
     def _read(self, meter: CompositePass) -> None:
-        """Take the measurement as the goal; 0 stands for an unlit picture."""
+        """Take the measurement as the goal; 0 stands for an unlit picture. A darker one than _MOST shows counts as unlit."""
         found = meter.metered()
-        if found != 0.0:
+        if found != 0.0 and (found < _MOST or not self._lit):
             self._goal, self._lit = min(max(found, -_MOST), _MOST), True
         elif not self._lit:
             self._goal = 0.0

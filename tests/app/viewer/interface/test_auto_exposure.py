@@ -16,7 +16,7 @@ from irrsplat.gpu import context
 @pytest.mark.few_sites
 def test_a_filling_dark_scene_keeps_its_exposure_until_all_light_is_there() -> None:
     """With 2⁻¹³ of the light: less than 0.05 stops a tick, and in the end 13 stops more than the bright scene needs.
-    A change of the blend alone leaves it as it is."""
+    A change of the blend alone, and a view that stays black, leave it as it is."""
     scene = irrsplat.load("cornell")
     dark = [replace(light, color=cast(Any, tuple(2.0**-13 * c for c in light.color))) for light in scene.lights]
     values: Any = {"gather_size": 8, "viewer_samples": 0, "viewer_quality": 0.0}
@@ -32,11 +32,16 @@ def test_a_filling_dark_scene_keeps_its_exposure_until_all_light_is_there() -> N
         view = session.views[0]
         needed = session.renderers[0].composite_pass(view).exposure(view.image, view.gbuffer)
         assert stops[-1] == pytest.approx(needed, abs=0.011)
-        session.change(0, blend=1.0)  # without direct light the picture is darker, and is exposed as before
-        session.tick(0.03, 0.03)
-        while not session.at_rest:
+        darker = [replace(light, color=cast(Any, tuple(2.0**-20 * c for c in light.color))) for light in dark]
+        for change in (
+            lambda: session.change(0, blend=1.0),  # without direct light the picture is darker, and is exposed as before
+            lambda: session.pose(replace(session.scene, lights=tuple(darker))),  # black also with 20 stops
+        ):
+            change()
             session.tick(0.03, 0.03)
-        assert session.exposure == pytest.approx(stops[-1], abs=0.011), "it was within 0.01 of its goal"
+            while not session.at_rest:
+                session.tick(0.03, 0.03)
+            assert session.exposure == pytest.approx(stops[-1], abs=0.011), "it was within 0.01 of its goal"
         session.release()
     bright = irrsplat.render(scene, (32, 32), gather_size=8)
     assert stops[-1] == pytest.approx(bright.exposure + 13.0, abs=0.1)
