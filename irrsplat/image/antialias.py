@@ -21,7 +21,7 @@ from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.indirect.splat import SplatPass, batches, splat_target
-from irrsplat.lighting.direct import DirectPass, Headlamp, direct_target
+from irrsplat.lighting.direct import DirectPass, direct_target
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
@@ -49,7 +49,6 @@ class FrameInputs:
     casting: World | None
     cache: RecordCache
     settings: Settings
-    headlamp: Headlamp | None = None
 
 
 class Antialiaser(Owner):
@@ -156,7 +155,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
             yield
     sums = buffers.splat.textures[0]
     for band in bands(buffers.size):
-        direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp, inputs.casting, band)
+        direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.casting, band)
         yield
     behind = view.backdrop.uniforms(camera, buffers.size)
     for band in bands(buffers.size):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import moderngl
 
@@ -19,17 +18,6 @@ _MARKS, _RAYS = "SHADOW_MARKS", "SHADOW_RAYS"  # the two draws of a scene with r
 def direct_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
     """Return a target for direct light; its depth marks the pixels where a shadow ray decides."""
     return Target(ctx, size, (4,), depth=True)
-
-
-@dataclass(frozen=True)
-class Headlamp:
-    """A point light at the eye, for direct light alone; its shadows are invisible from there and left out.
-
-    position: (3,) world space. intensity: W/sr.
-    """
-
-    position: tuple[float, float, float]
-    intensity: float
 
 
 class DirectPass(Owner):
@@ -59,7 +47,6 @@ class DirectPass(Owner):
         shadows: ShadowMaps,
         rotation: float = 0.0,
         target: Target | None = None,
-        headlamp: Headlamp | None = None,
         world: World | None = None,
         band: Region | None = None,
         exact: bool = True,
@@ -71,13 +58,11 @@ class DirectPass(Owner):
         all of it. exact: False takes the mean of the samples instead of rays, in half the time.
         """
         target = target or self.target
-        lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
         uniforms: Uniforms = {
             "position": gbuffer.position,
             "normal": gbuffer.normal,
             "picture_corner": gbuffer.corner,
             "rotation": rotation,
-            "headlamp": lamp,
             **gbuffer.material_uniforms,
             **shadows.uniforms,
         }

@@ -130,11 +130,6 @@ class Renderer(Tenant):
         return self.stages.gbuffer
 
     @property
-    def headlamp(self) -> float:
-        """The radiant intensity of the headlamp, W/sr; 0: no headlamp."""
-        return self._state.headlamp
-
-    @property
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
         return (
@@ -161,7 +156,7 @@ class Renderer(Tenant):
         return self.stages.draw_gbuffer(self._state, camera)
 
     def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
-        """(H, W, 3) W/m², top row first: the scene's direct irradiance at pixels' centres, without the headlamp, whatever
+        """(H, W, 3) W/m², top row first: the scene's direct irradiance at pixels' centres, whatever
         the surface reflects; 0 where none is seen. camera: as for `render`."""
         self._use_whole()
         seen = self._seen_by(camera)
@@ -169,7 +164,7 @@ class Renderer(Tenant):
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
-        """The scene's direct irradiance at every pixel of the present `view`, W/m², without the headlamp: a texture."""
+        """The scene's direct irradiance at every pixel of the present `view`, W/m²: a texture."""
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
 
     def _use_whole(self) -> None:
@@ -259,13 +254,6 @@ class Renderer(Tenant):
         """
         check_type("what a renderer changes to", settings, Settings)
         self._change_to(replace(self._state, settings=settings, preset=preset or self.preset))
-
-    def carry_headlamp(self, intensity: float) -> None:
-        """Carry a light of so many W/sr at the eye; 0: none.
-
-        The light adds direct light to the picture alone. No record depends on it, so that the camera may move.
-        """
-        self._frames.state = replace(self._state, headlamp=checked_number("a headlamp's intensity", intensity, 0.0))
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Apply other lights.

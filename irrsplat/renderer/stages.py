@@ -27,7 +27,7 @@ from irrsplat.image.view import View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
-from irrsplat.lighting.direct import DirectPass, Headlamp
+from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
@@ -41,7 +41,6 @@ class Lighting(NamedTuple):
 
     shadows: ShadowMaps
     casting: World | None
-    headlamp: Headlamp | None
     exact: bool
 
 
@@ -138,7 +137,7 @@ class Stages(Owner):
         return self._memo.current("picture", View)
 
     def lamp_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
-        """Return the direct irradiance by the scene's lights at every pixel of a g-buffer, W/m², without the headlamp."""
+        """Return the direct irradiance by the scene's lights at every pixel of a g-buffer, W/m²."""
         size, shadows = gbuffer.position.size, self.draw_shadows(state)
         kinds, world = {**light_defines(state.scene), **self.world.material_defines}, self._casting(state)
         lamps = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
@@ -154,7 +153,7 @@ class Stages(Owner):
         assert gbuffer is not None and splats is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
-        lighting = Lighting(done.shadows, self._casting(state, hurried), state.headlamp_of(done.camera), not moving)
+        lighting = Lighting(done.shadows, self._casting(state, hurried), not moving)
         backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
         subject = gbuffer, lighting, splats, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
@@ -193,7 +192,7 @@ class Stages(Owner):
 
     def _direct(self, state: State, gbuffer: GBuffer, lighting: Lighting) -> moderngl.Texture:
         """Return the direct outgoing radiance of a view."""
-        draw = partial(self._direct_pass(state), gbuffer, lighting.shadows, headlamp=lighting.headlamp, world=lighting.casting)
+        draw = partial(self._direct_pass(state), gbuffer, lighting.shadows, world=lighting.casting)
         with self.timers("direct"):
             for band in bands(state.size):
                 direct = draw(band=band, exact=lighting.exact)
@@ -203,9 +202,8 @@ class Stages(Owner):
     def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
         """The picture that was drawn last with more `samples` a pixel, as Renderer.accumulate has it."""
         passes = FramePasses(self._gbuffer_pass(state), self.splats(state).splat_pass, self._direct_pass(state))
-        headlamp = state.headlamp_of(view.camera)
         lit_by = self.draw_shadows(state), self._casting(state)
-        inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings, headlamp)
+        inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings)
         return self.antialiaser(view, samples, budget, passes, inputs, on_progress)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.image.view import Progress, View
 from irrsplat.indirect.view_state import ViewState
-from irrsplat.lighting.direct import Headlamp
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.transport import BouncedLight
@@ -38,7 +37,7 @@ class Shown:
 class State:
     """The one value of a renderer that changes from frame to frame.
 
-    view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the light at the eye.
+    view: the progress of the present view. shown: None before the first picture.
     tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole.
     """
 
@@ -49,7 +48,6 @@ class State:
     view: ViewState = ViewState()
     costs: Costs = Costs()
     shown: Shown | None = None
-    headlamp: float = 0.0
     tile: int = 0
 
     @property
@@ -67,11 +65,7 @@ class State:
     def picture_subject(self, camera: Camera) -> tuple[object, ...]:
         """All inputs of a picture except the records."""
         scene = self.scene
-        return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
-
-    def headlamp_of(self, camera: Camera) -> Headlamp | None:
-        """The headlamp; None without a headlamp."""
-        return Headlamp(camera.eye, self.headlamp) if self.headlamp else None
+        return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ uniform sampler2D lit_normal;  // bent by the normal map
 #endif
 uniform ivec2 picture_corner; // the pixel of the whole picture that is the first one here
 uniform float rotation;      // of the pattern of the four samples, radians
-uniform vec4 headlamp;       // where it is, and its W/sr
 
 const float SMOOTH = 0.99999;  // cosine of the angle between geometric and interpolated normal, below which facets stand for a curve
 
@@ -75,11 +74,6 @@ void main()
 #endif
     }
     vec3 E = direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
-    if (headlamp.w > 0.0)  // it is where the eye is, and casts no shadow that could be seen
-    {
-        vec3 l = headlamp.xyz - p.xyz;
-        E += headlamp.w * max(dot(receiver.n, normalize(l)), 0.0) / max(dot(l, l), 1e-20);
-    }
 #ifdef IRRADIANCE
     out_direct = vec4(E, 1.0);
 #else

@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
@@ -78,20 +77,6 @@ def mirrored(light: Light) -> Light:
     x, y, z = light.position
     target = None if light.spot_target is None else (light.spot_target[0], 1.5 - light.spot_target[1], light.spot_target[2])
     return Light(**{**vars(light), "position": (x, -y if light.directional else 1.5 - y, z), "spot_target": target})
-
-
-def test_a_headlamp_lights_what_the_eye_sees_and_no_record() -> None:
-    """The headlamp gives ρ/π·I·cosθ/d² from the eye, also after a move; irradiance and records do not change."""
-    with Renderer(scene(floor(2.0, 0.0, WHITE), sky=0.5), (24, 24), bounces=1, gather_size=8, samples=4) as renderer:
-        plain = renderer.render()
-        renderer.carry_headlamp(5.0)
-        assert np.array_equal(renderer.render().irradiance, plain.irradiance) and not plain.direct.any()
-        for camera in (ABOVE, Camera((1.0, 1.0, 1.5), (0.2, 0.0, 0.0))):
-            frame, (p, depth) = renderer.render(camera), on_plane(camera, (24, 24), (0, 0, 0), UP)
-            way = np.asarray(camera.eye) - p
-            whole = (np.abs(p[..., [0, 2]]) < 1.8).all(-1) & (depth > 0.0)
-            expected = 5.0 * way[..., 1] / np.linalg.norm(way, axis=-1) ** 3 / np.pi
-            assert np.allclose(frame.direct[whole], expected[whole, None], rtol=0.02)
 
 
 @pytest.mark.parametrize("under", [0.0, 0.001])

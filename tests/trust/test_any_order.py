@@ -60,7 +60,6 @@ class Run:
     scene: Scene
     settings: Any
     size: tuple[int, int]
-    headlamp: float = 0.0
     camera: Camera = FRONT
     view: View | None = None
     saved: int = 0
@@ -158,11 +157,8 @@ def change(name: str, run: Run, draw: Draw) -> Call:
         names = draw.choice(list(SETTINGS), int(draw.integers(1, 4)), replace=False).tolist()
         settings = replace(run.settings, **{name: SETTINGS[name][draw.integers(len(SETTINGS[name]))] for name in names})
         return lambda: renderer.change(settings), {"settings": settings}
-    if name == "resize":
-        size = SIZES[draw.integers(len(SIZES))]
-        return lambda: renderer.resize(size), {"size": size}
-    power = float(draw.choice([0.0, 0.5]))
-    return lambda: renderer.carry_headlamp(power), {"headlamp": power}
+    size = SIZES[draw.integers(len(SIZES))]
+    return lambda: renderer.resize(size), {"size": size}
 
 
 def refused(name: str, run: Run, draw: Draw) -> Call:
@@ -226,7 +222,6 @@ def fresh(run: Run, more: int, **settings: Any) -> Frame:
     """
     with Renderer(run.scene, run.size) as made:
         made.change(replace(run.settings, **{"seed": run.settings.seed + more, **settings}))
-        made.carry_headlamp(run.headlamp)
         if more:
             made.render(CAMERAS[more % len(CAMERAS)])
         return made.render(run.camera)

@@ -21,8 +21,8 @@ class AutoExposure:
     """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture.
 
     The first picture that is lit decides at once. After it nothing jumps: the exposure moves by at most _FASTEST. While a view
-    fills, it moves only as far as it is off by more than _SLACK. It stays in a view that is black also with _MOST, so that the next
-    lit view is not white, and while the blend alone changes.
+    fills, it moves only as far as it is off by more than _SLACK. It stays in a view that is black also with _MOST, so that
+    the next lit view is not white, and while the blend alone changes.
     """
 
     def __init__(self) -> None:

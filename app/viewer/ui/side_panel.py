@@ -45,7 +45,7 @@ class SidePanel:
 
     def __init__(self, actions: Actions, settings: SettingsPanel, layout: Layout, sections: Sequence[Section]) -> None:
         self.actions, self.settings, self.layout, self.sections = actions, settings, layout, sections
-        self._open: set[str] = set()  # titles of the last frame's sections
+        self._open: set[str] | None = None  # titles of the last frame's sections; None at first, when nothing scrolls
 
     def draw(self) -> None:
         """Draw the panel if the first settings or a section are open."""
@@ -84,7 +84,8 @@ class SidePanel:
             imgui.push_id(section.title)
             section.draw()
             imgui.pop_id()
-        if section.title not in self._open and imgui.get_cursor_pos().y - imgui.get_scroll_y() > imgui.get_window_height():
+        below = imgui.get_cursor_pos().y - imgui.get_scroll_y() > imgui.get_window_height()
+        if below and self._open is not None and section.title not in self._open:
             imgui.set_scroll_y(top)
         if section.close is not None and not kept:
             section.close()

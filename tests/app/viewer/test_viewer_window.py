@@ -56,8 +56,11 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
         assert driver.actions.save_preferences((130, 100), driver.wnd.fullscreen) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
+    remembered.ui["controls"] = True
     with viewing(room, (130, 100), remembered) as driver:
-        driver.frame()
+        driver.frame(4)
+        (buffer,) = (widget for widget in driver.widgets if widget.label.lstrip("#") == "buffer")
+        assert buffer.box[1] > 0.0, "the panel is not scrolled to the settings"
         settings = driver.session.settings(0)[1]
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
         assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.hud

@@ -77,7 +77,6 @@ def test_numbers_of_any_kind_are_the_same_numbers():
         (lambda r: r.repaint(0, None), "is a Material"),
         (lambda r: r.change({"a": 1}), "is a Settings"),
         (lambda r: r.pose(None), "is a Scene"),
-        (lambda r: r.carry_headlamp(NAN), "headlamp"),
         (lambda r: r.refine(None, NAN), "target"),
         (lambda r: r.frame(seconds="x"), "seconds is a number"),
         (lambda r: r.render(5), "a camera is a Camera"),

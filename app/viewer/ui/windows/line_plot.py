@@ -72,11 +72,12 @@ class LinePlot:
         summary = found.summary
         if summary is None:
             return imgui.text_disabled(f"{title} has no values along this line")
-        scale = self.layout.scale
+        scale, style, (left, _, right, _) = self.layout.scale, imgui.get_style(), self.layout.area
+        width = min(_SIZE[0] * scale, right - left - 2.0 * (MARGIN + style.window_padding.x))
         flags = (
             implot.Flags_.no_menus | implot.Flags_.no_box_select | (implot.Flags_.no_legend if len(found.channels) == 1 else 0)
         )
-        if implot.begin_plot("##along", (_SIZE[0] * scale, _SIZE[1] * scale), flags):
+        if implot.begin_plot("##along", (width, _SIZE[1] * scale), flags):
             implot.setup_axes("metres", "" if found.unit == "1" else found.unit)
             low, high = float(min(summary[0].min(), 0.0)), float(summary[2].max())
             implot.setup_axes_limits(0.0, float(found.metres[-1]), low, high + 0.05 * ((high - low) or 1.0), implot.Cond_.always)
@@ -87,7 +88,9 @@ class LinePlot:
             if implot.is_plot_hovered():
                 self._mark(found, implot.get_plot_mouse_pos().x)
             implot.end_plot()
+        imgui.push_text_wrap_pos(style.window_padding.x + width)
         self._words(found, summary)
+        imgui.pop_text_wrap_pos()
 
     def _mark(self, found: Profile, metres: float) -> None:
         """Show the value at the cursor, and where that is in the picture."""
@@ -103,11 +106,9 @@ class LinePlot:
         self._marked = x, y, z
 
     def _words(self, found: Profile, summary: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        for name, values in zip(("min", "mean", "max"), summary, strict=True):
-            words = ", ".join(f"{value:.4g}" for value in values)
-            imgui.text(f"{name} {in_unit(words, found.unit)}")
-            imgui.same_line()
-        imgui.text(f"over {found.metres[-1]:.4g} m")
+        named = zip(("min", "mean", "max"), summary, strict=True)
+        words = "  ".join(f"{name} {', '.join(f'{value:.4g}' for value in values)}" for name, values in named)
+        imgui.text(f"{in_unit(words, found.unit)} over {found.metres[-1]:.4g} m")
         if imgui.button("copy as CSV"):
             self.actions.copy(found.csv, "the table")
         imgui.same_line()

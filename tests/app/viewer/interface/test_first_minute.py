@@ -52,6 +52,8 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
     for one in COMMANDS:
         assert callable(getattr(driver.actions, one.action)) and one.menu.split("/")[0] in MENUS
         assert driver.actions.can(one) in (True, False) and driver.actions.is_active(one) in (True, False)
+    grey = {one.title for one in COMMANDS if one.menu == "Edit" and not driver.actions.can(one)}
+    assert grey == {"Undo", "Redo", "Delete", "Hide"}, "nothing is changed or selected"
 
 
 @pytest.mark.parametrize(("typed", "found"), [
