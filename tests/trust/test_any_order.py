@@ -177,7 +177,7 @@ def refused(name: str, run: Run, draw: Draw) -> Call:
 # ---- in order --------------------------------------------------------------------------------------------------------------
 
 KINDS = (  # probability of each kind, and its calls; frequent ones are repeated
-    (0.45, change, "relight relight relight move move repaint change change change change resize carry"),
+    (0.45, change, "relight relight relight move move repaint change change change change resize"),
     (0.5, look, "frame frame frame frame turn render refine accumulate forget renew save load"),
     (0.05, refused, "refused"),
 )
