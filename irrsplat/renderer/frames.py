@@ -162,7 +162,7 @@ class Frames(Owner):
         gatherer = self.scheduler.gatherer
         idle = (view.phase is Phase.SETTLED or view.coverage == 1.0) and not len(self.cache.stale)
         dark = gatherer.surface_now is None
-        ready = self.scheduler.gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
+        ready = gatherer.prepare(shadows, budget.part(1.0, reserve), idle)
         # the first light is shown at once: passes that gather records take a tenth of a second to make
         first = dark and gatherer.surface_now is not None
         return ready and not (first and budget.limited and budget.left <= 0.0)
@@ -279,7 +279,7 @@ class Frames(Owner):
 
     def _rests(self, camera: Camera) -> bool:
         """True if the present view is the unchanged view of `camera` and no record is stale."""
-        return self.view_state(self.state, camera) is self.state.view and not len(self.scheduler.cache.stale)
+        return self.view_state(self.state, camera) is self.state.view and not len(self.cache.stale)
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
         """Return the picture of a refined view, and its progress."""
