@@ -132,12 +132,12 @@ class PhotometryLanes:
         """Return W/sr along unit directions in world space from a luminaire of colour 1 with this `frame` (Light.frame)."""
         zero, quarter, pole = (mi.Vector3f(*(float(x) for x in row)) for row in self.axes @ frame)
         x, y, z = dr.dot(direction, zero), dr.dot(direction, quarter), dr.dot(direction, pole)
-        polar = dr.atan2(dr.sqrt(x * x + y * y), z) * (180.0 / pi)
+        polar = polar_angle(dr.sqrt(x * x + y * y), z) * (180.0 / pi)
         i, s = self._between(self.polar, polar)
         inside = (polar >= self.low - 1e-3) & (polar <= self.high + 1e-3)
         if self.last == self.first:
             return dr.select(inside, self._row(0, i, s), 0.0) / LUMINOUS_EFFICACY
-        turned = dr.atan2(y, x) * (180.0 / pi) - self.first
+        turned = polar_angle(y, x) * (180.0 / pi) - self.first
         azimuth = self.first + turned - 360.0 * dr.floor(turned / 360.0)
         k, t = self._between(self.azimuth, azimuth)
         found = self._row(k, i, s) * (1.0 - t) + self._row(k + 1, i, s) * t
@@ -183,6 +183,14 @@ def uniform_cap(u: Lanes, edge: float) -> Lanes:
 def positive(x: Lanes) -> Lanes:
     """Return max(x, 0) without the `fmaximum` of dr.maximum, which LLVM sometimes fails to compile (AVX-512, "Cannot select")."""
     return dr.select(x > 0.0, x, 0.0)
+
+
+def polar_angle(y: Lanes, x: Lanes) -> Lanes:
+    """Return atan2(y, x), −π..π; 0 at the origin. dr.atan2 has an `fmaximum`, see `positive`."""
+    length = dr.sqrt(x * x + y * y)
+    cosine = dr.select(length > 0.0, x / length, 1.0)
+    angle = dr.acos(dr.select(cosine > 1.0, 1.0, dr.select(cosine < -1.0, -1.0, cosine)))
+    return dr.select(y < 0.0, -angle, angle)
 
 
 def lights(E: Lanes) -> Lanes:

@@ -39,6 +39,7 @@ from irrsplat.reference.lanes import (
     cosine_hemisphere,
     density_of_ray,
     lights,
+    polar_angle,
     positive,
     uniform_cap,
 )
@@ -354,7 +355,7 @@ class Tracer:
             height, width = environment.light.shape[:2]
             east, up, south = (dr.dot(direction, mi.Vector3f(*axis)) for axis in environment.frame.tolist())
             level = dr.select(up > 1.0, 1.0, dr.select(up < -1.0, -1.0, up))
-            column = mi.Int32(dr.floor((0.5 + dr.atan2(east, -south) / (2.0 * pi)) * width))
+            column = mi.Int32(dr.floor((0.5 + polar_angle(east, -south) / (2.0 * pi)) * width))
             row = mi.Int32(dr.floor(dr.acos(level) / pi * height))
             column, row = dr.clip(column, 0, width - 1), dr.clip(row, 0, height - 1)
             return dr.gather(mi.Color3f, self.sky_map, mi.UInt32(row * width + column))
