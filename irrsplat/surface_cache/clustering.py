@@ -17,7 +17,8 @@ from irrsplat.surface_cache.tessellation import Tessellation
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
     0
 ]  # any one that takes walls away from the axes
-_FARTHEST = 4.0  # steps of near_sites, beyond which a site says nothing of a member
+_BLOCKS = 3.0, 12.0  # steps of near_sites: sides of blocks in which a site is looked for, a wide one where a small one has none
+_AT_ONCE = 16_384  # members, for each of which near_sites compares some ten sites
 _MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
 _CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
 
@@ -130,25 +131,32 @@ def choose_sites(
 
 
 def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
-    """(N, most) for each of the members `asking` (N,) the sites nearest to it, the nearest first, as indices into `sites`; -1
-    where there are no more that face alike within _FARTHEST. asking and sites: as numbers of members.
+    """Return (N, most), the nearest sites to each of the members `asking` (N,), the nearest first, as indices into `sites`.
 
-    What is near is so in place, of which `size` metres count as much as 60° between normals, and in the way it faces.
+    Sites face alike and lie in a member's block, in a small one if there are any. Entries are -1 where there are no more. asking
+    and sites: as numbers of members. Distance is in place, of which `size` metres count as much as 60° between normals, and in
+    normals.
     """
-
-    def place(numbers: np.ndarray) -> np.ndarray:
-        position: np.ndarray = members.position[numbers] / np.float32(size)
-        return np.concatenate([position, members.normal[numbers]], axis=1)
-
-    if not len(sites) or not len(asking):
-        return np.full((len(asking), most), -1)
-    from scipy.spatial import KDTree  # takes half a second, which scenes where all have a site are spared
-
-    _, found = KDTree(place(sites)).query(place(asking), k=np.arange(1, most + 1), distance_upper_bound=_FARTHEST, workers=-1)
-    known = found < len(sites)
-    other = sites[np.where(known, found, 0)]
-    alike = np.einsum("nx,nkx->nk", members.normal[asking], members.normal[other]) > _MIN_COSINE
-    return np.where(known & alike, found, -1)
+    found = np.full((len(asking), most), -1)
+    for block in _BLOCKS:
+        left = np.flatnonzero(found[:, 0] < 0)
+        blocks = voxel_keys(members[np.concatenate([sites, asking[left]])], block * size) >> 5  # without the normals' parts
+        order = np.argsort(blocks[: len(sites)], kind="stable")
+        for first in range(0, len(left), _AT_ONCE):
+            some = left[first : first + _AT_ONCE]
+            wanted = blocks[len(sites) + first :][: len(some)]
+            begin, end = (np.searchsorted(blocks[order], wanted, side) for side in ("left", "right"))
+            member, counts = np.repeat(some, end - begin), np.cumsum(end - begin)
+            site = order[np.arange(len(member)) + np.repeat(end - counts, end - begin)]
+            a, b = asking[member], sites[site]
+            apart, turned = (members.position[a] - members.position[b]) / np.float32(size), members.normal[a] - members.normal[b]
+            distance = np.einsum("nx,nx->n", apart, apart) + np.einsum("nx,nx->n", turned, turned)
+            near = np.flatnonzero(np.einsum("nx,nx->n", members.normal[a], members.normal[b]) > _MIN_COSINE)
+            near = near[np.lexsort((distance[near], member[near]))]
+            rank = np.arange(len(near)) - np.searchsorted(member[near], member[near])
+            near, rank = near[rank < most], rank[rank < most]
+            found[member[near], rank] = site[near]
+    return found
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:

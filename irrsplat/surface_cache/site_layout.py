@@ -28,7 +28,7 @@ from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
 MAX_SITES = 1 << 15
-MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 250 MB
+MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 80 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves

@@ -122,9 +122,8 @@ class Survey:
         depend on lights, so that places stay when lights change.
         """
         importance = seen = area * np.where(area > 0.0, np.sqrt(R), 0.0)
-        backward = [matrix.T for matrix in self.transport.matrices]
         for _ in range(_BOUNCES):
-            seen = sum(matrix @ seen for matrix in backward) / len(backward)
+            seen = self.transport.backward(seen)
             importance = importance + seen
         return importance
 

@@ -29,7 +29,7 @@ from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
 RAYS = 1_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
-_MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 48 bytes of the transport
+_MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH_RAYS = 51_200  # rays traced at once, about

@@ -10,29 +10,23 @@ import numpy as np
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 POCKETS = 0.05  # share of the area that may miss more than CONVERGED
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
+# of a row and of a ray, the fractions of low-discrepancy sequences that draw the sites at hits: those of the R2 sequence and of φ
+_ROW_STEP, _RAY_STEP = 0.7548776662466927, 0.6180339887498949
 _CLOSELY, _APART = 8, 4  # bounces: the rest is estimated after each of the first 8, then after every 4th, to save time
 
 
 class Transport:
-    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, a sparse matrix (S, S) for each of red, green and blue.
+    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, for each of red, green and blue.
 
-    F has a row for each site that gathers, with an entry for each corner of the cell that each of its `rays` hits: which sites
-    light what is there, times the reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are
-    filled.
+    F has a row for each site that gathers, with an entry for each of its `rays`: a site that lights the hit, times the
+    reflectance. So it depends on geometry and materials alone. Three sites light a hit, by weights. One of them is drawn by its
+    weight, so that the mean over a row's rays is right. known: (S,) the rows that are filled.
     """
 
     def __init__(self, sites: int, rays: int) -> None:
-        from scipy.sparse import csr_array  # takes a fifth of a second
-
-        entries = 3 * rays
         self.known = np.zeros(sites, bool)
-        self._columns = np.zeros((sites, entries), np.int32)
-        self._values = [np.zeros((sites, entries), np.float32) for _ in range(3)]
-        starts = np.arange(sites + 1, dtype=np.int32) * entries
-        # they share these arrays, so that rows filled later are in them, too; columns that stand twice in a row are summed
-        self.matrices = [
-            csr_array((values.ravel(), self._columns.ravel(), starts), (sites, sites), copy=False) for values in self._values
-        ]
+        self._columns = np.zeros((sites, rays), np.intp)
+        self._values = np.zeros((3, sites, rays), np.float32)
 
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
         """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R, 3) each of sites, weights and reflectance.
@@ -40,18 +34,27 @@ class Transport:
         share: (N, R) cosθ·dω of each ray, of which there may be fewer than the most; a hit that receives E sends out ρ/π·E.
         """
         sites, weights, albedo = hits
-        count = 3 * sites.shape[1]
-        self._columns[rows, :count] = sites.reshape(len(rows), -1)
-        weights = weights * (share / np.pi)[..., None]
-        for channel, values in enumerate(self._values):
-            values[rows, :count] = (weights * albedo[..., channel, None]).reshape(len(rows), -1)
-            values[rows, count:] = 0.0
+        rays = sites.shape[1]
+        sums = np.cumsum(weights, axis=-1)
+        at = (rows[:, None] * _ROW_STEP + np.arange(rays) * _RAY_STEP) % 1.0 * sums[..., 2]
+        drawn = (at[..., None] >= sums[..., :2]).sum(-1)
+        self._columns[rows, :rays] = np.take_along_axis(sites, drawn[..., None], -1)[..., 0]
+        part = sums[..., 2] * share / np.pi
+        for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
+            values[rows, :rays] = part * reflectance
+            values[rows, rays:] = 0.0
         self.known[rows] = True
 
-    def __call__(self, E: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
-        """F·E of (S, 3): one more bounce; of these `rows` alone, (N, 3), where they are given."""
-        parts = self.matrices if rows is None else [matrix[rows] for matrix in self.matrices]
-        return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(parts)], axis=1)
+    def __call__(self, E: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Return F·E of (S, 3): one more bounce; of these `rows` alone, (N, 3), where they are given."""
+        columns = self._columns[rows]
+        channels = zip(self._values, np.ascontiguousarray(E.T, np.float32), strict=True)
+        return np.stack([np.einsum("sr,sr->s", values[rows], light[columns]) for values, light in channels], axis=1)
+
+    def backward(self, importance: np.ndarray) -> np.ndarray:
+        """Return (S,) Fᵀ·importance, the mean of all channels: how much each site contributes to sites of this importance."""
+        weights = self._values.mean(0) * importance[:, None]
+        return np.bincount(self._columns.ravel(), weights.ravel(), minlength=len(importance))
 
 
 @dataclass(frozen=True, eq=False)

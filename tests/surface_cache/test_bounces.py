@@ -228,8 +228,9 @@ def by_rows(F: np.ndarray) -> Transport:
 
 
 def dense(transport: Transport) -> np.ndarray:
-    """Return the matrices (3, S, S)."""
-    return np.stack([matrix.toarray() for matrix in transport.matrices])
+    """Return the matrices (3, S, S): F of one site alone is a column."""
+    units = np.eye(len(transport.known))
+    return np.stack([transport(np.repeat(unit[:, None], 3, axis=1)) for unit in units]).transpose(2, 1, 0)
 
 
 def last(*arguments: Any) -> BouncedLight:

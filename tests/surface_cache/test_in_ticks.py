@@ -112,7 +112,10 @@ def test_provisional_records_have_few_rays_and_are_all_gathered_again(ctx: moder
 
 
 def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
-    """The bright spot above a light moves with it: updated values are close to newly computed ones."""
+    """The bright spot above a light moves with it: updated values are close to newly computed ones.
+
+    With 64 rays a site, the noise of the transport is a tenth of the light; it is a twentieth with the usual number of rays.
+    """
     with made(ctx, ROOM) as renderer, made(ctx, replace(ROOM, lights=tuple(lit(1.0)))) as other:
         surface = renderer.scheduler.gatherer.surface
         assert surface is not None
@@ -121,7 +124,7 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
             surface.advance(renderer.draw_shadows(), Budget(TICK))
         assert not surface.complete and surface.layout is not None
         area, found, true = surface.layout.area[:, None], values(renderer), values(other)
-        assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.1
+        assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 
 
