@@ -165,11 +165,12 @@ class ShadowMaps:
 class HitLight:
     """The light on surfaces hit by a gather: lights with shadow maps and, from the second bounce on, the surface cache.
 
-    surface: uniforms of shaders/surface_cache/lookup.glsl; None for one bounce.
+    surface: uniforms of shaders/surface_cache/lookup.glsl; None for one bounce. virtual: False leaves virtual point lights out.
     """
 
     shadows: ShadowMaps
     surface: Uniforms | None = None
+    virtual: bool = True
 
     @property
     def uniforms(self) -> Uniforms:

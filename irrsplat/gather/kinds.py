@@ -35,12 +35,12 @@ def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
     return "embree" if ray_caster.available() and context.describe(ctx)["software"] else "trace"
 
 
-def shadow_caster(world: World, settings: Settings, seconds: float | None = None) -> World | None:
+def shadow_caster(world: World, settings: Settings, hurried: bool = False) -> World | None:
     """Return the world of shadow rays; None for the paper's plane, which uses shadow maps alone, and beyond a GPU's limits.
 
-    seconds: time left for building the tree of the rays, else the result is None. None: wait for the tree.
+    hurried: None also while the tree of the rays is built.
     """
-    return world if settings.gather != "plane" and world.casts_rays(seconds) else None
+    return world if settings.gather != "plane" and world.casts_rays(hurried) else None
 
 
 def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:

@@ -45,20 +45,19 @@ class LightSearch:
         """The present emitters of the world; None where rays need no weights for them."""
         return emitter_table(self.world) if self._emitter_samples else None
 
-    @property
-    def _virtual(self) -> VirtualLights | None:
-        """The present virtual point lights of the world; None for none."""
-        return virtual_lights(self.world, self._virtual_samples, self.rays) if self._may_be_virtual else None
+    def _virtual(self, light: HitLight) -> VirtualLights | None:
+        """Return the present virtual point lights of the world; None for none."""
+        wanted = self._may_be_virtual and light.virtual
+        return virtual_lights(self.world, self._virtual_samples, self.rays) if wanted else None
 
     @property
     def defines(self) -> dict[str, int]:
         """Defines of the gather's shaders; both 0 for a scene without emitters and lights."""
         return {"EMITTERS": int(self._emitter_samples > 0), "VIRTUAL_LIGHTS": int(self._may_be_virtual)}
 
-    @property
-    def ray_uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters_hit.glsl, of virtual_lights/hit.glsl, and of ray_density.glsl."""
-        emitters, virtual, found = self._emitters, self._virtual, dict[str, Any]()
+    def ray_uniforms(self, light: HitLight) -> Uniforms:
+        """Return the uniforms of shaders/lighting/emitters_hit.glsl, of virtual_lights/hit.glsl, and of ray_density.glsl."""
+        emitters, virtual, found = self._emitters, self._virtual(light), dict[str, Any]()
         if emitters is not None:
             found |= emitters.ray_uniforms(self._emitter_samples)
         if self._may_be_virtual:
@@ -70,7 +69,7 @@ class LightSearch:
 
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
         """Return the shadow-ray samples for an Atlas of records with these `rows` (5, N, 4) of its frames, lit by `light`."""
-        emitters, virtual = self._emitters, self._virtual
+        emitters, virtual = self._emitters, self._virtual(light)
         sources: list[tuple[Literal["emitters", "virtual lights"], int, Uniforms]] = []
         if emitters is not None:
             sources.append(("emitters", self._emitter_samples, emitters.sample_uniforms(self._emitter_samples)))

@@ -125,7 +125,7 @@ class TraceGather(Gather):
                 columns=self.columns,
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
-                **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms),
+                **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms(light)),
             )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]

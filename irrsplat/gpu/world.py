@@ -125,10 +125,10 @@ class World(Owner):
             self._tree, self._pending_tree = BvhTable(self.ctx, self._tree_build().result()), None
         return self._tree
 
-    def casts_rays(self, seconds: float | None = None) -> bool:
-        """True if shaders can trace rays in the scene: the GPU can hold its BVH, and it is built within `seconds` (None:
-        wait)."""
-        if seconds is not None and self.large and not self.wait(seconds, tree=True):
+    def casts_rays(self, hurried: bool = False) -> bool:
+        """True if shaders can trace rays in the scene: the GPU can hold its BVH. hurried: False while the BVH is built."""
+        if hurried and not self.has_tree:
+            self.prebuild(tree=True)
             return False
         if self._ray_structures_fit is None:
             try:
@@ -136,6 +136,11 @@ class World(Owner):
             except InputError:
                 self._ray_structures_fit = False
         return self._ray_structures_fit
+
+    @property
+    def has_tree(self) -> bool:
+        """True if `tree` waits for no build in the background."""
+        return not self.large or self._tree is not None or (self._pending_tree is not None and self._pending_tree.done())
 
     def _tree_build(self) -> Future[Bvh]:
         """Return the build of `tree`, in a thread if it takes long."""

@@ -37,7 +37,7 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
 
 def _in_box(points: np.ndarray, mesh: Mesh) -> np.ndarray:
     """Return (N,) True for points in the mesh's bounding box."""
-    found: np.ndarray = ((points >= mesh.positions.min(0)) & (points <= mesh.positions.max(0))).all(1)
+    found: np.ndarray = ((points >= mesh.bounds[0]) & (points <= mesh.bounds[1])).all(1)
     return found
 
 

@@ -50,8 +50,8 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
 
 def _within(position: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
     """Return (N,) True for points in the bounding box of a mesh, enlarged by `margin` metres."""
-    low, high = mesh.positions.min(0) - margin, mesh.positions.max(0) + margin
-    within: np.ndarray = ((position >= low) & (position <= high)).all(1)
+    low, high = mesh.bounds
+    within: np.ndarray = ((position >= low - margin) & (position <= high + margin)).all(1)
     return within
 
 
@@ -84,7 +84,7 @@ def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
 
 def _covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray:
     """Return (N,) an estimate of the share of points' hemispheres within a mesh's bounding sphere."""
-    low, high = mesh.positions.min(0).astype(float), mesh.positions.max(0).astype(float)
+    low, high = mesh.bounds.astype(float)
     way, radius = 0.5 * (low + high) - position, 0.5 * float(np.linalg.norm(high - low))
     far = np.maximum(np.linalg.norm(way, axis=1), 1e-30)
     height = np.clip(((way * normal).sum(1) + radius) / (far + radius), 0.0, 1.0)  # 0 for a sphere below the horizon

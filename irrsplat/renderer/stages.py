@@ -78,7 +78,9 @@ class Stages(Owner):
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
         """Return the world of shadow rays, as `shadow_caster` has it. hurried: None also where their tree is not built yet."""
-        return shadow_caster(self.world, state.settings, 0.0 if hurried else None)
+        if hurried and self.scheduler.gatherer.awaits_light:  # its build would delay the first light
+            return None
+        return shadow_caster(self.world, state.settings, hurried)
 
     def splats(self, state: State) -> ViewSplats:
         """Keeps the splat buffer of the present view."""

@@ -16,9 +16,11 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
     Faces are in the order of looks.in_order, as in FaceCounts.
     """
     meshes, numbers = in_order(scene), scene.materials
-    vertices, faces, start = [np.zeros((0, WIDTH), "f4")], [np.zeros((0, 3), "i4")], 0
+    vertices = np.empty((sum(len(mesh.positions) for mesh in meshes), WIDTH), "f4")
+    faces = np.empty((sum(len(mesh.faces) for mesh in meshes), 3), "i4")
+    row = face = 0
     for mesh in meshes:
-        rows = np.empty((len(mesh.positions), WIDTH), "f4")
+        rows = vertices[row : row + len(mesh.positions)]
         vertex_column(rows, "position")[:] = mesh.positions
         vertex_column(rows, "normal")[:] = mesh.normals
         vertex_column(rows, "material")[:] = numbers[mesh.material]
@@ -26,7 +28,6 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
         vertex_column(rows, "albedo")[:] = colors
         vertex_column(rows, "opacity")[:, 0] = mesh.material.opacity if mesh.opacities is None else mesh.opacities
         vertex_column(rows, "uv")[:] = 0.0 if mesh.uvs is None else mesh.uvs
-        vertices.append(rows)
-        faces.append(mesh.faces + start)
-        start += len(rows)
-    return np.concatenate(vertices), np.concatenate(faces), face_counts(scene).closed
+        np.add(mesh.faces, row, out=faces[face : face + len(mesh.faces)], casting="same_kind")
+        row, face = row + len(rows), face + len(mesh.faces)
+    return vertices, faces, face_counts(scene).closed

@@ -84,6 +84,11 @@ class SurfaceCache(Owner):
         return (self._finer[-1] if self._finer else self._level).solution
 
     @property
+    def starts_coarse(self) -> bool:
+        """True if ticks make a coarse level first."""
+        return self._level.detail.rays_in_all > COARSE.rays_in_all
+
+    @property
     def stands_in(self) -> bool:
         """True while lookups find coarse values."""
         return self._coarse is not None and self._stood_in
@@ -183,7 +188,7 @@ class SurfaceCache(Owner):
         if followed is not None:
             self._stood_in, self.last_change = False, followed
             return True
-        if budget.limited and self._outdated and level.detail.rays_in_all > COARSE.rays_in_all:
+        if budget.limited and self._outdated and self.starts_coarse:
             self._coarse = coarse = self._coarse or self._other(COARSE)
             if not coarse.complete:
                 changed = coarse.advance(shadows, budget)

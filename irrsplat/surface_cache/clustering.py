@@ -64,8 +64,8 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
     shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
     for mesh in in_order(scene):
         if sorts[id(mesh)] == CLOSED and len(mesh.positions):
-            low, high = mesh.positions.min(0), mesh.positions.max(0)
-            lit = any((low <= one.positions.max(0)).all() and (one.positions.min(0) <= high).all() for one in shining)
+            low, high = mesh.bounds
+            lit = any((low <= one.bounds[1]).all() and (one.bounds[0] <= high).all() for one in shining)
             lit |= any((low <= p).all() and (p <= high).all() for p in (np.asarray(lamp.position) for lamp in scene.lights))
         else:
             lit = True

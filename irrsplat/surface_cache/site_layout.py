@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 
@@ -190,7 +190,7 @@ class SiteChooser:
         faces = faces[: face_counts(self.scene).lit]
         corners = vertex_column(vertices, "position")[faces].astype(float)
         area, counts = triangle_areas(corners), np.zeros(len(faces))
-        low, high = corners.min(1), corners.max(1)
+        low, high = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.minimum, np.maximum))
         for place, reach in zip(places, _ROOMS * rooms, strict=True):
             away = np.linalg.norm(place - np.clip(place, low, high), axis=1)
             counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach / np.maximum(away, 1e-30), 1.0) ** 4

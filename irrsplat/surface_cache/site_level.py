@@ -229,7 +229,8 @@ class SiteLevel(Owner):
         """
         records, places, done = laid_out.records, laid_out.places, 0
         assert places is not None
-        light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms)
+        virtual = self.detail.level >= 0 or self.world.has_tree  # coarse light does not wait for the tree of their rays
+        light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms, virtual)
         for count in pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
             batch = numbers[done : done + count]
             self._rays.light(gather, light, records, batch, places.of)

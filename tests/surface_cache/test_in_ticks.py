@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
+from threading import Event
 
 import moderngl
 import numpy as np
 import pytest
 
 from irrsplat import Renderer
+from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress, read
+from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -109,6 +112,29 @@ def test_provisional_records_have_few_rays_and_are_all_gathered_again(ctx: moder
         assert early.surface < 1.0 and (renderer.cache.gather_sizes == 16).all()
         ticks(renderer, lambda now: now.still)
         assert not (renderer.cache.gather_sizes == 16).any()
+
+
+def test_coarse_light_does_not_wait_for_the_tree(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only virtual point lights need the tree of a large scene: the first records are gathered while it is built, and the last
+    ones with those lights."""
+    pytest.importorskip("embreex")
+    built = Event()
+
+    def late(corners: np.ndarray) -> Bvh:
+        built.wait()
+        return build(corners)
+
+    monkeypatch.setattr(world, "_LARGE", 1)
+    monkeypatch.setattr(world, "build", late)
+    try:
+        with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "gather": "embree", "gather_size": 64, "light_samples": 8}) as renderer:
+            early = ticks(renderer, lambda now: now.records > 20)
+            assert not renderer.world.has_tree and early.surface < 1.0 and not early.still
+            built.set()
+            ticks(renderer, lambda now: now.still)
+            agrees(renderer)
+    finally:
+        built.set()
 
 
 def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:

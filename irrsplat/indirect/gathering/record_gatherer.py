@@ -56,7 +56,7 @@ class RecordGatherer(Owner):
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
-            world.prebuild(self._needs_tree, self._casts)
+            world.prebuild(caster=self._casts)
         self.gathers = Gathers(world)
         self._made = Workshop()  # the surface cache
 
@@ -124,10 +124,18 @@ class RecordGatherer(Owner):
         lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
         return self._basis.kind != "embree" or lit or bool(self.world.material_defines["CUT_OUTS"])
 
+    @property
+    def _without_tree(self) -> bool:
+        """True if ticks gather without the tree for now: coarse light does not wait for the search of virtual point lights."""
+        surface, embree = self.surface, self._basis.kind == "embree" and not self.world.material_defines["CUT_OUTS"]
+        coarse = surface is not None and surface.starts_coarse and (self.awaits_light or self.provisional)
+        return embree and coarse and not self.world.has_tree
+
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
         surface = self.surface if self._basis.wants_surface else None
-        return HitLight(shadows, None if surface is None else surface.uniforms())
+        virtual = not self.provisional or self.world.has_tree
+        return HitLight(shadows, None if surface is None else surface.uniforms(), virtual)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -211,10 +219,13 @@ class RecordGatherer(Owner):
         """
         if self._basis.from_file is not None and not budget.limited and not len(self.cache.stale):
             return True
-        if self._basis.wants_surface and self.surface_now is None:  # else pictures of a moving camera stay dark
+        if self.awaits_light:  # else pictures of a moving camera stay dark
             budget = budget.part(1.0, 0.0, _FIRST_LIGHT)
-        if budget.limited and not self.world.wait(budget.left, self._needs_tree, self._casts):
+        postponed = budget.limited and self._without_tree
+        if budget.limited and not self.world.wait(budget.left, self._needs_tree and not postponed, self._casts):
             return False
+        if not (postponed and self.awaits_light):
+            self.world.prebuild(self._needs_tree)
         return self._advance(shadows, budget, idle)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
@@ -272,7 +283,8 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
         before = surface.at(sites) if follows else None
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
-        made = surface.advance(shadows, part)
+        waits = budget.limited and coarse and self._needs_tree and not self.world.has_tree  # its own values have virtual lights
+        made = not waits and surface.advance(shadows, part)
         if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
             if surface.complete:  # a moving light may have left provisional records behind
@@ -416,6 +428,11 @@ class RecordGatherer(Owner):
     def surface_share(self) -> float:
         """The completed share of the surface cache, 0..1; 1 where no cache is required."""
         return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.progress
+
+    @property
+    def awaits_light(self) -> bool:
+        """True until the surface cache that the settings require has values."""
+        return self._basis.wants_surface and self.surface_now is None
 
     @property
     def surface_now(self) -> SurfaceCache | None:

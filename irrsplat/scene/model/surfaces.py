@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import box
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
 
@@ -162,9 +163,9 @@ class Mesh:
     @cached_property
     def bounds(self) -> np.ndarray:
         """(2, 3) float32: the least and greatest coordinates of the vertices, of which there is at least one."""
-        return np.stack([self.positions.min(0), self.positions.max(0)])
+        return box(self.positions)
 
     @cached_property
     def is_point(self) -> bool:
         """True if all vertices coincide, so that the mesh is invisible."""
-        return not np.ptp(self.positions, axis=0).any() if len(self.positions) else True
+        return not np.ptp(self.bounds, axis=0).any() if len(self.positions) else True

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from irrsplat.core.color import clip_color, linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
-from irrsplat.core.vectors import near_origin
+from irrsplat.core.vectors import box, near_origin
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.objects.arrays import Up, completed, given_sky, smoothed
@@ -60,8 +60,8 @@ def from_trimesh(
 def _bounds(parts: Sequence[Part]) -> np.ndarray:
     """Return (2, 3) the least and the greatest corner of the parts in world space; zeros for none."""
     places = [part.positions @ part.matrix[:3, :3].T + part.matrix[:3, 3] for part in parts if part.matrix is not None]
-    corners = [corner for place in places if len(place) for corner in (place.min(0), place.max(0))]
-    return np.array([np.min(corners, 0), np.max(corners, 0)]) if corners else np.zeros((2, 3))
+    boxes = [box(place) for place in places if len(place)]
+    return box(np.concatenate(boxes)) if boxes else np.zeros((2, 3))
 
 
 @dataclass
