@@ -2,8 +2,8 @@
 
 A pixel of some view requested each record because the weight of the records there was too small. The same criterion, Σw, is
 applied to the records of other caches. It is evaluated at the record's place, with the radii of a view at the distance of the
-request. A record goes if a single renderer that had seen all views would hardly have requested it. Where the records of a place
-contradict each other, their limits have shortened their radii already.
+request. A record goes if a single renderer that had seen all views would hardly have requested it. Where inter-record variance is
+high, limits have shortened the radii already.
 """
 
 from __future__ import annotations

@@ -57,8 +57,8 @@ class Transport:
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    complete: no more bounces follow. converged: E includes the light of all further bounces, of which the rest that is estimated
-    is less than CONVERGED or well known.
+    complete: no more bounces follow. converged: E includes an estimate of the light of all further bounces, and the estimate is
+    less than CONVERGED or well known.
     """
 
     irradiance: np.ndarray
