@@ -58,7 +58,7 @@ _BORDERS: dict[str, tuple[str, ...]] = {
         "gather.spot_check:SpotPass.__call__",
         "indirect.scheduler:RecordScheduler._select",
     ),
-    "radii": ("records.adaptive_radius:AdaptiveRadius.__call__", "records.adaptive_radius:AdaptiveRadius.compare"),
+    "radii": ("records.adaptive_radius:AdaptiveRadius.__call__",),
     "picture": (
         "renderer.stages:Stages.draw_gbuffer",
         "renderer.stages:Stages.draw_shadows",

@@ -25,7 +25,6 @@ from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import Phase, ViewState
-from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.model import Camera
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
@@ -60,7 +59,6 @@ class Base:
 
     count: int
     limits: np.ndarray
-    adapted: AdaptiveRadiusState
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +117,7 @@ class Refiner(Owner):
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:
         """Refine a view that is covered by records whose sums are `splats`."""
         cache = self.cache
-        base = Base(cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.state())
+        base = Base(cache.count, cache.limits(cache.count).copy())
         self.state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
         surface, known = self.scheduler.gatherer.surface_now, self._surface_error
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
@@ -131,7 +129,7 @@ class Refiner(Owner):
             base, self.state = self.state.base, None
             self.cache.truncate(base.count)
             self.cache.restore_limits(base.limits)
-            self.scheduler.adaptation.restore(base.adapted, self.scheduler.settings)
+            self.scheduler.adaptation.accept(self.scheduler.settings)
 
     def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:
         """Refine the view until its estimated relative error is at most `target`, or the budget is spent."""

@@ -208,8 +208,6 @@ class RecordScheduler(Owner):
             view = self._check(view, screen, shadows, budget, spots)
             if not view.checked or view.queue is not None:
                 return view, view.checked, False
-        if not self.adaptation.compare(self.settings, budget):
-            return view, False, False
         view, limited = self.limit_radii(view, last=True)
         unchanged = not limited and view.pixel_stride == 1  # else others may be missing
         return replace(view, pixel_stride=1, phase=Phase.FILL), True, unchanged
@@ -324,12 +322,12 @@ class RecordScheduler(Owner):
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.has_pending_changes)
         self._checked.forget_if_fewer(self.cache.count)
-        return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.cells)
+        return CacheState(records, bounces, settings, self._checked.cells)
 
     def restore(self, state: CacheState) -> None:
         """Replace the present records by the records of a file."""
         self.cache.restore(state.records)
-        self.adaptation.restore(state.adapted, self.settings)
+        self.adaptation.forget()
         self._checked = PlacesChecked(state.checked, self.cache.count)
         self.gatherer.resume_with(cast(BounceStatistics, dict(state.bounces)))
 

@@ -12,7 +12,7 @@ import json
 import math
 import zipfile
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,11 @@ import numpy as np
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
 from irrsplat.records import record_cache
-from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, stamp
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 9  # raise it whenever the content of files or the inputs of records change
+FORMAT = 10  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # array of the viewpoints of spot checks
@@ -46,13 +45,11 @@ class CacheKey:
 class CacheState:
     """Saved records with all that a renderer needs to resume.
 
-    records: the arrays of RecordCache.state. adapted: progress of the radius adaptation. bounces: gather method and number of
-    bounces, by their names in the statistics. settings: all settings of the renderer. checked: (K,) int64, viewpoints of
-    spot checks.
+    records: the arrays of RecordCache.state. bounces: gather method and number of bounces, by their names in the statistics.
+    settings: all settings of the renderer. checked: (K,) int64, viewpoints of spot checks.
     """
 
     records: Mapping[str, np.ndarray]
-    adapted: AdaptiveRadiusState
     bounces: Mapping[str, object]
     settings: Mapping[str, object] = field(default_factory=dict)
     checked: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -80,12 +77,11 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
 
 
 def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
-    """Return the state with only the records of these numbers, ascending, and with radius limits not yet computed."""
+    """Return the state with only the records of these numbers, ascending."""
     whole = {name: state.records[name] for name in ("clocks", "luminance_floor")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
-    records["limit"] = np.ones_like(records["limit"])
     records["luminance_floor"] = np.array(record_cache.luminance_floor(records["irradiance"]))
-    return replace(state, records=records, adapted=AdaptiveRadiusState(), checked=np.zeros(0, np.int64))
+    return replace(state, records=records, checked=np.zeros(0, np.int64))
 
 
 def carried_over(content: Content, scene: SceneStamp) -> CacheState:
@@ -101,7 +97,7 @@ def carried_over(content: Content, scene: SceneStamp) -> CacheState:
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
-    about = {"adapted": astuple(state.adapted), "bounces": dict(state.bounces), "settings": dict(state.settings)}
+    about = {"bounces": dict(state.bounces), "settings": dict(state.settings)}
     text = json.dumps({"key": asdict(key), "about": about, "scene": asdict(scene)})
     payload = io.BytesIO()
     arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **state.records}
@@ -149,9 +145,7 @@ def read_any(path: files.Pathlike) -> Content:
         if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
             raise ValueError(_CHECKED)
         record_cache.check_state(arrays)
-        limited, compared, inputs = about["adapted"]
-        adapted = AdaptiveRadiusState(int(limited), int(compared), tuple(inputs))
-        return Content(made_for, CacheState(arrays, adapted, dict(about["bounces"]), about["settings"], checked), scene)
+        return Content(made_for, CacheState(arrays, dict(about["bounces"]), about["settings"], checked), scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 

@@ -1,9 +1,9 @@
 """Merging of caches of one scene, and pruning of a cache: drop records whose places other records cover well enough.
 
-A pixel of some view requested each record: the weight of the records there was too small, or their variance too great. The same
-criterion (Σw and inter-record variance, as in shaders/indirect/effective_weight.glsl) is applied to the records of other caches.
-It is evaluated at the record's place, with the radii of a view at the distance of the request. A record goes if a single
-renderer that had seen all views would not have requested it.
+A pixel of some view requested each record because the weight of the records there was too small. The same criterion, Σw, is
+applied to the records of other caches. It is evaluated at the record's place, with the radii of a view at the distance of the
+request. A record goes if a single renderer that had seen all views would hardly have requested it. Where inter-record variance is
+high, limits have shortened the radii already.
 """
 
 from __future__ import annotations
@@ -16,16 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import LUNES, error_scale, own_radii, record_distance, record_weight
+from irrsplat.records.weight import own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
 _AT_ONCE = 4096  # places in one batch
-_FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
-_NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
 # times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. At 1, up to 3 % of
 # the pixels of a view request again; at 2, less than 1 %, for 6 % more records
 _ENOUGH = 2.0
@@ -51,8 +48,8 @@ def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
     kept, before = np.ones(len(source), bool), np.zeros(0, bool)
     while not np.array_equal(kept, before):  # each record depends on earlier ones alone: the iteration ends
         before = kept
-        served = table.effective(pairs.sums(kept)) >= _ENOUGH * settings.threshold
-        kept = ~served | (pairs.weights(source, kept) == 0.0)
+        served = pairs.sums(kept) >= _ENOUGH * settings.threshold
+        kept = ~served | (pairs.sums(kept, source) == 0.0)
     return Merged(selected(whole, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
 
 
@@ -66,7 +63,7 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
     pairs = _Pairs.among(table)
     kept = np.ones(len(table), bool)
     while most is None or kept.sum() > most:
-        served = table.effective(pairs.sums(kept))
+        served = pairs.sums(kept)
         (left,) = np.nonzero(kept & (served >= _ENOUGH * settings.threshold)) if most is None else np.nonzero(kept)
         if not len(left):
             break
@@ -77,7 +74,7 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
     return Merged(selected(state, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
 
 
-# ---- contributions of records to each other's places -------------------------------------------------------------------
+# ---- weights of records at each other's places --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,6 @@ class _Table:
 
     columns: Mapping[str, np.ndarray]
     radii: np.ndarray
-    floor: float
     settings: Settings
 
     @classmethod
@@ -97,9 +93,8 @@ class _Table:
         records = state.records
         columns = {name: records[name].astype(float) for name in (*COLUMNS, "screen")}
         columns |= {name: columns[name][:, :3] for name in ("position", "normal")}
-        floor = float(records["luminance_floor"])
-        radii = settings.a * own_radii(columns, floor, settings) * columns["limit"][:, None]
-        return cls(columns, radii, floor, settings)
+        radii = settings.a * own_radii(columns, float(records["luminance_floor"]), settings) * columns["limit"][:, None]
+        return cls(columns, radii, settings)
 
     def __len__(self) -> int:
         return len(self.radii)
@@ -118,76 +113,35 @@ class _Table:
         found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
         return found
 
-    def contributions(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Return (4, P): w, k, k·Y and k·Y² of the records `other` at the places of the records `place` (P,).
+    def weights(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return (P,) the weights w of the records `other` at the places of the records `place` (P,).
 
-        The formulas are those of shaders/indirect/splat.frag; all 0 where a record does not contribute.
+        The formulas are those of shaders/indirect/splat.frag; 0 where a record does not contribute.
         """
         settings, columns = self.settings, self.columns
         apart = columns["position"][place] - columns["position"][other]
-        n, n_k, axis = columns["normal"][place], columns["normal"][other], columns["axis"][other]
         reach = self.bounded(self.radii[other], columns["screen"][place, None])
-        distance = record_distance(apart, axis, reach / settings.a)
-        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.hessian)
-        counts = w > 1.0 / settings.a
-        Y = columns["irradiance"][other] @ LUMINANCE
-        if settings.gradients:
-            Y = self._turned(columns["vectors"][other], n, n_k)
-            trust = np.minimum(1.0, self.radii[other, 1] / np.maximum(reach[:, 1], 1e-30))
-            slope = trust * np.einsum("pcx,c,px->p", columns["gradient"][other], LUMINANCE, apart)
-            there = self._extrapolated(Y, slope, apart, n_k, axis, columns["curvature"][other] * (trust * trust)[:, None])
-            w = w * np.where(Y > 0.0, np.clip(there / np.where(Y > 0.0, _FAINT * Y, 1.0), _LEAST_KNOWN, 1.0), 1.0)
-            Y = there
-        k = np.maximum(w - 1.0 / settings.a, 0.0) if settings.hessian else w
-        return np.where(counts, np.stack([w, k, k * Y, k * Y * Y]), 0.0)
-
-    @staticmethod
-    def _turned(vectors: np.ndarray, n: np.ndarray, n_k: np.ndarray) -> np.ndarray:
-        """Return turned() of shaders/records/weight.glsl, for luminance."""
-        M = np.einsum("pcx,c->px", vectors, LUMINANCE)
-        found: np.ndarray = (M * n).sum(1) + LUNES * (1.0 - (n * n_k).sum(1)) * (M * n_k).sum(1)
-        return found
-
-    def _extrapolated(
-        self, Y: np.ndarray, slope: np.ndarray, apart: np.ndarray, n_k: np.ndarray, axis: np.ndarray, curvature: np.ndarray
-    ) -> np.ndarray:
-        """Return extrapolated() of shaders/records/weight.glsl, for luminance."""
-        up, along = (apart * n_k).sum(1), (apart * axis).sum(1)
-        across = np.maximum((apart * apart).sum(1) - up * up - along * along, 0.0)
-        more = np.clip(0.5 * (curvature[:, 0] * along * along + curvature[:, 1] * across), -0.5, 0.5)
-        if not self.settings.hessian:
-            more = np.zeros_like(more)
-        found: np.ndarray = np.clip(Y + slope + more * Y, 0.0, np.maximum(2.0 * Y, 0.0))
-        return found
-
-    def effective(self, sums: np.ndarray) -> np.ndarray:
-        """Return (N,) the effective weight of places by their sums (4, N), as effective_weight.glsl computes it."""
-        weight, k, kY, kYY = sums
-        k = np.maximum(k, 1e-20)
-        Y = kY / k
-        deviation = np.sqrt(np.maximum(kYY / k - Y * Y, 0.0))
-        least, spread = self.settings.threshold, self.settings.spread
-        doubted = (weight < _NEAR * least) & (deviation > 0.0) & (spread > 0.0)
-        allowed = least * spread * error_scale(Y, self.floor) / np.where(doubted, deviation, 1.0)
-        found: np.ndarray = np.where(doubted, np.minimum(weight, allowed), weight)
-        return found
+        R = reach / settings.a
+        distance = record_distance(apart, columns["axis"][other], R)
+        w = record_weight(distance, apart, columns["normal"][place], columns["normal"][other], R[:, 1], settings.hessian)
+        return np.where(w > 1.0 / settings.a, w, 0.0)
 
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Contributions of records to each other's places.
+    """Weights of records at each other's places.
 
-    place, other: (P,) numbers of the records. values: (4, P) w, k, k·Y and k·Y² of `other` at `place`.
+    place, other: (P,) numbers of the records. weight: (P,) w of `other` at `place`, above 0.
     """
 
     count: int  # of records
     place: np.ndarray
     other: np.ndarray
-    values: np.ndarray
+    weight: np.ndarray
 
     @classmethod
     def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
-        """Compute the contributions.
+        """Compute the weights.
 
         source: (N,) the cache of each record; then places of the first cache are left out, and only earlier records contribute
         to the others. None: all pairs.
@@ -197,7 +151,7 @@ class _Pairs:
         places = places[np.argsort(table.widest[places], kind="stable")]  # keeps the search radius of batches small
         tree = cKDTree(position)
         none = np.zeros(0, np.intp)
-        chunks = [(none, none, np.zeros((4, 0)))]
+        chunks = [(none, none, np.zeros(0))]
         parts = [places[start : start + _AT_ONCE] for start in range(0, len(places), _AT_ONCE)][::-1]
         while parts:
             part = parts.pop()
@@ -209,20 +163,17 @@ class _Pairs:
             i, j = part[found["i"]], found["j"]
             wanted = i != j if source is None else j < i
             i, j = i[wanted], j[wanted]
-            shares = table.contributions(i, j)
-            counts = shares[0] > 0.0
-            chunks.append((i[counts], j[counts], shares[:, counts]))
-        return cls(count, *(np.concatenate(parts, axis=-1) for parts in zip(*chunks, strict=True)))
+            w = table.weights(i, j)
+            counts = w > 0.0
+            chunks.append((i[counts], j[counts], w[counts]))
+        return cls(count, *(np.concatenate(parts) for parts in zip(*chunks, strict=True)))
 
-    def sums(self, kept: np.ndarray) -> np.ndarray:
-        """Return (4, N), the summed contributions of the `kept` (N,) records at all places."""
+    def sums(self, kept: np.ndarray, source: np.ndarray | None = None) -> np.ndarray:
+        """Return (N,) Σw of the `kept` (N,) records at each place; source: (N,) the cache of each, then of other caches alone."""
         counts = kept[self.other]
-        return np.stack([np.bincount(self.place, one * counts, self.count) for one in self.values])
-
-    def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
-        """Return (N,) Σw at each place of the kept records of other caches."""
-        counts = kept[self.other] & (source[self.place] != source[self.other])
-        return np.bincount(self.place, self.values[0] * counts, self.count)
+        if source is not None:
+            counts &= source[self.place] != source[self.other]
+        return np.bincount(self.place, self.weight * counts, self.count)
 
     def apart(self, numbers: np.ndarray) -> np.ndarray:
         """Return the subset of `numbers`, in their order, in which no record contributes to the place of another."""

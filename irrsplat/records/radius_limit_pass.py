@@ -17,13 +17,12 @@ from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
-from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
-_TABLE = 64, 1024  # columns and rows of the records limited by one draw; narrow, so that near records share a draw
+_TABLE = 64, 1024  # columns and rows of the records limited by one draw
 _MAX_CELLS = 32  # of a grid along an axis
 _SAMPLE = 4096  # points in the sample that places a grid's planes
 _MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
@@ -39,42 +38,25 @@ class RadiusLimitPass(Owner):
         self.write = Program(ctx, "records/radius_limit_write")
         self.targets = float_texture(ctx, _TABLE, 1)
         self.found = Target(ctx, _TABLE, (1,))
-        self._pace = Pace(ctx)  # of records
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self.program, self.write, self.targets, self.found)
 
-    def __call__(
-        self, cache: RecordCache, first: int, settings: Settings, old: bool = True, start: int = 0, budget: Budget | None = None
-    ) -> tuple[int, bool]:
+    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool) -> None:
         """Limit the records from number `first` on, each by records of lower numbers, so that batch sizes do not matter.
 
-        old: limit the new records by all others, and those before `first` by the new ones. budget: extent of this call (None:
-        to the end). start: number of records limited by earlier calls with the same cache content. Return the number of limited
-        records, and True if all are.
+        old: limit the new records by all others, and those before `first` by the new ones.
         """
         if first == cache.count:
-            return 0, True
+            return
         with ExitStack() as made:
             out = made.enter_context(Target(self.ctx, cache.records.size, textures=[cache.records.textures["limit"]]))
             everything = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, 0)]
-            works = [(np.arange(first, cache.count), everything, DrawState())]
+            self._limit(out, cache, np.arange(first, cache.count), everything, settings, DrawState(), old)
             if first and old:
                 new = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, first)]
-                works.append((_near(cache, first, settings), new, DrawState(blend="min")))
-            works = [(numbers[np.argsort(grids[0].find(cache.positions[numbers]), kind="stable")], grids, state)
-                     for numbers, grids, state in works]  # fmt: skip
-            total = sum(len(numbers) for numbers, _, _ in works)
-            for count in self._pace.batches(total - start, total, budget or Budget(None)):
-                before = 0
-                for numbers, grids, state in works:
-                    low, high = (min(max(end - before, 0), len(numbers)) for end in (start, start + count))
-                    if low < high:
-                        self._limit(out, cache, numbers[low:high], grids, settings, state, old)
-                    before += len(numbers)
-                start += count
-        return start, start == total
+                self._limit(out, cache, _near(cache, first, settings), new, settings, DrawState(blend="min"), True)
 
     def _limit(
         self,
@@ -86,11 +68,12 @@ class RadiusLimitPass(Owner):
         state: DrawState,
         by_all: bool,
     ) -> None:
-        """Write the limits of the records of these numbers, sorted by place, by those in the grids.
+        """Write the limits of the records of these numbers by those in the grids.
 
         out: the cache's limits. state: combination of a limit with the one in the cache.
         """
         records, width = cache.records, _TABLE[0]
+        numbers = numbers[np.argsort(others[0].find(cache.positions[numbers]), kind="stable")]  # near records share a draw
         for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
             part = numbers[start : start + _TABLE[0] * _TABLE[1]]
             texel_table.write(self.targets, 0, part[:, None])

@@ -26,7 +26,7 @@ class Follower:
     """Follows the light at the sites `records`, between which `transport` is known. It borrows all of these.
 
     area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as gathered with the present
-    lights; E: (S, 3) of all bounces. made: keeps its pass. most: sites at most.
+    lights; E: (S, 3) of all bounces. made: keeps its pass.
     """
 
     def __init__(
@@ -36,12 +36,11 @@ class Follower:
         area: np.ndarray,
         transport: Transport,
         made: Workshop,
-        most: int,
         E_1: np.ndarray,
         E: np.ndarray,
     ) -> None:
         self.world, self.records, self.transport, self.irradiance = world, records, transport, E
-        self._made, self._most, self._area = made, most, area
+        self._made, self._area = made, area
         self._E_1 = E_1
         self.change = 0.0  # of E by the last step, relative to it
         self._beyond: np.ndarray | None = None  # c, once D is known
@@ -51,8 +50,9 @@ class Follower:
     def light(self, shadows: ShadowMaps) -> np.ndarray:
         """(S, 3) D, W/m²."""
         lights = light_defines(self.world.scene)
-        lamps = self._made.get("site light", lights, lambda: SiteLightPass(self.world.ctx, lights, self._most))
-        E, _ = lamps(shadows, self.records.sites(slice(0, self.records.count)), self._area)
+        count = self.records.count
+        lamps = self._made.get("site light", (lights, count), lambda: SiteLightPass(self.world.ctx, lights, max(count, 1)))
+        E, _ = lamps(shadows, self.records.sites(slice(0, count)), self._area)
         return E
 
     def begin(self, shadows: ShadowMaps) -> None:

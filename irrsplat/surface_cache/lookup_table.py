@@ -14,7 +14,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.surface_cache.site_layout import MAX_REFINED_SITES, MAX_SITES, SiteLayout
+from irrsplat.surface_cache.site_layout import SiteLayout
 from irrsplat.surface_cache.site_places import Places
 from irrsplat.surface_cache.transport import BouncedLight
 
@@ -23,12 +23,12 @@ class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
     rows: (T, 2) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
-    most: how many values there may be. known: False where the first row stands for all triangles.
+    count: of the values. known: False where the first row stands for all triangles.
     """
 
-    def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, known: bool = True) -> None:
+    def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, count: int, known: bool = True) -> None:
         self._known = known
-        self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
+        self.values = table_texture(ctx, np.zeros((-(-count // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
         self.cells = table_texture(ctx, table_rows(cells))
         self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]))
 
@@ -66,8 +66,7 @@ class LaidOut(Owner):
         self.layout = layout
         self.places: Places | None = None
         self.records = RecordCache(ctx)
-        most = MAX_SITES if len(layout.sites) <= MAX_SITES else MAX_REFINED_SITES
-        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, most)
+        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, max(len(layout.sites), 1))
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

@@ -24,7 +24,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
@@ -310,7 +310,7 @@ class SiteLevel(Owner):
         if self._transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area
-            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, MAX_SITES, E_1, E)
+            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E)
             self.follower.begin(shadows)
         if before.laid_out is None:
             before.table.release()

@@ -50,11 +50,9 @@ class Tessellation:
         return corners
 
 
-def tessellate(
-    vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float, most: int | None = None
-) -> Tessellation:
+def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float) -> Tessellation:
     """The tessellation whose steps are at most `spacing` metres long, one number or (F,), or longer where that would make more
-    than _MAX_CELLS cells, or more than `most` steps along a side.
+    than _MAX_CELLS cells.
 
     vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
     """
@@ -62,7 +60,7 @@ def tessellate(
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     lengths = (np.einsum("fx,fx->f", e, e) for e in (*edges, edges[1] - edges[0]))
     longest = np.sqrt(reduce(np.maximum, lengths))
-    n = steps(longest, spacing, most)
+    n = steps(longest, spacing)
     first = np.cumsum(n * n) - n * n
     table = np.stack([n, first], axis=1).astype(np.float32)
 
@@ -116,11 +114,10 @@ def _place_small(
     made.geometric[at], made.face[at], made.area[at] = facing, faces, area
 
 
-def steps(longest: np.ndarray, spacing: float | np.ndarray, most: int | None = None) -> np.ndarray:
-    """(F,) the steps n of triangles by their longest edges (F,) in metres, no more than `most`."""
-    bound = 1e6 if most is None else most
+def steps(longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
+    """(F,) the steps n of triangles by their longest edges (F,) in metres."""
     while True:
-        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, bound)), 1.0).astype(np.intp)
+        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
         if (n * n).sum() <= len(n) + _MAX_CELLS:
             return n
         spacing = 1.25 * spacing

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
-POCKETS = 0.05  # share of the area that may miss more than CONVERGED
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
 # of a row and of a ray, the fractions of low-discrepancy sequences that draw the sites at hits: those of the R2 sequence and of φ
 _ROW_STEP, _RAY_STEP = 0.7548776662466927, 0.6180339887498949
-_CLOSELY, _APART = 8, 4  # bounces: the rest is estimated after each of the first 8, then after every 4th, to save time
+_FADES = 0.97  # of the light of a bounce that the next one has: below it, the rest after the last bounce is well known
 
 
 class Transport:
@@ -61,22 +60,14 @@ class Transport:
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but those
-    POCKETS that lack most; None where that is not known. It is the latest estimate.
-    With all bounces, E includes the remaining light, as if bounces continued to fade at their rate, once less than CONVERGED
-    remains. After the last of `most` bounces, the uncertainty of that extrapolation may be less than CONVERGED instead.
-    complete: no more bounces follow.
+    complete: no more bounces follow. converged: E includes an estimate of the light of all further bounces, and the estimate is
+    less than CONVERGED or well known.
     """
 
     irradiance: np.ndarray
     bounces: int
-    remaining: float | None
     complete: bool
-
-    @property
-    def converged(self) -> bool:
-        """True if the remainder is known to be less than CONVERGED."""
-        return self.remaining is not None and self.remaining < CONVERGED
+    converged: bool = False
 
 
 def sum_bounces(
@@ -87,79 +78,61 @@ def sum_bounces(
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
-    remaining = former = None
     if transport is None:
-        yield BouncedLight(total, 2, None, True)
+        yield BouncedLight(total, 2, complete=True)
         return
     for made in range(2, most + 1):
         after = transport(term)  # the bounce that a gather from `total` adds
-        if made <= _CLOSELY or made % _APART == 0 or made == most:
-            rest = _rest(term, after, area)
+        fade = _fade(term, after, area)
+        if everything and fade.max() < 1.0:
+            rest = _rest(term, after, fade)
             whole = total + after + rest
-            known = bool(np.isfinite(whole).all())
-            remaining = _share(rest, total + after, area)
-            if everything and made == most and known and former is not None:
-                remaining = min(remaining, _share(_uncertainty(former, whole, term, after), whole, area))
-            if everything and known and remaining < CONVERGED:
-                yield BouncedLight(whole, made, remaining, True)
+            if _share(rest, whole, area) < CONVERGED or (made == most and fade.max() < _FADES):
+                yield BouncedLight(whole, made, complete=True, converged=True)
                 return
-            former = whole if known else None
-        yield BouncedLight(total, made, remaining, made == most)
+        yield BouncedLight(total, made, made == most)
         total, term = total + after, after
 
 
-def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """(S, 3) about what follows the `last` bounce, where the one before it was `before`: each site's light continues to
-    fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
+def _fade(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return (3,) about the greatest eigenvalue of F, by the light of the `last` bounce (S, 3) and of the one before it.
 
-    While light spreads, a site's own r may be too small or too great. So it is at least their median, and at most the ratio of
-    the terms' means or that of their root mean squares, which tend to the greatest eigenvalue of F: the first sees light that has
-    yet to reach the brighter corners, the second those corners. It is infinite where light does not fade.
+    It is the ratio of their means or that of their root mean squares: the first sees light that has yet to reach the brighter
+    corners, the second those corners. Sites that see no light, such as a roof's in the sun, do not pass theirs on.
     """
-    own = np.divide(last, before, out=np.where(last > 0.0, np.float32(np.inf), np.float32(0.0)), where=before > 0.0)
-    rest = np.zeros_like(last)
-    for channel, r in enumerate(own.T):
-        one, two = before[:, channel].astype(float), last[:, channel].astype(float)
-        one = np.where(two > 0.0, one, 0.0)  # the light of sites that see none, such as a roof's in the sun, is not passed on
-        sums = [(_total(area, term), _total(area, term * term)) for term in (one, two)]
-        most = max(sums[1][0] / max(sums[0][0], 1e-300), np.sqrt(sums[1][1] / max(sums[0][1], 1e-300)))
-        order = np.argsort(r, kind="stable")
-        lit = np.where(two > _DARK * two.max(initial=0.0), area, 0.0)
-        median = r[order][np.searchsorted(np.cumsum(lit[order]), 0.5 * lit.sum()) :][:1]  # none of no sites
-        fade = np.minimum(np.maximum(r, median), min(most, 1.0))
-        rest[:, channel] = np.divide(two * fade, 1.0 - fade, out=np.full(len(r), np.inf), where=fade < 1.0)
-    return np.where(last > 0.0, rest, np.float32(0.0))
+    before = np.where(last > 0.0, before, 0.0)
+    means, squares = ([_total(area, term**power) for term in (before, last)] for power in (1, 2))
+    ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
+    fade: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
+    return fade
 
 
-def _uncertainty(former: np.ndarray, whole: np.ndarray, before: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Return (S, 3) about how far `whole`, the extrapolated sum of all bounces, is from its limit.
+def _rest(before: np.ndarray, last: np.ndarray, fade: np.ndarray) -> np.ndarray:
+    """Return (S, 3) about what follows the `last` bounce, where the one before it was `before`.
 
-    former: the extrapolated sum _APART bounces before. The difference fades at the rate of the bounces from `before` to `last`.
+    Each site's light continues to fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
+    While light spreads, a site's own r may be too great, so that it is at most `fade` (3,).
     """
-    rate = np.sqrt((last * last).sum(0, dtype=float) / np.maximum((before * before).sum(0, dtype=float), 1e-300)) ** _APART
-    factor = np.divide(rate, 1.0 - rate, out=np.full(3, np.inf), where=rate < 1.0)
-    error: np.ndarray = np.abs(whole - former) * np.maximum(factor, 1.0)
-    return error
+    r = np.divide(last, before, out=np.broadcast_to(fade, last.shape).astype(np.float32), where=before > 0.0)
+    r = np.minimum(r, fade)
+    rest: np.ndarray = (last * r / (1.0 - r)).astype(np.float32)
+    return rest
 
 
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
-    """The mean over the lit area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
+    """Return the mean over the lit area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel of most.
 
-    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. The
-    POCKETS of the area where it is greatest are left out: a closed white frame takes hundreds of bounces, and nobody sees it.
+    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below.
     """
-    found = []
-    for one, all_of_it in zip(rest.T, total.T, strict=True):
-        share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
-        order = np.argsort(share, kind="stable")
-        lit = np.where(all_of_it > _DARK * all_of_it.max(initial=0.0), area, 0.0)
-        kept = order[np.cumsum(lit[order]) - lit[order] < (1.0 - POCKETS) * lit.sum()]
-        counted = float(lit[kept].sum())
-        found.append(_total(lit[kept], share[kept]) / counted if counted > 0.0 else 0.0)
-    return max(found)
+    share = np.divide(rest, total, out=np.zeros_like(total), where=total > 0.0)
+    lit = total > _DARK * total.max(0, initial=0.0)
+    return float((_total(area, lit * share) / np.maximum(_total(area, lit), 1e-300)).max())
 
 
-def _total(area: np.ndarray, values: np.ndarray) -> float:
-    """Σ area·values, both (S,). BLAS shares so little out to all processors, and waits for them: where others keep these busy, a
-    thousand times as long."""
-    return float(np.einsum("s,s->", area, values))
+def _total(area: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return (3,) Σ area·values of (S,) and (S, 3).
+
+    BLAS shares so little out to all processors, and waits for them: where others keep these busy, a thousand times as long.
+    """
+    total: np.ndarray = np.einsum("s,sc->c", area, values.astype(float))
+    return total
