@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
+from weakref import WeakValueDictionary
 
 import moderngl
 import numpy as np
@@ -64,6 +65,38 @@ class Draw:
     uniforms: Mapping[str, Any]
 
 
+class _Linked:
+    """A linked program, which all Programs of equal text in a context share. users: their number.
+
+    Many passes differ in their sizes alone, and software OpenGL compiles each linked program anew at its first draw.
+    """
+
+    _all: ClassVar[WeakValueDictionary[tuple[object, ...], _Linked]] = WeakValueDictionary()
+
+    def __init__(self, ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None) -> None:
+        self.ctx, self.texts, self.users = ctx, (vertex, fragment, geometry), 0
+        self.gl = context.link(ctx, vertex, fragment, geometry)
+
+    @staticmethod
+    def of(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None) -> _Linked:
+        """Return the linked program of these vertex, fragment and geometry shaders, with a user more.
+
+        Raises moderngl.Error if it does not compile or link.
+        """
+        key = id(ctx), vertex, fragment, geometry  # an entry keeps its context alive, so that no id is reused
+        found = _Linked._all.get(key) or _Linked(ctx, vertex, fragment, geometry)
+        _Linked._all[key] = found
+        found.users += 1
+        return found
+
+    def release(self) -> None:
+        """Leave the program; the last user frees it."""
+        self.users -= 1
+        if not self.users:
+            self._all.pop((id(self.ctx), *self.texts), None)
+            self.gl.release()
+
+
 class Program:
     """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, compiled and linked at its first draw.
 
@@ -79,7 +112,7 @@ class Program:
         self._files = f"{vertex or fragment}.vert", f"{fragment}.frag"
         self._defines = dict(defines or {})
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
-        self._gl: moderngl.Program | None = None
+        self._linked: _Linked | None = None
 
     @cached_property
     def _source(self) -> list[shader_source.Source]:
@@ -105,31 +138,31 @@ class Program:
             self.__dict__.pop(derived, None)
         self._source = sources
 
-    def _linked(self, sources: list[shader_source.Source]) -> moderngl.Program:
+    def _link(self, sources: list[shader_source.Source]) -> _Linked:
         vertex, fragment, geometry = sources[0].text, sources[1].text, None
         if "gl_PrimitiveID" in fragment and not self_test.abilities(self.ctx).numbers_triangles:
             geometry, fragment = shader_source.numbering_triangles(vertex, fragment, self._defines)
         try:
-            return context.link(self.ctx, vertex, fragment, geometry)
+            return _Linked.of(self.ctx, vertex, fragment, geometry)
         except moderngl.Error as error:
             log = str(error)
             faulty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
             raise shader_source.ShaderError(shader_source.explain(log, faulty)) from error
 
-    def _install(self, program: moderngl.Program) -> None:
-        self.active = set(program)
+    def _install(self, linked: _Linked) -> None:
+        self.active = set(linked.gl)
         for name in self.units.keys() & self.active:
-            program[name].value = self.units[name]  # type: ignore[union-attr]
+            linked.gl[name].value = self.units[name]  # type: ignore[union-attr]
         self._array_inputs: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
-        self._gl = program  # last: marks the program as linked
+        self._linked = linked  # last: marks the program as linked
 
     @property
     def gl(self) -> moderngl.Program:
         """The linked program; raises ShaderError if it does not compile."""
-        if self._gl is None:
-            self._install(self._linked(self._source))
-        assert self._gl is not None
-        return self._gl
+        if self._linked is None:
+            self._install(self._link(self._source))
+        assert self._linked is not None
+        return self._linked.gl
 
     def declared(self, uniforms: Uniforms) -> dict[str, Any]:
         """Return the uniforms that the shaders declare."""
@@ -250,8 +283,9 @@ class Program:
         for array in self._arrays.values():
             array.release()
         self._arrays.clear()
-        if self._gl is not None:
-            self._gl.release()
+        linked, self._linked = self._linked, None
+        if linked is not None:
+            linked.release()
 
 
 def programs_of(*owners: Owner) -> Iterator[Program]:
@@ -264,11 +298,11 @@ def reload(programs: Iterable[Program]) -> None:
 
     Raises ShaderError, and keeps all programs, if one does not compile or declares other uniforms than its caller gives.
     """
-    made: list[tuple[Program, list[shader_source.Source], moderngl.Program]] = []
+    made: list[tuple[Program, list[shader_source.Source], _Linked]] = []
     try:
         for program in programs:
             sources = program._sources()
-            made.append((program, sources, program._linked(sources)))
+            made.append((program, sources, program._link(sources)))
             uniforms = {name for source in sources for name in source.uniforms}
             if uniforms != program.uniforms.keys():
                 changed = ", ".join(sorted(uniforms ^ program.uniforms.keys()))
@@ -276,10 +310,10 @@ def reload(programs: Iterable[Program]) -> None:
                     f"{program.name}: the uniforms are others now ({changed}); start the program again"
                 )
     except shader_source.ShaderError:
-        for _, _, gl in made:
-            gl.release()
+        for _, _, linked in made:
+            linked.release()
         raise
-    for program, sources, gl in made:
+    for program, sources, linked in made:
         program.release()
         program._set_sources(sources)
-        program._install(gl)
+        program._install(linked)

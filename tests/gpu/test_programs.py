@@ -18,7 +18,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.program import programs_of
+from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
@@ -142,3 +142,17 @@ def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(
                     renderer.reload()
             assert renderer.render().image.any() == ("0.0 *" not in text)
         assert np.array_equal(renderer.render().image, before)
+
+
+def test_programs_of_one_text_are_linked_once(ctx: moderngl.Context) -> None:
+    """Each draw sets all uniforms, so that two users of a linked program do not disturb each other; the last one frees it."""
+    one, two = (Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": 0.5}) for _ in range(2))
+    other = Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": 0.25})
+    assert one.gl is two.gl and one.gl is not other.gl
+    shared = one.gl
+    one.release()
+    assert two.gl is shared
+    two.release()
+    assert isinstance(shared.mglo, moderngl.InvalidObject)
+    assert not isinstance(other.gl.mglo, moderngl.InvalidObject)
+    other.release()
