@@ -16,12 +16,11 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.lookup_table import LookupTable, Solution
-from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, MAX_LEVEL, Detail, SiteLayout
+from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, Solution
+from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.transport import BouncedLight
 from irrsplat.surface_cache.view import SurfaceViewPass
@@ -114,23 +113,9 @@ class SurfaceCache(Owner):
         return self._now.table
 
     @property
-    def records(self) -> RecordCache | None:
-        """The records of the values, in their order; None before the first are made."""
-        return None if self._now.laid_out is None else self._now.laid_out.records
-
-    @property
-    def layout(self) -> SiteLayout | None:
-        """The sites of the scene as it is; None while they are still to be chosen."""
-        return None if self._level.laid_out is None else self._level.laid_out.layout
-
-    @property
-    def sites(self) -> Sites:
-        """The sites where the values were gathered."""
-        records = self.records
-        if records is None:
-            nowhere = np.zeros((0, 3), np.float32)
-            return Sites(nowhere, nowhere, nowhere)
-        return records.sites(slice(FIRST_SITE, records.count))
+    def laid_out(self) -> LaidOut | None:
+        """The sites of the values that lookups read; None before the first values exist."""
+        return self._now.laid_out
 
     def uniforms(self, table: LookupTable | None = None) -> Uniforms:
         """The uniforms of shaders/surface_cache/lookup.glsl, with this table or else with that in use."""

@@ -74,13 +74,13 @@ class Follower:
     def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
         self.records.move_with_meshes(change)
-        self.transport.known[self.records.due > _OTHER_HITS] = False
+        self.transport.known[self.records.column("due") > _OTHER_HITS] = False
 
     @property
     def order(self) -> np.ndarray:
         """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
         again: those around which most has changed come first."""
-        due = self.records.due
+        due = self.records.column("due")
         order = np.argsort(-due, kind="stable")
         return order[: np.count_nonzero(due > 0.0)]
 

@@ -231,7 +231,7 @@ class SiteChooser:
         members, left = clusters.members, np.flatnonzero(value < 0)
         choosing = partial(clustering.choose_sites, clusters.keys[left], members.position[left])
         chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
-        sites = left[chosen]
+        sites: np.ndarray = left[chosen]
         seen = yield from self.see(members, left, sites[site_of], _SHARED_OUT)
         value[left[seen]] = FIRST_SITE + site_of[seen]
         yield from self._assign_near(clusters, value, sites)
