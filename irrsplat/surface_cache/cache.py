@@ -18,7 +18,6 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, Solution
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
@@ -37,7 +36,7 @@ class SurfaceCache(Owner):
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.ctx, self.world, self.timers = world.ctx, world, timers
-        self._level = SiteLevel(world, settings, timers, detail, unlit_interiors(world.scene))
+        self._level = SiteLevel(world, settings, timers, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick that needs it
         self._finer: list[SiteLevel] = []  # the last two finer levels, of which the last one's values are in use
         self._next: SiteLevel | None = None  # the level after these, while it is made
@@ -137,13 +136,12 @@ class SurfaceCache(Owner):
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         self._relit |= change.looks_otherwise and change.dimming is None
-        unlit = unlit_interiors(change.new) if change else level.unlit
-        level.change(settings, change, unlit)
+        level.change(settings, change)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             coarse.release()
             self._coarse, self._stood_in = None, False
         elif coarse is not None:
-            coarse.change(settings, change, unlit)
+            coarse.change(settings, change)
 
     def expire(self) -> None:
         """Gather all again."""
@@ -197,4 +195,4 @@ class SurfaceCache(Owner):
 
     def _other(self, detail: Detail) -> SiteLevel:
         """Return a level of the scene in another detail."""
-        return SiteLevel(self.world, self._level.settings, self.timers, detail, self._level.unlit)
+        return SiteLevel(self.world, self._level.settings, self.timers, detail)
