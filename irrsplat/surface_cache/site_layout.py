@@ -27,7 +27,7 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
-_MOST_SITES, _MOST_REFINED = 24_000, 48_000  # of finer levels the latter, whose transport takes some 200 MB
+_MOST_SITES, _MOST_REFINED = 1 << 15, 1 << 16  # of finer levels the latter, whose transport takes some 250 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ALTERNATIVES = 10  # sites near by that a member without a site of its own is compared with at the end
