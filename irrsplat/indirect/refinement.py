@@ -232,7 +232,7 @@ class Refiner(Owner):
         index = (state.step + 1) % 2
         self._reach[index].write(levels.reach[::-1].tobytes())
         self._splats[index].forget()
-        side, sizes = self._side(state.doublings), self.cache.gather_sizes
+        side, sizes = self._side(state.doublings), self.cache.column("gather_size")
         known = np.where(sizes > 0, sizes, self._side(0))
         served = self.scheduler.served(gbuffer, levels.camera)
         return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (served > 0.0)))

@@ -21,6 +21,7 @@ def dim(cache: RecordCache, factor: np.ndarray) -> None:
     cache.correct({name: values * (f if name == "irradiance" else f[:, None]) for name, values in found.items()}, numbers)
     if before > 0.0:  # the split into dark and bright records stays
         cache.luminance_floor *= luminance_floor(cache.values[:, :3]) / before
-    cache.probes[:, :3] *= f
-    cache.probes[:, 4:] *= np.tile(np.repeat(f, 3), 2)  # M and ∇E, three numbers of each channel
+    probe = cache.column("probe")
+    probe[:, :3] *= f
+    probe[:, 4:] *= np.tile(np.repeat(f, 3), 2)  # M and ∇E, three numbers of each channel
     cache.refresh_count += 1  # triggers a new comparison of radii

@@ -26,5 +26,5 @@ def kept(cache: RecordCache, wanted: int, camera: Camera, size: tuple[int, int],
     numbers = np.flatnonzero(unneeded)
     goal = max(min(int(_LEFT * most), most - wanted), 0)
     distance = np.linalg.norm(cache.positions[numbers] - np.asarray(camera.eye, "f4"), axis=1)
-    going = numbers[np.lexsort((-distance, -cache.views_unseen[numbers]))][: cache.count - goal]
+    going = numbers[np.lexsort((-distance, cache.column("last_view")[numbers]))][: cache.count - goal]
     return np.delete(np.arange(cache.count), going) if len(going) else None

@@ -77,7 +77,6 @@ class RecordCache(Owner):
         self.luminance_floor = 0.0  # W/m², see `update_luminance_floor`
         self._columns = {name: np.zeros((_ROWS * TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
         self._textures = {name: self._texture(name, _ROWS) for name in TEXTURES}
-        self._stale: np.ndarray | None = None  # cached result of `stale`
         self._view = 0  # number of the present view
         self._next_id = 0
         self.reset_limits()
@@ -190,26 +189,11 @@ class RecordCache(Owner):
         number = int(np.searchsorted(ids, id))
         return number if number < self.count and ids[number] == id else None
 
-    def id_of(self, number: int) -> int:
-        """Return the id of a record, which stays when earlier records are dropped."""
-        return int(self._columns["id"][number])
+    def column(self, name: str) -> np.ndarray:
+        """Return the column of this name in _COLUMNS, (N, …), writable."""
+        return self._columns[name][: self.count]
 
-    # ---- probes and limits -------------------------------------------------------------------------------------------
-
-    @property
-    def probes(self) -> np.ndarray:
-        """(N, PROBED) float32, writable."""
-        return self._columns["probe"][: self.count]
-
-    @property
-    def due(self) -> np.ndarray:
-        """(N,) float32, writable."""
-        return self._columns["due"][: self.count]
-
-    @property
-    def drift(self) -> np.ndarray:
-        """(N,) float32, writable."""
-        return self._columns["drift"][: self.count]
+    # ---- the luminance floor and limits ------------------------------------------------------------------------------
 
     def update_luminance_floor(self) -> None:
         """Set `luminance_floor` to a share of the records' mean luminance, unless it is close to that already.
@@ -239,18 +223,14 @@ class RecordCache(Owner):
     @property
     def stale(self) -> np.ndarray:
         """The numbers of the stale records, the oldest first."""
-        if self._stale is None:
-            epoch = self._columns["epoch"]
-            (numbers,) = np.nonzero(epoch[: self.count] < self.invalidation_epoch)
-            self._stale = numbers[np.argsort(epoch[numbers], kind="stable")]
-        return self._stale
+        epoch = self.column("epoch")
+        (numbers,) = np.nonzero(epoch < self.invalidation_epoch)
+        return numbers[np.argsort(epoch[numbers], kind="stable")]
 
     @property
     def waiting(self) -> int:
         """Number of records that are stale or may be, by changes around them since their last probe."""
-        columns = self._columns
-        waits = (columns["epoch"] < self.invalidation_epoch) | (columns["due"] > 0.0)
-        return int(np.count_nonzero(waits[: self.count]))
+        return int(np.count_nonzero((self.column("epoch") < self.invalidation_epoch) | (self.column("due") > 0.0)))
 
     def age(self, numbers: np.ndarray) -> np.ndarray:
         """Return (N,) the number of invalidations of these records since they were gathered; 0 for dropped records."""
@@ -260,7 +240,7 @@ class RecordCache(Owner):
         return age
 
     def invalidate(self, numbers: np.ndarray | None = None) -> None:
-        """Make the records of these numbers stale; None: all of them, and then their `probes` are void as well."""
+        """Make the records of these numbers stale; None: all of them, and then their probes are void as well."""
         columns, later = dict(self._columns), self.invalidation_epoch + 1
         if numbers is None:
             columns |= {name: np.zeros_like(columns[name]) for name in ("probe", "due")}
@@ -271,12 +251,7 @@ class RecordCache(Owner):
             fresh[numbers] = False
             epoch[: self.count][fresh] = later
             columns["epoch"] = epoch
-        self._columns, self.invalidation_epoch, self._stale = columns, later, None
-
-    @property
-    def gather_sizes(self) -> np.ndarray:
-        """(N,) writable."""
-        return self._columns["gather_size"][: self.count]
+        self._columns, self.invalidation_epoch = columns, later
 
     def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0) -> None:
         """Mark the records of these numbers as refreshed, no longer stale. sizes: sides of their gathers."""
@@ -286,7 +261,6 @@ class RecordCache(Owner):
         columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # taken before the change of the scene
         columns["due"][numbers] = 0.0
         columns["epoch"][numbers] = self.invalidation_epoch
-        self._stale = None
         self.refresh_count += 1
         self.revision += 1
 
@@ -296,18 +270,13 @@ class RecordCache(Owner):
         """Drop every record from number `count` on; 0 drops all."""
         if count < self.count:
             next_id = int(self._columns["id"][count - 1]) + 1 if count else 0
-            self.count, self._stale, self._next_id = count, None, next_id
+            self.count, self._next_id = count, next_id
             self.revision += 1
 
     def mark_seen(self, numbers: np.ndarray) -> None:
         """Begin a new view, with these records in it."""
         self._view += 1
         self._columns["last_view"][numbers] = self._view
-
-    @property
-    def views_unseen(self) -> np.ndarray:
-        """(N,) number of views since each record was last in one."""
-        return self._view - self._columns["last_view"][: self.count]
 
     def keep_only(self, numbers: np.ndarray) -> None:
         """Drop all records except these numbers, ascending; the order stays. Frame rotations stay as well: a refresh samples the
@@ -322,7 +291,7 @@ class RecordCache(Owner):
             for name, texture in self._textures.items()
         }
         evicted = self.evicted + self.count - count
-        self._columns, self.count, self.evicted, self._stale = columns, count, evicted, None
+        self._columns, self.count, self.evicted = columns, count, evicted
         self.revision += 1
         self._replace(textures)
 
@@ -403,7 +372,7 @@ class RecordCache(Owner):
             record_layout.pack(texels, name, state[name])
         textures = {name: self._filled(name, rows) for name, rows in texels.items()}
         epoch, view, next_id = (int(clock) for clock in state["clocks"])
-        self._columns, self.count, self._stale, self.luminance_floor = columns, count, None, float(state["luminance_floor"])
+        self._columns, self.count, self.luminance_floor = columns, count, float(state["luminance_floor"])
         self.invalidation_epoch, self._view, self._next_id = epoch, view, next_id
         self.revision += 1
         self._replace(textures)

@@ -67,7 +67,7 @@ class RefreshOrder(Owner):
                 return stale
             waited = cache.age(stale)
             covered = self.covered(cache.records, gbuffer, camera, settings)[stale]
-            return stale[np.lexsort((-waited, -covered * waited * cache.drift[stale]))]
+            return stale[np.lexsort((-waited, -covered * waited * cache.column("drift")[stale]))]
 
         numbers = self._memo.get("order", (gbuffer, cache.invalidation_epoch, cache.evicted), made)
         return numbers[cache.age(numbers) > 0]

@@ -16,12 +16,10 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.lookup_table import LookupTable, Solution
-from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, MAX_LEVEL, Detail, SiteLayout
+from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, Solution
+from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.transport import BouncedLight
 from irrsplat.surface_cache.view import SurfaceViewPass
@@ -38,7 +36,7 @@ class SurfaceCache(Owner):
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.ctx, self.world, self.timers = world.ctx, world, timers
-        self._level = SiteLevel(world, settings, timers, detail, unlit_interiors(world.scene))
+        self._level = SiteLevel(world, settings, timers, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick that needs it
         self._finer: list[SiteLevel] = []  # the last two finer levels, of which the last one's values are in use
         self._next: SiteLevel | None = None  # the level after these, while it is made
@@ -119,23 +117,9 @@ class SurfaceCache(Owner):
         return self._now.table
 
     @property
-    def records(self) -> RecordCache | None:
-        """The records of the values, in their order; None before the first are made."""
-        return None if self._now.laid_out is None else self._now.laid_out.records
-
-    @property
-    def layout(self) -> SiteLayout | None:
-        """The sites of the scene as it is; None while they are still to be chosen."""
-        return None if self._level.laid_out is None else self._level.laid_out.layout
-
-    @property
-    def sites(self) -> Sites:
-        """The sites where the values were gathered."""
-        records = self.records
-        if records is None:
-            nowhere = np.zeros((0, 3), np.float32)
-            return Sites(nowhere, nowhere, nowhere)
-        return records.sites(slice(FIRST_SITE, records.count))
+    def laid_out(self) -> LaidOut | None:
+        """The sites of the values that lookups read; None before the first values exist."""
+        return self._now.laid_out
 
     def uniforms(self, table: LookupTable | None = None) -> Uniforms:
         """The uniforms of shaders/surface_cache/lookup.glsl, with this table or else with that in use."""
@@ -157,13 +141,12 @@ class SurfaceCache(Owner):
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         self._relit |= change.looks_otherwise and change.dimming is None
-        unlit = unlit_interiors(change.new) if change else level.unlit
-        level.change(settings, change, unlit)
+        level.change(settings, change)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             coarse.release()
             self._coarse, self._stood_in = None, False
         elif coarse is not None:
-            coarse.change(settings, change, unlit)
+            coarse.change(settings, change)
 
     def expire(self) -> None:
         """Gather all again."""
@@ -217,4 +200,4 @@ class SurfaceCache(Owner):
 
     def _other(self, detail: Detail) -> SiteLevel:
         """Return a level of the scene in another detail."""
-        return SiteLevel(self.world, self._level.settings, self.timers, detail, self._level.unlit)
+        return SiteLevel(self.world, self._level.settings, self.timers, detail)

@@ -88,23 +88,27 @@ def voxel_keys(members: Members, size: float) -> np.ndarray:
     return key
 
 
-def merged(points: Members, sheet: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+def merged(points: Members, area: np.ndarray, sheet: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
     """Points of one sheet that lie in one voxel of `size` metres and face alike become one member, since a fine mesh has far
     more triangles than light there has changes.
 
-    sheet: (M,) which points may become one; -1: this one stays itself. Returns the members
+    area: (M,) m² that each stands for. sheet: (M,) which points may become one; -1: this one stays itself. Returns the members
     (K,), as numbers of points: of each voxel the one nearest to their mean; and which of them each point is now, (M,).
     """
     key, fine = np.arange(len(points)), np.flatnonzero(sheet >= 0)
     _, voxel = np.unique(voxel_keys(points[fine], size), return_inverse=True)
     key[fine] = len(points) + voxel.ravel() * (sheet.max(initial=0) + 1) + sheet[fine]
-    return choose_sites(key, points.position)
+    return choose_sites(key, points.position, area, 0.0, len(points))
 
 
-def choose_sites(keys: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def choose_sites(
+    keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
     """The site of each cluster of members, which have these keys (M,) and positions (M, 3): the one nearest to their mean.
 
-    Returns the sites (K,), as numbers of members, and which of them is each member's, (M,).
+    area: (M,) m² of the surface that each member stands for. A cluster of less than `min_area` m² has no site, and of the others
+    those `most` have one that are largest. Returns the sites (K,), as numbers of members, and which of them is each member's,
+    (M,), -1 where its cluster has none.
     """
     order = np.argsort(keys, kind="stable")
     begin = np.flatnonzero(np.diff(keys[order], prepend=-1))
@@ -118,7 +122,12 @@ def choose_sites(keys: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np
     apart = apart[order]
     nearest = np.flatnonzero(apart == np.minimum.reduceat(apart, begin)[in_order]) if len(keys) else order
     chosen = order[nearest[np.flatnonzero(np.diff(in_order[nearest], prepend=-1))]]  # the first of them
-    return chosen, cluster
+    size = np.bincount(cluster, weights=area, minlength=len(counts))
+    kept = np.argsort(-size, kind="stable")[:most]
+    kept = np.sort(kept[size[kept] >= min_area])
+    number = np.full(len(counts), -1)
+    number[kept] = np.arange(len(kept))
+    return chosen[kept], number[cluster]
 
 
 def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:

@@ -25,8 +25,8 @@ _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cove
 class Follower:
     """Follows the light at the sites `records`, between which `transport` is known. It borrows all of these.
 
-    area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as gathered with the present
-    lights; E: (S, 3) of all bounces. made: keeps its pass.
+    area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as gathered with the present lights, whose maps are
+    `shadows`; E: (S, 3) of all bounces. made: keeps its pass.
     """
 
     def __init__(
@@ -38,13 +38,13 @@ class Follower:
         made: Workshop,
         E_1: np.ndarray,
         E: np.ndarray,
+        shadows: ShadowMaps,
     ) -> None:
         self.world, self.records, self.transport, self.irradiance = world, records, transport, E
         self._made, self._area = made, area
-        self._E_1 = E_1
         self.change = 0.0  # of E by the last step, relative to it
-        self._beyond: np.ndarray | None = None  # c, once D is known
-        self._lamps: np.ndarray | None = None  # D of the last step
+        self._lamps = self.light(shadows)  # D of the last step
+        self._beyond = E_1 - transport(self._lamps)  # c
         self._relit = False  # True if lights have changed since
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
@@ -55,40 +55,31 @@ class Follower:
         E, _ = lamps(shadows, self.records.sites(slice(0, count)), self._area)
         return E
 
-    def begin(self, shadows: ShadowMaps) -> None:
-        """Use the present lights as the lights of E_1."""
-        if self._beyond is None:
-            self._lamps = self.light(shadows)
-            self._beyond = self._E_1 - self.transport(self._lamps)
-
     def relight(self) -> None:
         """Mark the lights as changed."""
         self._relit = True
 
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct and indirect light by `factor`, (3,)."""
-        self._E_1, self.irradiance = self._E_1 * factor, self.irradiance * factor
-        if self._beyond is not None and self._lamps is not None:
-            self._beyond, self._lamps = self._beyond * factor, self._lamps * factor
+        self.irradiance, self._beyond, self._lamps = (x * factor for x in (self.irradiance, self._beyond, self._lamps))
 
     def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
         self.records.move_with_meshes(change)
-        self.transport.known[self.records.due > _OTHER_HITS] = False
+        self.transport.known[self.records.column("due") > _OTHER_HITS] = False
 
     @property
     def order(self) -> np.ndarray:
         """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
         again: those around which most has changed come first."""
-        due = self.records.due
+        due = self.records.column("due")
         order = np.argsort(-due, kind="stable")
         return order[: np.count_nonzero(due > 0.0)]
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
         """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered with the present lights."""
-        assert self._beyond is not None
         D = self.light(shadows)
-        if self._relit and self._lamps is not None:
+        if self._relit:
             self._beyond *= np.where(shines(self.world.scene), 1.0, overlap(self._lamps, D, self._area)).astype(np.float32)
         self._lamps, self._relit = D, False
         if len(gathered):

@@ -27,17 +27,21 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
-_MOST_SITES, _MOST_REFINED = 24_000, 48_000  # of finer levels the latter, whose transport takes some 80 MB
+MAX_SITES = 1 << 15
+MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 80 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
+_ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 10  # sites near by that a member without a site of its own is compared with at the end
 _HALVINGS = 12  # of an edge, to find what stands on it
+_FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
 _MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
 VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _PLACES = 32  # lights and cameras, at most, around which the surfaces are cut finely
 _DIRECTIONS = 64  # in which their surroundings are measured
 _OCTAVES = 16  # of distances there, down from the diagonal
 _ROOMS = 4.0  # times as far as these surroundings surfaces count in full; beyond, steps grow by the square of the distance
+_MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
 
@@ -65,7 +69,7 @@ class Detail:
     @property
     def most(self) -> int:
         """The greatest number of sites."""
-        return _MOST_REFINED if self.level > 0 else _MOST_SITES
+        return MAX_REFINED_SITES if self.level > 0 else MAX_SITES
 
 
 FULL = Detail(1.0, 1.0)
@@ -161,9 +165,10 @@ class SiteChooser:
         while True:
             clusters, sites = yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT)
             yield _CUT
-            if sites <= self.detail.most:
+            about, most = (share * self.detail.most for share in _FIRST_SHARE)
+            if sites <= most:
                 return clusters
-            spacing *= 1.05 * float(np.sqrt(sites / self.detail.most))
+            spacing *= 1.05 * float(np.sqrt(sites / about))
 
     def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
         """Return (N,) metres, to a factor of two: the upper quartile of distances from `places` (N, 3) to surfaces."""
@@ -196,12 +201,14 @@ class SiteChooser:
         """The clusters of a tessellation of steps of `spacing` · `wider` (F,) metres, and how many of them would have a site."""
         tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
         points, area = clustering.both_sides(tessellation, self.offset), np.tile(tessellation.area, 2)
-        chosen, member = clustering.merged(points, self._sheets(tessellation), _MERGED * spacing)
+        chosen, member = clustering.merged(points, area, self._sheets(tessellation), _MERGED * spacing)
         members, area = points[chosen], np.bincount(member, weights=area, minlength=len(chosen))
         face = tessellation.face[chosen % max(len(tessellation.face), 1)]  # either side's points are in their order
         keys = clustering.voxel_keys(members, VOXEL * spacing)
         clusters = Clusters(tessellation, members, keys, spacing, area, face, member.reshape(2, -1))
-        return clusters, len(np.unique(keys[self.known_values(clusters) < 0]))
+        left = np.flatnonzero(self.known_values(clusters) < 0)
+        sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
+        return clusters, len(sites)
 
     def _sheets(self, tessellation: Tessellation) -> np.ndarray:
         """(2 P,) of the points on both sides, which of them may be merged: those of very small triangles, with others on the same
@@ -222,18 +229,34 @@ class SiteChooser:
         value[~clusters.members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
-    def assign(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Choose sites for members whose values (M,) are negative, and assign each a site that it sees.
+    @staticmethod
+    def _min_area(clusters: Clusters) -> float:
+        return _MIN_AREA * clusters.spacing**2
 
-        That is the site of its cluster, or else one near by. Fill `value` by the sites' numbers, from FIRST_SITE on. Return the
-        members (S,) that are sites.
-        """
-        members, left = clusters.members, np.flatnonzero(value < 0)
-        choosing = partial(clustering.choose_sites, clusters.keys[left], members.position[left])
-        chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
-        sites = left[chosen]
-        seen = yield from self.see(members, left, sites[site_of], _SHARED_OUT)
-        value[left[seen]] = FIRST_SITE + site_of[seen]
+    @staticmethod
+    def _choose(clusters: Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
+        """The sites among the members `left`, and which of them is each one's, as clustering.choose_sites has them."""
+        position, area = clusters.members.position[left], clusters.area[left]
+        return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
+
+    def assign(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Choose sites for members whose values (M,) are negative, and assign these to sites that they see: of their own cluster,
+        or else of one next to that. Fill `value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are
+        sites."""
+        members = clusters.members
+        left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
+        for number in range(_ROUNDS):
+            min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
+            choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+            chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
+            if not len(chosen):
+                continue
+            chosen = left[chosen]
+            pending = np.flatnonzero(site_of >= 0)
+            seen = np.zeros(len(left), bool)
+            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]], _SHARED_OUT)
+            value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
+            left, sites = left[~seen], np.concatenate([sites, chosen])
         yield from self._assign_near(clusters, value, sites)
         return sites
 

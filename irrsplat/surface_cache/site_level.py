@@ -22,6 +22,7 @@ from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
@@ -58,12 +59,12 @@ class _Steps:
 class SiteLevel(Owner):
     """A level of the surface cache of a world's scene.
 
-    detail: the density of its sites and rays. unlit: (F,) from clustering.unlit_interiors. solution: the values in use.
+    detail: the density of its sites and rays. solution: the values in use.
     """
 
-    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail, unlit: np.ndarray) -> None:
+    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
         self.ctx, self.world, self.timers, self.detail = world.ctx, world, timers, detail
-        self.settings, self.unlit, self._scene = settings, unlit, world.scene
+        self.settings, self._scene, self._unlit = settings, world.scene, unlit_interiors(world.scene)
         self._rays = SiteRays(world, settings, detail)
         self._made = Workshop()
         self._pace, self._quick_pace = Pace(self.ctx), Pace(self.ctx)
@@ -99,8 +100,9 @@ class SiteLevel(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings, change: SceneChange, unlit: np.ndarray) -> None:
+    def change(self, settings: Settings, change: SceneChange) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
+        unlit = unlit_interiors(change.new) if change else self._unlit
         old, relit, moved = self.settings, change.looks_otherwise and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
@@ -110,7 +112,7 @@ class SiteLevel(Owner):
             held = self.solution.laid_out
             if held is not None and held.places is not None:
                 held.places = held.places.moved(change)
-        elif moved or not np.array_equal(self.unlit, unlit):  # a light entered or left a closed mesh
+        elif moved or not np.array_equal(self._unlit, unlit):  # a light entered or left a closed mesh
             self._drop_sites()
         if change.other_sky:  # which sites share a value depends on whether the sky is the same all around
             self._transport = self.follower = None
@@ -128,7 +130,7 @@ class SiteLevel(Owner):
             self.expire()
         if old.bounces != settings.bounces:
             self._bounce_again()
-        self._scene, self.unlit, self.settings, self._rays.settings = change.new, unlit, settings, settings
+        self._scene, self._unlit, self.settings, self._rays.settings = change.new, unlit, settings, settings
 
     def _dim(self, factor: np.ndarray) -> None:
         """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
@@ -244,9 +246,8 @@ class SiteLevel(Owner):
         """The sites, once all are chosen; None where the budget ends before."""
         while self.laid_out is None:
             if self._steps.choosing is None:
-                scene, unlit = self._scene, self.unlit
-                offset = offset_of(scene)
-                self._steps.choosing = SiteChooser(scene, unlit, offset, self._rays.see, self.detail).layout()
+                offset = offset_of(self._scene)
+                self._steps.choosing = SiteChooser(self._scene, self._unlit, offset, self._rays.see, self.detail).layout()
             try:
                 self._steps.chosen = next(self._steps.choosing)
             except StopIteration as end:
@@ -310,8 +311,7 @@ class SiteLevel(Owner):
         if self._transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area
-            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E)
-            self.follower.begin(shadows)
+            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E, shadows)
         if before.laid_out is None:
             before.table.release()
         elif before.laid_out is not laid_out:

@@ -20,6 +20,6 @@ def test_even_light_takes_fewer_rays(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(record_gatherer, "_NEAR_EXACT", near_exact)
         with Renderer(scene, (60, 45), **settings) as renderer:
             means.append(renderer.render().irradiance.mean())
-            counts.append(np.count_nonzero(renderer.cache.gather_sizes == 16))
+            counts.append(np.count_nonzero(renderer.cache.column("gather_size") == 16))
     assert counts[0] == 0 and counts[1] > 20
     assert means[1] == pytest.approx(means[0], rel=0.01)

@@ -41,7 +41,7 @@ def test_every_column_moves_with_its_record_when_others_go(ctx: moderngl.Context
     assert [cache.number_of(int(name)) for name in numbers[:50]] == list(range(50))
     gone = np.setdiff1d(np.arange(3000), numbers)
     assert all(cache.number_of(int(name)) is None for name in gone[:50])
-    assert cache.append(sites(p[:1], n[:1])) == count and cache.id_of(count) == 3000 and cache.number_of(3000) == count
+    assert cache.append(sites(p[:1], n[:1])) == count and cache.column("id")[count] == 3000 and cache.number_of(3000) == count
     cache.release()
 
 

@@ -109,9 +109,9 @@ def test_provisional_records_have_few_rays_and_are_all_gathered_again(ctx: moder
     """Coarse light is off by more than the noise of 16×16 rays, which cost a sixteenth of 64×64."""
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "gather_size": 64}) as renderer:
         early = ticks(renderer, lambda now: now.records > 20)
-        assert early.surface < 1.0 and (renderer.cache.gather_sizes == 16).all()
+        assert early.surface < 1.0 and (renderer.cache.column("gather_size") == 16).all()
         ticks(renderer, lambda now: now.still)
-        assert not (renderer.cache.gather_sizes == 16).any()
+        assert not (renderer.cache.column("gather_size") == 16).any()
 
 
 def test_coarse_light_does_not_wait_for_the_tree(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,8 +148,8 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
         for step in range(1, STEPS + 1):
             renderer.relight(lit(step / STEPS))
             surface.advance(renderer.draw_shadows(), Budget(TICK))
-        assert not surface.complete and surface.layout is not None
-        area, found, true = surface.layout.area[:, None], values(renderer), values(other)
+        assert not surface.complete and surface.laid_out is not None
+        area, found, true = surface.laid_out.layout.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 

@@ -116,7 +116,7 @@ class Display(Owner):
         """Hold the record under the cursor; where one is held, let go of it instead."""
         session, side = self.session, self.session.side_at(cursor[0])
         number = self._record_at(side, cursor) if session.held is None else None
-        session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
+        session.held = None if number is None else (side, int(session.source(side).renderer.cache.column("id")[number]))
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """The value under the cursor of the buffer that a side shows, or of what both differ by; read again where that, or the

@@ -89,14 +89,15 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
 
     Return the numbers of the records that have changed too much. radii: metres, the least and the greatest R.
     """
-    before = cache.probes[numbers]
-    cache.drift[numbers] = np.minimum(cache.drift[numbers] + change(before, found, cache.luminance_floor), 1.0)
+    probe, drift = cache.column("probe"), cache.column("drift")
+    before = probe[numbers]
+    drift[numbers] = np.minimum(drift[numbers] + change(before, found, cache.luminance_floor), 1.0)
     known = (before[:, 3] > 0.0) & (before != found).any(1)
     if known.any():
         there = numbers[known]
         _set_columns(cache, there, correction(columns_of(cache, there), before[known], found[known]), radii)
-    cache.probes[numbers], cache.due[numbers] = found, 0.0
-    changed: np.ndarray = numbers[cache.drift[numbers] > _MAX_DRIFT]
+    probe[numbers], cache.column("due")[numbers] = found, 0.0
+    changed: np.ndarray = numbers[drift[numbers] > _MAX_DRIFT]
     return changed
 
 
@@ -115,8 +116,8 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     rows[:, :3] = E
     rows[:, 4:13] = (scale[:, :, None] * x[:, 4:13].reshape(-1, 3, 3) + added).reshape(-1, 9)
     rows[:, 13:] = np.repeat(scale, 3, axis=1) * x[:, 13:]
-    known = cache.probes[:, 3:4] > 0.0
-    cache.probes[:] = np.where(known, cache.probes + rows - x, 0.0)
+    probe = cache.column("probe")
+    probe[:] = np.where(probe[:, 3:4] > 0.0, probe + rows - x, 0.0)
     _set_columns(cache, numbers, rows, radii)
 
 

@@ -156,8 +156,8 @@ class RecordGatherer(Owner):
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         # first what may fail
         if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
-            unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
-            cache.probes[unknown] = self._probe(self.light(shadows), unknown)
+            unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
+            cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
         try:
             self.world.apply(change)
             self.gathers.of(new)
@@ -197,7 +197,7 @@ class RecordGatherer(Owner):
             cache.invalidate()
             new = replace(new, from_file=None)
         elif change.looks_otherwise and change.dimming is None:
-            cache.due[:] += 1.0
+            cache.column("due")[:] += 1.0
             cache.invalidate(np.arange(cache.count))
         self._basis = new
         return kept
@@ -259,7 +259,7 @@ class RecordGatherer(Owner):
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
             after["irradiance"] = np.maximum(after["irradiance"], 0.0)
             self.cache.correct(after, chosen)
-            self.cache.probes[chosen] = 0.0
+            self.cache.column("probe")[chosen] = 0.0
             changes.append(after["irradiance"].astype(float) - held["irradiance"][chosen])
         self.cache.refresh_count += 1
         return np.concatenate(changes)
@@ -288,7 +288,7 @@ class RecordGatherer(Owner):
         if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
             if surface.complete:  # a moving light may have left provisional records behind
-                cache.invalidate(np.flatnonzero(coarse | (cache.gather_sizes[: cache.count] == _PROVISIONAL)))
+                cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == _PROVISIONAL)))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (made or surface.current)
@@ -307,9 +307,9 @@ class RecordGatherer(Owner):
             return
         if relit:
             cache.invalidate(np.arange(cache.count))
-        cache.due[:] += surface.last_change
+        cache.column("due")[:] += surface.last_change
         if surface.current and not relit:
-            cache.due[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
+            cache.column("due")[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True)
         if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
@@ -320,8 +320,9 @@ class RecordGatherer(Owner):
         if not self._basis.moved:
             return
         cache = self.cache
-        (numbers,) = np.nonzero(cache.due)
-        numbers, left = numbers[np.argsort(-cache.due[numbers], kind="stable")], len(numbers)
+        due = cache.column("due")
+        (numbers,) = np.nonzero(due)
+        numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
         for some in self.gathers.batches(self.probes, len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
             cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
@@ -346,7 +347,7 @@ class RecordGatherer(Owner):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
-                self.cache.gather_sizes[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
+                self.cache.column("gather_size")[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
@@ -360,7 +361,7 @@ class RecordGatherer(Owner):
         """
         done, size = 0, size or self._provisional_side
         for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
-            near = self.cache.gather_sizes[numbers[some]] == self._fewer
+            near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = some.stop
         return done
