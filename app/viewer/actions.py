@@ -24,7 +24,7 @@ from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import SCALES, SPLITS, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -103,10 +103,6 @@ class Actions:
     @property
     def filming(self) -> bool:
         return self.film.busy
-
-    @property
-    def is_split(self) -> bool:
-        return self.session.options.split != "off"
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
         self.messages.say(text, error, topic)
@@ -206,7 +202,6 @@ class Actions:
             "show": options.buffers[self.side if options.split != "off" else 0],
             "use_preset": session.settings(self.side)[0],
             "use_split": options.split,
-            "compare_by": options.compare if self.is_split else "",
         }
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
@@ -235,26 +230,13 @@ class Actions:
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
 
-    def compare(self) -> None:
-        """Compare both sides the next way; where there is one alone, with the other preset's."""
-        session = self.session
-        if session.options.split == "off":
-            session.split("presets")
-        ways = list(COMPARES)
-        now = session.options.compare
-        self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
-
-    def compare_by(self, way: Compare) -> None:
-        self.session.options.compare, self.session.options.flipped = way, False
-        self.say(COMPARES[way], topic="split")
-
     def flip(self) -> None:
-        """Show the other side in place of the one on show."""
-        if self.session.options.split == "off":
+        """Show one side alone, the other one each time; from one picture on, that of another preset."""
+        options = self.session.options
+        if options.split == "off":
             self.session.split("presets")
-        self.session.flip()
-        self.side = self.session.side_at(0)
-        self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
+        self.side = options.alone = 0 if options.alone == 1 else 1
+        self.say(("left", "right")[self.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
         self.session.use_preset(self.side, name)

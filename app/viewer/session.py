@@ -206,7 +206,7 @@ class Session(Owner):
     def sides(self) -> Iterator[tuple[int, Region | None]]:
         """The sides on show, and the part of the window that each takes (None: all of it)."""
         width, height = self.size
-        if self.options.split == "off" or self.options.compare != "divided":
+        if self.options.split == "off" or self.options.alone is not None:
             yield self.side_at(0), None
             return
         middle = min(max(round(self.options.divider * width), 1), width - 1)
@@ -214,26 +214,11 @@ class Session(Owner):
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
-        """The side at `x`, pixels from the left; 0 where both are in one picture."""
+        """The side at `x`, pixels from the left."""
         options = self.options
-        if options.split == "off" or options.compare == "difference":
+        if options.split == "off":
             return 0
-        return int(options.flipped if options.compare == "flip" else x >= round(options.divider * self.size[0]))
-
-    @property
-    def compared(self) -> bool:
-        return self.options.split != "off" and self.options.compare == "difference"
-
-    @property
-    def pair(self) -> str:
-        """The compared presets in words."""
-        return " and ".join(renderer.preset for renderer in self.active)
-
-    def flip(self) -> None:
-        """Show the other side in place of the one on show."""
-        options = self.options
-        options.flipped = not options.flipped if options.compare == "flip" else True
-        options.compare = "flip"
+        return int(x >= round(options.divider * self.size[0])) if options.alone is None else options.alone
 
     def buffer(self, side: int) -> str:
         return self.options.buffers[side]
@@ -312,9 +297,7 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
-        if way == "off":
-            options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
-        options.split, self.held = way, None
+        options.split, options.alone, self.held = way, None, None
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""

@@ -14,13 +14,6 @@ SPLITS: dict[Split, str] = {  # and their titles
     "presets": "two presets",
 }
 
-Compare = Literal["divided", "flip", "difference"]
-COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
-    "divided": "side by side",
-    "flip": "one after the other",
-    "difference": "difference",
-}
-
 SCALES = (0.75, 2.0)  # least and greatest of the interface
 KEPT = ("points", "discs", "normals", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
 
@@ -31,8 +24,7 @@ class ViewOptions:
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
-    compare: Compare = "divided"
-    flipped: bool = False  # the right side is on show, where one is after the other
+    alone: int | None = None  # the side that fills the picture; None: both, with a divider
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from irrsplat.app.film import video
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.view_options import COMPARES, SPLITS
+from irrsplat.app.viewer.view_options import SPLITS
 from irrsplat.reference import worker
 from irrsplat.settings import PRESETS
 
@@ -128,12 +128,7 @@ _RENDER = (
 _COMPARE = (
     *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
     Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
-    *(
-        Command("Compare", title[0].upper() + title[1:], "compare_by", argument=way, enabled="is_split", section=way == "divided")
-        for way, title in COMPARES.items()
-    ),
-    Command("Compare", "Next comparison", "compare", "J"),
-    Command("Compare", "Other side", "flip", "SPACE"),
+    Command("Compare", "Other side", "flip", "SPACE", help="alone, in the place of both"),
     Command(
         "Compare",
         "Path-trace the reference",

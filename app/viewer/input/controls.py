@@ -105,7 +105,7 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options = self.session.options
-        return options.split != "off" and options.compare == "divided" and abs(x - self._divider) <= _GRIP
+        return options.split != "off" and options.alone is None and abs(x - self._divider) <= _GRIP
 
     @property
     def _divider(self) -> float:

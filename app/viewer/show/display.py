@@ -12,7 +12,6 @@ from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
 from irrsplat.app.viewer.show.light.why_dark import Point, Surface
@@ -36,7 +35,6 @@ class Display(Owner):
         self.session = session
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
-        self.comparison = Comparison(session, self.buffer_view)
         self.plane_view = PlaneView(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
@@ -52,8 +50,8 @@ class Display(Owner):
             # their data of a scene that is no longer open
             for known in (self.inspector, self.markers, self._memo):
                 known.forget()
-        shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
-        sides, kept = [self._inputs(side) for side in shown], (session.held, Identity(session.plane.measured))
+        sides = [self._inputs(side) for side, _ in session.sides()]
+        kept = session.held, Identity(session.plane.measured)
         inputs = sides, replace(options, buffers=[]), kept, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
@@ -66,9 +64,6 @@ class Display(Owner):
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
         sides = list(self.session.sides())
-        if self.session.compared:
-            self.comparison.draw(screen)
-            return None
         for side, region in sides:
             self._draw_side(screen, side, region)
         found = self._inspect(screen, cursor) if self.session.options.inspect else None
@@ -119,12 +114,8 @@ class Display(Owner):
         session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
-        """The value under the cursor of the buffer that a side shows, or of what both differ by; read again where that, or the
-        cursor, is another."""
+        """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
         name, source = self.session.buffer(side), self.session.source(side)
-        if self.session.compared:
-            both = self._inputs(0), self._inputs(1), cursor
-            return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
 

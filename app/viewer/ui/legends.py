@@ -46,7 +46,7 @@ class Legends:
         session, value = self.actions.session, self.display.value(side, cursor)
         buffer = BUFFERS[session.buffer(side)]
         unit = buffer.unit_shown(session.source(side))
-        if value is not None and buffer.name == "position" and any(session.origin) and not session.compared:
+        if value is not None and buffer.name == "position" and any(session.origin):
             return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
         return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
 
@@ -54,17 +54,13 @@ class Legends:
         session, scale = self.actions.session, self.layout.scale
         options, source = session.options, session.source(side)
         buffer = BUFFERS[session.buffer(side)]
-        if session.compared:
-            imgui.text_wrapped(self.display.comparison.title)
-            draw_scale(self.display.comparison.legend(), scale)
-        else:
-            who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
-            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
-            imgui.text(who + buffer.title + preset)
-            draw_scale(buffer.legend(source), scale)
+        who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
+        preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
+        imgui.text(who + buffer.title + preset)
+        draw_scale(buffer.legend(source), scale)
         if buffer.needs_reference:
             draw_tracing(self.actions)
-        if (options.points or options.discs or options.normals) and not session.compared:
+        if options.points or options.discs or options.normals:
             draw_scale(radius_legend(source.settings, source.scene), scale)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:

@@ -303,8 +303,9 @@ def measure(walker: Walker) -> None:
 
 @task("Compare with the published method")
 def compare(walker: Walker) -> None:
-    walker.key("ctrl+l", "1", "Tab", "Tab", "j", "j")
+    walker.key("ctrl+l", "1", "Tab", "Tab", "space")
     session = walker.viewer.actions.session
+    assert session.options.alone == 1
     walker.until(lambda: len(session.progress) == 2 and all(p.coverage > 0.7 for p in session.progress), "both presets")
 
 

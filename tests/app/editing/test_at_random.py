@@ -17,7 +17,6 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
 from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
-from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.settings import SettingValues
 from tests.renderer.test_no_holes import holes
 from tests.support.viewing import Driver, push
@@ -92,7 +91,7 @@ def press(driver: Driver, draw: Draw) -> None:
 
 
 def show(driver: Driver, draw: Draw) -> None:
-    """Another buffer, window, split, or way to show both sides."""
+    """Another buffer, window or split, or one of its sides alone."""
     driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_reference])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
@@ -101,7 +100,8 @@ def show(driver: Driver, draw: Draw) -> None:
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
         session.change(1, **QUICK)
-    driver.actions.compare_by(draw.choice(list(COMPARES)))
+    if way != "off" and draw.random() < 0.5:
+        driver.actions.flip()
 
 
 # actions and their weights

@@ -21,7 +21,7 @@ from tests.support.viewing import Cases, Driver, push
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
 TOGETHER = "Home", "End", "P"  # with F and R
-OTHER = "F5", "F11", "I", "J", "Y", "\\", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
+OTHER = "F5", "F11", "I", "Y", "\\", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
 case = CASES.case
