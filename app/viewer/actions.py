@@ -28,7 +28,7 @@ from irrsplat.app.viewer.view_options import SCALES, SPLITS, Panels, Split, rest
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
+from irrsplat.scene.camera_path import camera_flags, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
@@ -56,13 +56,12 @@ class Actions:
         self._copy = copy
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
+        self.panels.fullscreen = preferences.fullscreen
         self.scale = 1.0  # of text and widgets; the monitor has another one
         self.enlarge(preferences.scale)
-        self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
-        self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
@@ -145,18 +144,9 @@ class Actions:
         self.stop()
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
-    def copy_line(self) -> None:
-        self._copy(camera_line(self.session.world_camera))
-        self.say("the camera is in the clipboard, as a line of a .scene")
-
     def copy_flags(self) -> None:
         self._copy(camera_flags(self.session.world_camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
-
-    def copy(self, text: str, called: str = "") -> None:
-        """Copy a text to the clipboard, and say so of it, or of what it is called."""
-        self._copy(text)
-        self.say(f"{called or text} is in the clipboard")
 
     def record(self) -> None:
         """Begin to record the flight, or end it and write the path file."""
@@ -218,8 +208,6 @@ class Actions:
 
     def toggle(self, name: str) -> None:
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
-        if name == "inspect":
-            self.session.held = None
 
     def use_split(self, way: Split) -> None:
         self.session.split(way)
@@ -273,9 +261,6 @@ class Actions:
     def auto_exposure(self) -> None:
         self.session.change(self.side, exposure="auto")
         self.say("exposure auto", topic="exposure")
-
-    def step(self) -> None:
-        self.session.step()
 
     def clear(self) -> None:
         self.session.clear()
@@ -428,18 +413,14 @@ class Actions:
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Close menus, dialogs and messages, stop a path, and deselect record, object and light."""
+        """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
-        self.close_menus = True
-        self.session.held = None
         self.editor.pick_light(None)
         panels = self.panels
+        panels.close_menus = True
         panels.help = panels.open = panels.save = panels.palette = False
         self.pending = None
         self.messages.close()
-
-    def fullscreen(self) -> None:
-        self.fullscreen_wanted = not self.fullscreen_wanted
 
     def enlarge(self, scale: float) -> None:
         """Make text and widgets `scale` times as large, within SCALES."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Unpack, cast
 
 import moderngl
@@ -16,7 +16,6 @@ from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
-from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -35,6 +34,16 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
+
+
+@dataclass(frozen=True)
+class _Side:
+    """What a tick has made of a side. centre: its view of one sample a pixel. view: the one to show. ms: by stage."""
+
+    centre: View
+    view: View
+    progress: Progress
+    ms: dict[str, float]
 
 
 class Session(Owner):
@@ -65,19 +74,12 @@ class Session(Owner):
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
-        self.views: list[View] = []
-        self.progress: list[Progress] = []
-        self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
-        self.line: tuple[Point, Point] | None = None  # that buffers are measured along; world space
         self.plane = MeasuringPlane()
-        self.surface: Surface | None = None  # the point whose light is explained, and its normal
-        self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
-        self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
+        self._made: list[_Side] = []  # at the last tick
         self._shown: tuple[object, object] | None = None  # what the views are of
-        self._stepping = False
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.brightest_light, self.plane)
@@ -88,6 +90,20 @@ class Session(Owner):
     def active(self) -> list[Renderer]:
         """The renderers at work: two where two presets are compared."""
         return self.renderers[: 2 if self.options.split == "presets" else 1]
+
+    @property
+    def views(self) -> list[View]:
+        return [side.view for side in self._made]
+
+    @property
+    def progress(self) -> list[Progress]:
+        return [side.progress for side in self._made]
+
+    @property
+    def ms(self) -> dict[str, float]:
+        """Milliseconds of the last tick by stage, of both sides."""
+        stages = dict.fromkeys(stage for side in self._made for stage in side.ms)
+        return {stage: sum(side.ms.get(stage, 0.0) for side in self._made) for stage in stages}
 
     @property
     def camera(self) -> Camera:
@@ -109,7 +125,7 @@ class Session(Owner):
             if r.settings.viewer_samples > 1
         )
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
-        return served and sampled and refined and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
+        return served and sampled and refined and self.auto_exposure.settled and self.path_recorder.at_rest
 
     @property
     def moving(self) -> bool:
@@ -160,27 +176,20 @@ class Session(Owner):
                 made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
-        self._centres, self.views, self.progress = (list(column) for column in zip(*made, strict=True))
-        self._shown, self.ms = subject, {}
-        for renderer in self.active:
-            for stage, ms in renderer.timers.milliseconds().items():
-                self.ms[stage] = self.ms.get(stage, 0.0) + ms
-        self._stepping = self._stepping and not all(p.complete for p in self.progress)
-        self._release_lost_record()
-        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not all(_filled(p) for p in self.progress))
+        self._made, self._shown = made, subject
+        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not all(_filled(p) for p in self.progress))
         if "light" in self.options.buffers:
             self.brightest_light.look(self.renderers[0], self.views[0])
         return True
 
-    def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
-        """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
+    def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
+        """Give a side's cache `seconds` of time."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and self.options.split == "off"
         seconds *= _MOVING if moving else 1.0
-        gather = gather and (self._stepping or not self.options.frozen)
-        view, progress = renderer.frame(self.camera, seconds, gather, moving)
+        view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
-        if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
+        if self._at_rest(progress) and any(view is one.centre for one in self._made):  # nothing has moved since
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                 aim = 0.01 * renderer.settings.viewer_quality
@@ -188,7 +197,7 @@ class Session(Owner):
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the next step of the refinement has as many
-        return centre, view, progress
+        return _Side(centre, view, progress, renderer.timers.milliseconds())
 
     @property
     def _subject(self) -> tuple[object, object]:
@@ -273,17 +282,10 @@ class Session(Owner):
             own = {k: v for k, v in values.items() if k in _SHARED or renderer is self.renderer(side)}
             if own:
                 renderer.change(renderer.settings.with_values(own))
-        self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
-        self._release_lost_record()
-
-    def _release_lost_record(self) -> None:
-        """Hold a record no longer once it is gone."""
-        if self.held is not None and self.renderer(self.held[0]).cache.number_of(self.held[1]) is None:
-            self.held = None
 
     def split(self, way: Split) -> None:
         """Show one picture, two buffers, or two presets side by side: the present one and paper, or paper and default."""
@@ -297,7 +299,7 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
-        options.split, options.alone, self.held = way, None, None
+        options.split, options.alone = way, None
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
@@ -346,7 +348,7 @@ class Session(Owner):
         """The window has another size, pixels."""
         for renderer in self.renderers:
             renderer.resize(size)
-        self.size, self.views, self.progress = size, [], []
+        self.size, self._made = size, []
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
         """Show another scene with the same settings, from its own first camera; or from where one is, with path and speed."""
@@ -371,21 +373,16 @@ class Session(Owner):
             self.free_camera.speed = before.speed
         if moved.any():
             self.path_recorder.shift(moved)
-            self.line = None
+            self.options.line = None
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line, self.surface = AutoExposure(), None, None
-        self.views, self.progress, self.held = [], [], None
+            self.auto_exposure, self.options.line, self.options.surface = AutoExposure(), None, None
+        self._made = []
 
     def clear(self) -> None:
         for renderer in self.active:
             renderer.forget(lights=False)
-        self.held = None
-
-    def step(self) -> None:
-        """Freeze the cache, and gather one complete round in as many ticks as it takes."""
-        self.options.frozen = self._stepping = True
 
 
 def _filled(progress: Progress) -> bool:

@@ -7,6 +7,9 @@ from typing import Literal
 
 from irrsplat.meter.light_scale import LightScale
 
+Point = tuple[float, float, float]
+Surface = tuple[Point, Point]  # a point and its unit normal
+
 Split = Literal["off", "buffers", "presets"]
 SPLITS: dict[Split, str] = {  # and their titles
     "off": "one picture",
@@ -15,12 +18,12 @@ SPLITS: dict[Split, str] = {  # and their titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "normals", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
 
 
 @dataclass
 class ViewOptions:
-    """The buffers on show, the split, and overlays."""
+    """The buffers on show, the split, overlays, and what is measured."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
@@ -28,12 +31,13 @@ class ViewOptions:
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False
-    normals: bool = False
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
+    line: tuple[Point, Point] | None = None  # that buffers are measured along
     plane: bool = False  # whether a horizontal plane is measured
     why: bool = False  # whether a click on a surface shows where its light comes from
+    surface: Surface | None = None  # that was clicked on for this
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 
@@ -52,6 +56,9 @@ class Panels:
     save: bool = False
     palette: bool = False
     hidden: bool = False
+    fullscreen: bool = False
+    close_menus: bool = False  # in the next frame
+    context_menu: bool = False  # opens in the next frame
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

@@ -347,9 +347,9 @@ class Driver:
         actions.messages.lines.clear()
         actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
-        session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
+        session.options, session.path_recorder = ViewOptions(), PathRecorder()
         session.tracing.release()
-        actions.fullscreen_wanted, actions.quitting = False, False
+        actions.quitting = False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed
         session.free_camera.home()

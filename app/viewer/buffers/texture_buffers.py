@@ -116,34 +116,10 @@ class ShareBuffer(TextureBuffer):
     text: str = "share of the pixel"
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1, filters=False)
+        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1)
 
     def legend(self, source: ViewSource) -> Legend:
         return Legend(self.text, "0", "1")
-
-
-class OpacityBuffer(TextureBuffer):
-    """The opacity of the nearest filter, else 1 where a surface is seen."""
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        filters = source.view.gbuffer.filters is not None
-        canvas.picture(source, "unit", self.texture(source.view), grey=True, filters=filters)
-
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        depth, filters = depth_at(texels, source, x, y), source.view.gbuffer.filters
-        if depth is None:
-            return None
-        filtered = texels(filters.opacity, x, y)[:1] if filters is not None else np.zeros(1, "f4")
-        return filtered if filtered[0] > 0.0 else np.array([depth > 0.0], "f4")
-
-    def legend(self, source: ViewSource) -> Legend:
-        return Legend("opacity, sRGB encoded", "0", "1")
-
-
-def opacity_texture(view: View) -> moderngl.Texture:
-    """The opacities of filters, or, where there are none, where a surface is seen."""
-    filters = view.gbuffer.filters
-    return view.alpha if filters is None else filters.opacity
 
 
 @dataclass(frozen=True)

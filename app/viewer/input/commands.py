@@ -102,15 +102,13 @@ _VIEW = (
     Command("View/Camera", "First camera", "home", "HOME"),
     Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
     Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene"),
-    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C", section=True),
-    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
+    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", section=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
     Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
-    Command("View", "Record normals", "toggle", "V", "normals"),
     Command("View", "Wireframe", "toggle", "T", "wire"),
-    Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
+    Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
@@ -122,7 +120,6 @@ _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
     Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
     Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
-    Command("Render", "Gather one round", "step", "N", help="and freeze the cache"),
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
@@ -146,7 +143,7 @@ _WINDOW = (
     Command("Window", "Statistics", "toggle", "F6", "hud"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="all of it; again: show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
-    Command("Window", "Fullscreen", "fullscreen", "F11", section=True),
+    Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
 )
 _HELP = (
     Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),

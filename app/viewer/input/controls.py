@@ -203,15 +203,13 @@ class Controls:
             self._capture(False)
             if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
                 self._pick(self.pointer)
-                self.actions.context_menu = self.actions.selected
+                self.actions.panels.context_menu = self.actions.selected
         if button == LEFT:
             clicked = self.pivot is not None and self.travelled <= _CLICK and self.pointer is not None
             if clicked and self.pointer is not None:
-                if self.session.options.inspect:
-                    self.display.hold(self.pointer)
-                elif self.session.options.why:
-                    self.session.surface = self.display.surface_at(self.pointer)
-                else:
+                if self.session.options.why:
+                    self.session.options.surface = self.display.surface_at(self.pointer)
+                elif not self.session.options.inspect:
                     self._pick(self.pointer)
             self.pivot, self.dividing = None, False
             self.drawing = False
@@ -222,8 +220,9 @@ class Controls:
     def _draw_line(self, begin: bool = False) -> None:
         """Put the end of the line to measure along where the mouse is; begin: both ends."""
         point = self.display.point_at(self.pointer) if self.pointer is not None else None
+        options = self.session.options
         if point is not None:
-            self.session.line = (point if begin or self.session.line is None else self.session.line[0]), point
+            options.line = (point if begin or options.line is None else options.line[0]), point
         elif begin:
             self.drawing = False
             self.actions.say("no surface is there to measure on", topic="line")

@@ -14,10 +14,10 @@ from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
-from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, Texels, clear
+from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
@@ -51,8 +51,8 @@ class Display(Owner):
             for known in (self.inspector, self.markers, self._memo):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
-        kept = session.held, Identity(session.plane.measured)
-        inputs = sides, replace(options, buffers=[]), kept, options.inspect and cursor, Identity(screen)
+        plane = Identity(session.plane.measured)
+        inputs = sides, replace(options, buffers=[], line=None, surface=None), plane, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
@@ -62,11 +62,11 @@ class Display(Owner):
         return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
+        """Draw both sides, and the record under the cursor where records are inspected."""
         sides = list(self.session.sides())
         for side, region in sides:
             self._draw_side(screen, side, region)
-        found = self._inspect(screen, cursor) if self.session.options.inspect else None
+        found = self._inspect(screen, cursor) if self.session.options.inspect and cursor is not None else None
         for _, region in sides[1:]:
             assert region is not None
             clear(screen, _DIVIDER, (region[0] - 1, 0, 2, region[3]))
@@ -83,35 +83,21 @@ class Display(Owner):
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
         if options.plane and (measured := self.session.plane.measured) is not None:
             self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
-        for kind in ("discs", "normals", "points"):
+        for kind in ("discs", "points"):
             if getattr(options, kind):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
 
-    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
-        session, held = self.session, self.session.held
-        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
+    def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
+        """Return the record that weighs most under the cursor, and tint its pixels."""
+        session, side = self.session, self.session.side_at(cursor[0])
         source = session.source(side)
-        number = source.renderer.cache.number_of(held[1]) if held is not None else None
-        if number is None and cursor is not None:
-            number = self._record_at(side, cursor)
+        place, settings = session.place(source.view, *cursor), source.settings
+        number = self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, settings, *place)
         if number is None:
             return None
-        settings, records = source.settings, source.renderer.cache.records
-        region = dict(session.sides()).get(side)
+        region, records = dict(session.sides()).get(side), source.renderer.cache.records
         served = self.markers.contributes(screen, source.view, records, number, settings, region)
         return self.inspector.inspect(number, side, source, served)
-
-    def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
-        """The number of the record that weighs most under the cursor."""
-        source = self.session.source(side)
-        place = self.session.place(source.view, *cursor)
-        return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *place)
-
-    def hold(self, cursor: tuple[int, int]) -> None:
-        """Hold the record under the cursor; where one is held, let go of it instead."""
-        session, side = self.session, self.session.side_at(cursor[0])
-        number = self._record_at(side, cursor) if session.held is None else None
-        session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
@@ -121,7 +107,7 @@ class Display(Owner):
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
-        ends = self.session.line
+        ends = self.session.options.line
         if ends is None or ends[0] == ends[1]:
             return None
         name, source = self.session.buffer(side), self.session.source(side)

@@ -88,7 +88,7 @@ class Interface:
             self.side_panel.draw()
             self.legends.draw(cursor)
             if inspected is not None:
-                draw_record(inspected, actions.session.held is not None, self.layout)
+                draw_record(inspected, self.layout)
             self.line_plot.draw()
             draw_key_sheet(actions, scale)
             self.files.draw()

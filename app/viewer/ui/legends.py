@@ -60,7 +60,7 @@ class Legends:
         draw_scale(buffer.legend(source), scale)
         if buffer.needs_reference:
             draw_tracing(self.actions)
-        if options.points or options.discs or options.normals:
+        if options.points or options.discs:
             draw_scale(radius_legend(source.settings, source.scene), scale)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:

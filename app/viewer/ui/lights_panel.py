@@ -57,10 +57,6 @@ class LightsPanel:
             edited = replace(edited, stops=math.log2(output / full)) if output and full else edited
         edited = self._placed(edited)
         edited = self._coloured(edited)
-        if not edited.light.directional:
-            if imgui.button("to camera"):
-                edited = edited.moved(actions.session.camera.eye)
-            imgui.same_line()
         if imgui.button("reset"):
             edited = LightEdit.of(edited.loaded)
         imgui.same_line()

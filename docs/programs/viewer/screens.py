@@ -23,7 +23,7 @@ IMAGES = Path(__file__).resolve().parents[2] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
-PLAIN = ("alpha", "opacity", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
+PLAIN = ("alpha", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
 # complete is enough: the way to 1 % takes minutes, and so few records are there that each can be seen; long ticks, since
 # nobody waits for a frame
 SETTINGS: SettingValues = {"viewer_quality": 0.0, "viewer_samples": 16, "budget": 1000.0}

@@ -252,7 +252,7 @@ def dark_corner(walker: Walker) -> None:
     walker.key("ctrl+d")
     walker.click_at((2.78, 0.02, 1.0), "the floor before the short box")
     walker.rest()
-    assert walker.viewer.actions.session.surface is not None
+    assert walker.viewer.actions.session.options.surface is not None
 
 
 @task("Give a wall another colour, and take it back")

@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.app.viewer.editing.picking import meshes_of
 from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import unit
 from irrsplat.gather.record_frame import tangent_frames
@@ -17,8 +18,6 @@ from irrsplat.gather.stratified import ray_directions
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.ray_caster import RayCaster
 
-Point = tuple[float, float, float]
-Surface = tuple[Point, Point]  # a point and its unit normal
 _SIDE = 64  # squared: rays over the hemisphere; of a share of one half their standard error is 0.8 % at most
 _MOST = 16  # emitters that are listed
 _FAR = 10.0  # diagonals: the length of a sight line to a directional light

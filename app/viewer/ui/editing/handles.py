@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import cast
 
 import numpy as np
@@ -12,13 +13,14 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import ObjectEdit, angles, middle, rotation
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
 from irrsplat.scene.model import Light
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
 _SIZE = 0.16  # of the handles, share of the picture
 _NOISE = 1e-6  # of the scene's diagonal, and of 1 in rotations: ImGuizmo's float32
+_SHADE = (0.0, 0.0, 0.0, 0.55)
 
 
 class Handles:
@@ -35,6 +37,7 @@ class Handles:
             return
         if editor.mesh is not None:
             number, edit = editor.mesh, editor.object(editor.mesh)
+            self._box(number)
             origin = middle(editor.loaded.meshes[number])
             place, turn = self._dragged(origin + edit.offset, rotation(edit.turn), True, True)
             changed = replace(edit, offset=edit.offset if place is None else _vector(place - origin))
@@ -52,6 +55,22 @@ class Handles:
                 edited = _aimed(edited, turn[:, 2])
             if edited != editor.lights[light_number]:
                 actions.attempt(lambda: editor.set_light(light_number, edited))
+
+    def _box(self, number: int) -> None:
+        """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
+        session, draw = self.actions.session, imgui.get_background_draw_list()
+        positions = session.scene.meshes[number].positions
+        if not len(positions):
+            return
+        ends = np.stack([positions.min(0), positions.max(0)]).astype(float)
+        corners = [self.layout.seen(session.camera, _vector(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
+        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
+        for colour, width in ((_SHADE, 3.0), (AMBER, 1.0)):
+            for i, axis in product(range(8), (1, 2, 4)):
+                start, end = corners[i], corners[i | axis]
+                if not i & axis and start is not None and end is not None:
+                    draw.add_line(start, end, imgui.get_color_u32(colour), width * self.layout.scale)
+        draw.pop_clip_rect()
 
     def _apply_object(self, number: int, edit: ObjectEdit) -> None:
         editor = self.actions.editor

@@ -15,7 +15,6 @@ from irrsplat.meter.readings import Unit
 
 _UNITS: tuple[Unit, ...] = ("lux", "W/m2")
 _LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
-_DECADES = 6
 
 
 class LightScalePanel:
@@ -49,10 +48,6 @@ class LightScalePanel:
         imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
         if moved and scale.highest is not None and value > 0.0:
             scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
-        scale = replace(scale, logarithmic=imgui.checkbox("logarithmic", scale.logarithmic)[1])
-        if scale.logarithmic:
-            decades = imgui.slider_int(label("decades"), scale.decades, 1, _DECADES)[1]
-            scale = replace(scale, decades=min(max(decades, 1), _DECADES))
         scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
         imgui.set_item_tooltip("isolines between the steps of the scale")
         session.options.light_scale = scale

@@ -11,8 +11,8 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
-from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, WHITE, Layout, in_unit
+from irrsplat.app.viewer.view_options import Point
 
 _SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
 _SHADE = (0.0, 0.0, 0.0, 0.55)
@@ -55,7 +55,7 @@ class LinePlot:
     def _line(self) -> None:
         """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
         session = self.actions.session
-        draw, ends = imgui.get_background_draw_list(), list(session.line or ())
+        draw, ends = imgui.get_background_draw_list(), list(session.options.line or ())
         marks = [*ends, *([] if self._marked is None else [self._marked])]
         places = [self.layout.seen(session.camera, point) for point in marks]
         first = places[: len(ends)]
@@ -96,7 +96,7 @@ class LinePlot:
         """Show the value at the cursor, and where that is in the picture."""
         number = int(np.abs(found.metres - metres).argmin())
         values = found.values[number]
-        ends = self.actions.session.line
+        ends = self.actions.session.options.line
         if ends is None or not np.isfinite(values).all():
             return
         words = ", ".join(f"{value:.4g}" for value in values)
@@ -109,10 +109,3 @@ class LinePlot:
         named = zip(("min", "mean", "max"), summary, strict=True)
         words = "  ".join(f"{name} {', '.join(f'{value:.4g}' for value in values)}" for name, values in named)
         imgui.text(f"{in_unit(words, found.unit)} over {found.metres[-1]:.4g} m")
-        if imgui.button("copy as CSV"):
-            self.actions.copy(found.csv, "the table")
-        imgui.same_line()
-        ends = self.actions.session.line
-        if ends is not None and imgui.button("copy for measure"):
-            self.actions.copy("--line " + " ".join(f"{x:.6g}" for point in ends for x in point))
-        imgui.set_item_tooltip("flags of irrsplat measure, which gathers at the points themselves")

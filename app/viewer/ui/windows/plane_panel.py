@@ -39,9 +39,7 @@ class PlanePanel:
             imgui.text(f"{_digits(found['minimum'])} … {_digits(found['maximum'])} {scale.shown_unit}")
             if found["uniformity"] is not None:
                 imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
-        lines = (
-            f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines and not scale.logarithmic else ""
-        )
+        lines = f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines else ""
         draw_scale(Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale)
 
     def draw_values(self) -> None:

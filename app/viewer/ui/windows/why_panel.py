@@ -23,14 +23,14 @@ class WhyPanel:
 
     def _light(self) -> PointLight | None:
         session = self.actions.session
-        if not session.options.why or session.surface is None or not session.views or not ray_caster.available():
+        if not session.options.why or session.options.surface is None or not session.views or not ray_caster.available():
             return None
-        renderer, surface = session.renderers[0], session.surface
+        renderer, surface = session.renderers[0], session.options.surface
         known = Identity(renderer.scene), surface
         return self._memo.get("light", known, lambda: light_at(renderer.scene, renderer.world.caster, *surface))
 
     def draw(self) -> None:
-        found, surface = self._light(), self.actions.session.surface
+        found, surface = self._light(), self.actions.session.options.surface
         if found is None or surface is None:
             here = ray_caster.available()
             imgui.text_wrapped("click on a surface" if here else f"needs the extra embree: {ray_caster.INSTALL}")
@@ -53,7 +53,8 @@ class WhyPanel:
     def draw_lines(self) -> None:
         """Draw the point and the sight lines."""
         found, session = self._light(), self.actions.session
-        here = None if found is None or session.surface is None else self.layout.seen(session.camera, session.surface[0])
+        surface = session.options.surface
+        here = None if found is None or surface is None else self.layout.seen(session.camera, surface[0])
         if found is None or here is None:
             return
         draw = imgui.get_background_draw_list()
