@@ -194,7 +194,7 @@ class Controls:
             self._draw_line(begin=True)
         elif button == LEFT:
             self.actions.stop()
-            found = self.display.point_at(self.pointer) if self.pointer is not None else None
+            found = self.display.point_at(self.pointer)
             self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
@@ -219,7 +219,7 @@ class Controls:
 
     def _draw_line(self, begin: bool = False) -> None:
         """Put the end of the line to measure along where the mouse is; begin: both ends."""
-        point = self.display.point_at(self.pointer) if self.pointer is not None else None
+        point = self.display.point_at(self.pointer)
         options = self.session.options
         if point is not None:
             options.line = (point if begin or options.line is None else options.line[0]), point
@@ -236,7 +236,7 @@ class Controls:
             self.backend.scroll(x_offset, y_offset)
         else:
             self.actions.stop()
-            camera.dolly(y_offset, self.display.point_at(self.pointer) if self.pointer is not None else None)
+            camera.dolly(y_offset, self.display.point_at(self.pointer))
 
     # ---- the window ------------------------------------------------------------------------------------------------
 

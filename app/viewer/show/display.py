@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import dist
+from typing import cast
 
 import numpy as np
 
@@ -113,32 +114,41 @@ class Display(Owner):
         name, source = self.session.buffer(side), self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
+    @property
+    def shows_scene(self) -> bool:
+        """True if a side shows the scene as the camera sees it."""
+        return any(BUFFERS[self.session.buffer(side)].in_view for side, _ in self.session.sides())
+
+    def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
+        """The source of the view at the cursor, and its pixel there; None where no view is."""
+        side = self.session.side_at(cursor[0])
+        if not self.session.views or not BUFFERS[self.session.buffer(side)].in_view:
+            return None
+        source = self.session.source(side)
+        return source, self.session.place(source.view, *cursor)
+
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
         """The number of the mesh that is seen at the cursor; None where there is none."""
-        if not self.session.views:
+        if (seen := self._seen(cursor)) is None:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        gbuffer, texels, place = source.view.gbuffer, self.buffer_view.texels, self.session.place(source.view, *cursor)
-        if texels(gbuffer.position, *place)[3] <= 0.0:
+        (source, place), texels = seen, self.buffer_view.texels
+        if texels(source.view.gbuffer.position, *place)[3] <= 0.0:
             return None
-        return mesh_of(source.scene, int(texels(gbuffer.emission, *place)[3]))
-
-    def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
-        """The world point seen at the cursor; None where there is none."""
-        if not self.session.views:
-            return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
-        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+        return mesh_of(source.scene, int(texels(source.view.gbuffer.emission, *place)[3]))
 
     def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
         """Return the surface point seen at the cursor, with its normal; None for no surface."""
-        point = self.point_at(cursor)
-        if point is None:
+        if (seen := self._seen(cursor)) is None:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        x, y, z = self.buffer_view.texels(source.view.gbuffer.normal, *self.session.place(source.view, *cursor))[:3].tolist()
-        return point, (x, y, z)
+        (source, place), texels = seen, self.buffer_view.texels
+        *point, depth = texels(source.view.gbuffer.position, *place).tolist()
+        normal = texels(source.view.gbuffer.normal, *place)[:3].tolist()
+        return (cast(Point, tuple(point)), cast(Point, tuple(normal))) if depth > 0.0 else None
+
+    def point_at(self, cursor: tuple[int, int] | None) -> Point | None:
+        """The world point seen at the cursor; None where there is none."""
+        surface = None if cursor is None else self.surface_at(cursor)
+        return None if surface is None else surface[0]
 
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""

@@ -33,7 +33,7 @@ class Interface:
     """The windows that are open; call `draw` between the backend's `begin` and `draw`. native: the desktop's dialogs may open."""
 
     def __init__(self, actions: Actions, display: Display, times: FrameTimes, native: bool) -> None:
-        self.actions, self.layout = actions, Layout()
+        self.actions, self.display, self.layout = actions, display, Layout()
         self.menus, self.files = Menus(actions), FileDialogs(actions, native)
         self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
         scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times)
@@ -78,11 +78,14 @@ class Interface:
         self.layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
             paint(self.layout.picture)
+        actions.editor.handles_used = actions.editor.dragging = False
         if not panels.hidden:
-            self.lights_panel.draw_positions()
-            self.plane_panel.draw_values()
-            self.why_panel.draw_lines()
-            self.handles.draw()
+            if self.display.shows_scene:
+                self.lights_panel.draw_positions()
+                self.plane_panel.draw_values()
+                self.why_panel.draw_lines()
+                self.handles.draw()
+                self.line_plot.draw_line()
             self.menus.draw()
             self.menus.draw_context()
             self.side_panel.draw()
@@ -93,8 +96,6 @@ class Interface:
             draw_key_sheet(actions, scale)
             self.files.draw()
             self.palette.draw(scale)
-        else:
-            actions.editor.handles_used = actions.editor.dragging = False
         draw_unsaved(actions)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from imgui_bundle import imgui
@@ -78,6 +80,14 @@ class Layout:
         """Return where a world point is in the window, window coordinates; None behind the eye."""
         found = on_screen(camera, self.picture_size, point)
         return None if found is None else (found[0] + self.picture[0], found[1] + self.picture[1])
+
+    @contextmanager
+    def over_picture(self) -> Iterator[imgui.ImDrawList]:
+        """Yield a list of what is drawn over the picture alone, below all windows."""
+        draw = imgui.get_background_draw_list()
+        draw.push_clip_rect(self.picture[:2], self.picture[2:])
+        yield draw
+        draw.pop_clip_rect()
 
     def pixels(self, density: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
         """Return the picture's part of a window of `size` pixels: left, top, width, height. density: pixels per coordinate."""

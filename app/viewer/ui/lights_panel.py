@@ -111,13 +111,13 @@ class LightsPanel:
         session, editor = self.actions.session, self.actions.editor
         if not self.actions.panels.lights:
             return
-        draw = imgui.get_background_draw_list()
-        for i, edited in enumerate(editor.lights):
-            place = None if edited.light.directional else self.layout.seen(session.camera, edited.light.position)
-            if place is None:
-                continue
-            colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
-            draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
-            draw.add_circle(place, 9.0, colour, 0, 2.0)
-            if i == editor.light:
-                draw.add_circle_filled(place, 5.0, colour)
+        with self.layout.over_picture() as draw:
+            for i, edited in enumerate(editor.lights):
+                place = None if edited.light.directional else self.layout.seen(session.camera, edited.light.position)
+                if place is None:
+                    continue
+                colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
+                draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
+                draw.add_circle(place, 9.0, colour, 0, 2.0)
+                if i == editor.light:
+                    draw.add_circle_filled(place, 5.0, colour)

@@ -46,3 +46,14 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     assert 0.1 < there.mean() < 0.95 and 179.0 * turned.values[there, 0] == pytest.approx(truth[there], rel=0.03)
     driver.click(330.0, 60.0)
     assert driver.session.options.line is not None and "no surface" in driver.said
+
+
+def test_nothing_is_measured_or_picked_in_maps_of_lights(driver: Driver) -> None:
+    """A shadow map is not what the camera sees: neither a line nor a click finds a surface there."""
+    driver.actions.show("shadow")
+    push(driver, "Ctrl+L")
+    driver.drag((60.0, 100.0), (160.0, 120.0))
+    assert driver.session.options.line is None and "no surface" in driver.said
+    push(driver, "Ctrl+L")
+    driver.click(60.0, 100.0)
+    assert driver.actions.editor.mesh is None

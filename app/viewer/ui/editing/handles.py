@@ -32,7 +32,6 @@ class Handles:
     def draw(self) -> None:
         """Draw them where something is picked; a drag changes the edit as it goes."""
         actions, editor = self.actions, self.actions.editor
-        editor.handles_used = editor.dragging = False
         if not actions.session.views or actions.session.options.inspect:  # then a click is for records
             return
         if editor.mesh is not None:
@@ -58,19 +57,17 @@ class Handles:
 
     def _box(self, number: int) -> None:
         """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
-        session, draw = self.actions.session, imgui.get_background_draw_list()
+        session = self.actions.session
         positions = session.scene.meshes[number].positions
         if not len(positions):
             return
         ends = np.stack([positions.min(0), positions.max(0)]).astype(float)
         corners = [self.layout.seen(session.camera, _vector(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
-        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
-        for colour, width in ((_SHADE, 3.0), (AMBER, 1.0)):
-            for i, axis in product(range(8), (1, 2, 4)):
+        with self.layout.over_picture() as draw:
+            for (colour, width), i, axis in product(((_SHADE, 3.0), (AMBER, 1.0)), range(8), (1, 2, 4)):
                 start, end = corners[i], corners[i | axis]
                 if not i & axis and start is not None and end is not None:
                     draw.add_line(start, end, imgui.get_color_u32(colour), width * self.layout.scale)
-        draw.pop_clip_rect()
 
     def _apply_object(self, number: int, edit: ObjectEdit) -> None:
         editor = self.actions.editor

@@ -36,7 +36,6 @@ class LinePlot:
         session = self.actions.session
         if not session.options.profile or not session.views:
             return
-        self._line()
         self._marked = None
         side = self.actions.side
         _, _, right, bottom = self.layout.area
@@ -52,20 +51,21 @@ class LinePlot:
                 self._plot(BUFFERS[session.buffer(side)].title, found)
         imgui.end()
 
-    def _line(self) -> None:
+    def draw_line(self) -> None:
         """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
         session = self.actions.session
-        draw, ends = imgui.get_background_draw_list(), list(session.options.line or ())
-        marks = [*ends, *([] if self._marked is None else [self._marked])]
+        if not session.options.profile or session.options.line is None:
+            return
+        marks = [*session.options.line, *([] if self._marked is None else [self._marked])]
         places = [self.layout.seen(session.camera, point) for point in marks]
-        first = places[: len(ends)]
-        if len(first) == 2 and first[0] is not None and first[1] is not None:
-            draw.add_line(first[0], first[1], imgui.get_color_u32(_SHADE), 4.0)
-            draw.add_line(first[0], first[1], imgui.get_color_u32(AMBER), 2.0)
-        for i, place in enumerate(places):
-            if place is not None:
-                draw.add_circle_filled(place, 6.0, imgui.get_color_u32(_SHADE))
-                draw.add_circle_filled(place, 4.0, imgui.get_color_u32(AMBER if i < len(ends) else WHITE))
+        with self.layout.over_picture() as draw:
+            if places[0] is not None and places[1] is not None:
+                draw.add_line(places[0], places[1], imgui.get_color_u32(_SHADE), 4.0)
+                draw.add_line(places[0], places[1], imgui.get_color_u32(AMBER), 2.0)
+            for place, colour in zip(places, (AMBER, AMBER, WHITE), strict=False):
+                if place is not None:
+                    draw.add_circle_filled(place, 6.0, imgui.get_color_u32(_SHADE))
+                    draw.add_circle_filled(place, 4.0, imgui.get_color_u32(colour))
 
     def _plot(self, title: str, found: Profile) -> None:
         """Draw the values over metres, and sum them up."""

@@ -57,16 +57,14 @@ class WhyPanel:
         here = None if found is None or surface is None else self.layout.seen(session.camera, surface[0])
         if found is None or here is None:
             return
-        draw = imgui.get_background_draw_list()
-        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
-        for source in found.sources:
-            there = self.layout.seen(session.camera, source.end)
-            if there is not None:
-                draw.add_line(here, there, imgui.get_color_u32(_SHADE), 3.0)
-                draw.add_line(here, there, imgui.get_color_u32(_BLOCKED if source.reason else AMBER), 1.5)
-        draw.add_circle_filled(here, 6.0, imgui.get_color_u32(_SHADE))
-        draw.add_circle_filled(here, 4.0, imgui.get_color_u32(WHITE))
-        draw.pop_clip_rect()
+        with self.layout.over_picture() as draw:
+            for source in found.sources:
+                there = self.layout.seen(session.camera, source.end)
+                if there is not None:
+                    draw.add_line(here, there, imgui.get_color_u32(_SHADE), 3.0)
+                    draw.add_line(here, there, imgui.get_color_u32(_BLOCKED if source.reason else AMBER), 1.5)
+            draw.add_circle_filled(here, 6.0, imgui.get_color_u32(_SHADE))
+            draw.add_circle_filled(here, 4.0, imgui.get_color_u32(WHITE))
 
 
 def _lux(value: float) -> str:
