@@ -15,6 +15,7 @@ import platformdirs
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
 from irrsplat.app.film.video import is_film
+from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
@@ -474,6 +475,7 @@ class Actions:
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
+        memory.trim()
         self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):

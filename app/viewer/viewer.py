@@ -11,6 +11,7 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
+from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
@@ -324,6 +325,7 @@ def run(
     have, and where there is such a file, but not of this scene and these settings; KeyboardInterrupt, when all is closed, after
     Ctrl-C.
     """
+    memory.return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
     if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
         takes = f"{smaller[0]}x{smaller[1]} pixels, as large as the screen takes"

@@ -387,9 +387,9 @@ def watched(driver: Driver) -> Iterator[None]:
             if name in ("begin_menu", "begin_combo") and result:  # then the last item belongs to another window
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-            right = high.x
-            if name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
-                right -= imgui.calc_text_size(label).x + imgui.get_style().item_inner_spacing.x
+            right, seen = high.x, label.split("##")[0]
+            if seen and name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+                right -= imgui.calc_text_size(seen).x + imgui.get_style().item_inner_spacing.x
             driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
             return result
 

@@ -47,9 +47,9 @@ class Interface:
             ),
             self._switched("lights", "lights", self.lights_panel.draw),
             self._switched("objects", "outliner", lambda: draw_outliner(actions)),
-            self._switched("why is it dark here?", "why", self.why_panel.draw),
-            self._switched("measuring plane", "plane", self.plane_panel.draw),
-            Section("scale of light", lambda: scale_panel.is_open, scale_panel.draw),
+            self._switched("why dark?", "why", self.why_panel.draw),
+            self._switched("plane", "plane", self.plane_panel.draw),
+            Section("scale", lambda: scale_panel.is_open, scale_panel.draw),
             self._switched("settings", "settings", settings.draw),
             self._switched("statistics", "hud", statistics.draw),
         )

@@ -34,12 +34,12 @@ class LightsPanel:
             title = edited.light.name or f"light {i + 1}"
             if imgui.selectable(f"{title}  ({edited.light.kind})##{i}", i == editor.light)[0]:
                 editor.pick_light(i)
-        for kind in KINDS:
-            if imgui.small_button(f"add {kind}"):
-                actions.add_light(kind)
-            imgui.set_item_tooltip("where the camera looks")
-            imgui.same_line()
-        imgui.new_line()
+        if imgui.begin_combo("##add", "add a light", imgui.ComboFlags_.no_arrow_button):
+            for kind in KINDS:
+                if imgui.selectable(kind, False)[0]:
+                    actions.add_light(kind)
+            imgui.end_combo()
+        imgui.set_item_tooltip("where the camera looks")
         if editor.light is not None:
             imgui.separator()
             self._edit(editor.light)

@@ -49,7 +49,8 @@ class Menus:
                     self._submenu("View/Camera")
                 self._entries(title)
                 imgui.end_menu()
-        imgui.text_disabled(f"  {self.actions.title}")
+        if imgui.calc_text_size(f"  {self.actions.title}").x <= imgui.get_content_region_avail().x:
+            imgui.text_disabled(f"  {self.actions.title}")
         imgui.end_main_menu_bar()
 
     def draw_context(self) -> None:

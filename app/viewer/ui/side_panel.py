@@ -75,11 +75,14 @@ class SidePanel:
     def _section(self, section: Section) -> None:
         """Draw a section; scroll to one that has just opened and is not all in sight."""
         top = imgui.get_cursor_pos().y
-        unfolded, kept = int(imgui.TreeNodeFlags_.default_open), True
+        unfolded, kept, style = int(imgui.TreeNodeFlags_.default_open), True, imgui.get_style()
+        tight = 2.0 * self.layout.scale  # on both sides of arrow and title, so that the longest title fits
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y))
         if section.close is None:
             opened = imgui.collapsing_header(section.title, unfolded)
         else:
             opened, kept = imgui.collapsing_header(section.title, True, unfolded)
+        imgui.pop_style_var()
         if opened:
             imgui.push_id(section.title)
             section.draw()

@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.layout import READABLE, Layout
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.readings import Unit
 
@@ -40,8 +40,7 @@ class LightScalePanel:
         imgui.set_item_tooltip("a round number above nearly all that is seen")
         if flipped:
             scale = replace(scale, highest=None if automatic else high)
-        imgui.same_line()
-        imgui.set_next_item_width(max(self.layout.widget - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x, 20.0))
+        imgui.set_next_item_width(self.layout.beside(self.layout.widget, READABLE * self.layout.scale))
         imgui.begin_disabled(scale.highest is None)
         moved, value = imgui.slider_float("maximum", high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
         imgui.end_disabled()

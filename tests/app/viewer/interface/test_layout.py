@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import resources
+
 import numpy as np
 import pytest
+from PIL import ImageFont
 
+from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from tests.support.viewing import Driver
 
 SIZE = (1000, 640)
@@ -45,3 +49,23 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
     driver.actions.panels.controls = False
     driver.frame(3)
     assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
+
+
+def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
+    """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider beside or below
+    `auto` is wide enough for its number."""
+    panels, options = driver.actions.panels, driver.session.options
+    options.frozen = panels.controls = True
+    driver.actions.enlarge(2.0)
+    driver.resize((640, 400))
+    panels.lights = panels.outliner = panels.hud = panels.settings = options.why = options.plane = True
+    driver.frame(6)
+    with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
+        font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
+    headers = {w.label: w for w in driver.widgets if w.kind == "collapsing_header"}
+    for section in driver.viewer.interface.side_panel.sections:
+        if section.is_open():
+            left, _, right, _ = headers[section.title].box
+            assert right - left >= font.getlength(section.title) + 2.0 * 2.0 * FONT_SIZE + 12.0, section.title
+    sliders = [w for w in driver.widgets if w.label in ("##tolerance", "##exposure")]
+    assert len(sliders) == 4 and all(w.box[2] - w.box[0] >= 80.0 for w in sliders), "in the first settings, and in all"
