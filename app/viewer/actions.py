@@ -7,14 +7,12 @@ from collections.abc import Callable
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.film.video import is_film
 from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
@@ -31,7 +29,7 @@ from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.camera_path import camera_flags, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
 _STOPS = 64.0  # the greatest exposure, up and down
@@ -62,11 +60,10 @@ class Actions:
         self.enlarge(preferences.scale)
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.screenshot_wanted: Literal["", "window", "bare"] = ""
+        self.screenshot_wanted = False
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
-        self.saving: Literal["scene", "film"] = "scene"  # what the save dialog is for
         self.film = FilmInBackground()
         preferences.opened(source)
 
@@ -331,40 +328,31 @@ class Actions:
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
-    def save_dialog(self, what: Literal["scene", "film"] = "scene") -> None:
-        """Open the dialog that names the file of the scene, or of the film of the path."""
-        self.panels.save, self.saving = True, what
+    def save_dialog(self) -> None:
+        """Open the dialog that names the file of the scene."""
+        self.panels.save = True
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
         if self.saved_as:
-            self.saving = "scene"
             self.save(self.saved_as, overwrite=True)
         else:
             self.save_dialog()
 
-    def saved_path(self, name: str) -> str:
-        """The path of a scene, or a film, that is saved under this name, with its ending."""
-        if self.saving == "film":
-            return name if is_film(name) else f"{name}.mp4"
-        return name if name.endswith(".scene") else f"{name}.scene"
+    def saved_path(self, name: str) -> Path:
+        """The path of a scene that is saved under this name, with its ending."""
+        return Path(name if name.endswith(".scene") else f"{name}.scene")
 
     def free_name(self) -> str:
-        """A name for the scene, or the film, where the program runs that no file has yet."""
-        stem = self.session.scene.name
-        if self.saving == "film":
-            return _stamped("film", stem, ".mp4")
-        names = (f"{stem}-{i}.scene" for i in range(2, 10_000))
+        """A name for the scene, where the program runs, that no file has yet."""
+        names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, overwrite: bool = False) -> None:
-        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, or the film of the path.
-        Raises InputError where there is such a file, and it may not be overwritten."""
-        path, scene = Path(self.saved_path(name)), self.session.scene.placed(self.session.origin)
-        if self.saving == "film":
-            self._film(str(path), scene)
-            return
-        lost = write_scene(scene, path, overwrite)
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts. Raises InputError where there is such a
+        file, and it may not be overwritten."""
+        path = self.saved_path(name)
+        lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite)
         self.editor.saved = self.editor.edit
         self.panels.save, self.saved_as = False, str(path)
         self.preferences.opened(str(path))
@@ -374,17 +362,19 @@ class Actions:
         if self.pending is not None:
             self.discard()
 
-    def _film(self, name: str, scene: Scene) -> None:
-        """Begin a film of the path as `scene` looks now, in pictures of the present size."""
-        path, session = self.session.path_recorder.path, self.session
+    def save_film(self) -> None:
+        """Begin a film of the path as the scene looks now, in pictures of the present size, in the videos folder."""
+        session, folder = self.session, Path(platformdirs.user_videos_path())
+        path, renderer = session.path_recorder.path, session.renderers[0]
         if path is None:
             raise InputError("there is no path to film; R records one")
-        renderer = session.renderers[0]
         values = overrides(renderer.preset, renderer.settings)
         if np.isfinite(session.exposure):
             values["exposure"] = session.exposure
-        self.film.begin(name, FilmJob(scene, path.shifted(session.origin), session.size, renderer.preset, values))
-        self.panels.save = False
+        folder.mkdir(parents=True, exist_ok=True)
+        scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
+        name = _stamped(str(folder / "irrsplat"), session.scene.name, ".mp4")
+        self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
         """Stop making the film; nothing of it stays."""
@@ -438,9 +428,9 @@ class Actions:
             return
         self.quitting = True
 
-    def screenshot(self, what: Literal["window", "bare"] = "window") -> None:
-        """Write the window, or the picture without the interface, in the next frame."""
-        self.screenshot_wanted = what
+    def screenshot(self) -> None:
+        """Write the picture in the next frame."""
+        self.screenshot_wanted = True
 
     def save_screenshot(self, picture: np.ndarray) -> None:
         """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""

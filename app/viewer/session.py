@@ -23,13 +23,11 @@ from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
-from irrsplat.image.frame import Frame
-from irrsplat.image.statistics import Statistics
-from irrsplat.image.view import Progress, View, read
+from irrsplat.image.view import Progress, View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
@@ -38,7 +36,7 @@ _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its
 
 @dataclass(frozen=True)
 class _Side:
-    """What a tick has made of a side. centre: its view of one sample a pixel. view: the one to show. ms: by stage."""
+    """The result of a tick on a side. centre: its view of one sample a pixel. view: the one to show. ms: by stage."""
 
     centre: View
     view: View
@@ -265,15 +263,6 @@ class Session(Owner):
     def subject(self, camera: Camera, settings: Settings) -> Subject:
         return Subject(self.scene, camera, self.size, settings.bounces)
 
-    def frame(self) -> Frame:
-        """Every buffer of the left side's view as it is now."""
-        source, progress = self.source(0), self.progress[0]
-        stats = Statistics(records=progress.records, rounds=progress.round, coverage=progress.coverage, converged=progress.done)
-        stats["error"] = progress.error
-        stats |= source.renderer.stats(source.view)
-        stats["exposure"] = self.exposure
-        return read(source.view, source.renderer.cache.read(), stats).placed(self.origin)
-
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, side: int, **values: Unpack[SettingValues]) -> None:
@@ -313,10 +302,6 @@ class Session(Owner):
     def look_at_all(self, bounds: np.ndarray) -> None:
         """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""
         self.free_camera.frame(bounds, self.size[0] / self.size[1])
-
-    def relight(self, lights: Sequence[Light]) -> None:
-        """Use other lights: records are gathered again in place, tick by tick."""
-        self.pose(replace(self.scene, lights=tuple(lights)))
 
     def pose(self, scene: Scene) -> None:
         """Show the same scene with other lights, another sky, meshes elsewhere, repainted or hidden: records are gathered again

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
 
 from irrsplat.meter.light_scale import LightScale
 
@@ -19,6 +22,11 @@ SPLITS: dict[Split, str] = {  # and their titles
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
 KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+
+
+def point_of(values: np.ndarray | Sequence[float]) -> Point:
+    x, y, z = np.asarray(values, float).tolist()
+    return x, y, z
 
 
 @dataclass

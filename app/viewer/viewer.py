@@ -202,22 +202,19 @@ class Viewer(Owner):
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
-        actions, size, start = self.actions, self.wnd.buffer_size, now()
-        wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
+        actions, start = self.actions, now()
+        wanted, actions.screenshot_wanted = actions.screenshot_wanted, False
         if wanted and not self.session.whole:
             self.session.draw_whole()
             self.display.update(self.canvas, cursor)
-        if wanted == "bare":
+        if wanted:
             actions.save_screenshot(_pixels(self.canvas))
         self.controls.restyle()
-        window = Screen(self.wnd.fbo, size)
+        window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
         self._draw_interface(dt, cursor, self.canvas.textures[0])
         self.backend.draw(window.gl)
-        if wanted == "window":
-            pixels = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
-            actions.save_screenshot(pixels[::-1] / np.float32(255.0))
         self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------

@@ -343,7 +343,7 @@ class Driver:
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
+        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, False
         actions.messages.lines.clear()
         actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
@@ -429,6 +429,7 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "config"))
     monkeypatch.setenv("XDG_PICTURES_DIR", str(folder / "pictures"))
+    monkeypatch.setenv("XDG_VIDEOS_DIR", str(folder / "videos"))
     monkeypatch.chdir(folder)
     monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # for faster convergence of a changed view
     with driver.wnd.ctx:

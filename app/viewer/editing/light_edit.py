@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINANCE
 from irrsplat.scene.model import Light
 
@@ -32,9 +33,6 @@ def blackbody(kelvin: float) -> tuple[float, float, float]:
     color = np.maximum(_REC_709 @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
     red, green, blue = (color / float(LUMINANCE @ color)).tolist()
     return red, green, blue
-
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class LightEdit:
         gain = 2.0**self.stops if self.on else 0.0
         return replace(self.light, color=(red * gain, green * gain, blue * gain))
 
-    def moved(self, position: Vector) -> LightEdit:
+    def moved(self, position: Point) -> LightEdit:
         """Return the light at another place. A spot keeps its target; a luminaire keeps its direction."""
         light = replace(self.light, position=position)
         if light.photometry is not None and light.spot_target is not None:
@@ -71,10 +69,10 @@ class LightEdit:
             light = replace(light, spot_target=(x, y, z))
         return replace(self, light=light)
 
-    def aimed(self, target: Vector) -> LightEdit:
+    def aimed(self, target: Point) -> LightEdit:
         return replace(self, light=replace(self.light, spot_target=target))
 
-    def coloured(self, color: Vector) -> LightEdit:
+    def coloured(self, color: Point) -> LightEdit:
         return replace(self, light=replace(self.light, color=color), kelvin=None)
 
     def heated(self, kelvin: float) -> LightEdit:

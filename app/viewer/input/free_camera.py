@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from irrsplat.app.viewer.view_options import point_of
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
@@ -107,7 +108,7 @@ class FreeCamera:
 
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
         """Put the camera at `eye`, if it may go there, with `axes` (None: as they are), its target as far as `about`."""
-        camera, up = self.camera, self.camera.up if axes is None else _point(self._world[1])
+        camera, up = self.camera, self.camera.up if axes is None else point_of(self._world[1])
         if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
         if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
@@ -117,15 +118,11 @@ class FreeCamera:
         reach = self._useful(depth if depth > 0.0 else math.dist(camera.eye, camera.target))
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
         reach = max(reach, 1e-7 * float(np.abs(eye).max()))
-        self.camera = Camera(_point(eye), _point(eye - back * reach), up, camera.fov)
+        self.camera = Camera(point_of(eye), point_of(eye - back * reach), up, camera.fov)
 
     def _useful(self, reach: float) -> float:
         """The distance to the target within the bounds of the scene's size."""
         return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
-
-
-def _point(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _basis(up: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ class Layout:
         return self.panel - (_NAMES + 2.0) * imgui.get_font_size() < _NARROWEST * self.scale
 
     def beside(self, width: float, least: float) -> float:
-        """Stay in the line of the last widget if that leaves `least` of a `width`; return what is left, window coordinates."""
+        """Stay in the line of the last widget if that leaves `least` of a `width`. Return the next widget's width."""
         left = width - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x
         if left < least:
             return width

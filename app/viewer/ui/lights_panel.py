@@ -11,10 +11,11 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.editor import KINDS
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.view_options import Point
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
@@ -34,7 +35,7 @@ class LightsPanel:
             title = edited.light.name or f"light {i + 1}"
             if imgui.selectable(f"{title}  ({edited.light.kind})##{i}", i == editor.light)[0]:
                 editor.pick_light(i)
-        if imgui.begin_combo("##add", "add a light", imgui.ComboFlags_.no_arrow_button):
+        if imgui.begin_combo(self.layout.label("new light"), "add"):
             for kind in KINDS:
                 if imgui.selectable(kind, False)[0]:
                     actions.add_light(kind)
@@ -87,7 +88,7 @@ class LightsPanel:
         imgui.set_item_tooltip("half angle of full intensity")
         return edited.coned(cutoff, inner) if wider or softer else edited
 
-    def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
+    def _dragged(self, label: str, place: Point, step: float, direction: bool = False) -> tuple[bool, Point]:
         """Draw the widget of a place or a direction; whether it has changed, and what it is now. Far from 0 0 0, where a widget's
         float32 is too coarse, a place is relative to the scene's origin, and world space stands below it."""
         moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")

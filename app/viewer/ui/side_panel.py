@@ -123,9 +123,10 @@ class SidePanel:
     def _state(self) -> None:
         """Write the progress of the picture, and offer more once it is done."""
         actions, session = self.actions, self.actions.session
-        for progress in session.progress:
+        for renderer, progress in zip(session.active, session.progress, strict=False):
+            who = f"{renderer.preset}: " if len(session.progress) > 1 else ""
             error = "" if progress.error is None else f", estimated error {100.0 * progress.error:.2g} %"
-            imgui.text_wrapped(f"{progress.records} records{error}")
+            imgui.text_wrapped(f"{who}{progress.records} records{error}")
         recorder, done = session.path_recorder, session.at_rest and session.progress
         for true, words in (
             (session.options.frozen, "cache frozen"),

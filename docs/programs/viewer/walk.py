@@ -366,7 +366,7 @@ def film(walker: Walker) -> None:
     walker.key("r")
     walker.hold("w", 0.8)
     walker.key("r")
-    walker.click("File", "Save film…", "save")
+    walker.click("File", "Save film")
     walker.until(lambda: "frame 0" not in walker.viewer.actions.film.progress, "the first frames")
     walker.wait(3)
     walker.keep("film")
@@ -383,7 +383,7 @@ def main() -> None:
     IMAGES.mkdir(parents=True, exist_ok=True)
     rows = []
     with tempfile.TemporaryDirectory() as folder, display():
-        os.environ["IRRSPLAT_CONFIG"] = folder
+        os.environ |= {"IRRSPLAT_CONFIG": folder, "XDG_PICTURES_DIR": folder, "XDG_VIDEOS_DIR": folder}
         os.chdir(folder)
         labels = Labels({})
         labels.follow()

@@ -15,8 +15,8 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
-from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.settings import SettingValues
 from tests.renderer.test_no_holes import holes
 from tests.support.viewing import Driver, push
@@ -38,8 +38,8 @@ def editor(driver: Driver) -> Editor:
     return driver.actions.editor
 
 
-def triple(draw: Draw, high: float, low: float | None = None) -> Vector:
-    return cast(Vector, tuple(draw.uniform(-high if low is None else low, high, 3).tolist()))
+def triple(draw: Draw, high: float, low: float | None = None) -> Point:
+    return cast(Point, tuple(draw.uniform(-high if low is None else low, high, 3).tolist()))
 
 
 def set_object(driver: Driver, draw: Draw) -> None:

@@ -188,7 +188,7 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
     driver.resize((760, 640), density=0.125)
     driver.frame(3)
     for count, kind in enumerate(KINDS, 2):
-        driver.choose(f"add {kind}")
+        driver.choose("new light", kind)
         light = driver.session.scene.lights[-1]
         assert len(driver.session.scene.lights) == count and light.kind == kind and editor.light == count - 1
     editor.pick_light(2)

@@ -225,15 +225,15 @@ def hide(driver: Driver, shown: str) -> None:
     assert covered(driver) > 0.05
 
 
-@case("F12", "Ctrl+F12")
+@case("F12")
 def screenshot(driver: Driver, shown: str) -> None:
-    """The PNG in the pictures folder is the picture, or the window with its interface, to the pixel."""
+    """The PNG in the pictures folder is the picture, to the pixel."""
     folder = Path("pictures").absolute()
     before = set(folder.glob("irrsplat-room-*.png"))
     push(driver, shown)
     (file,) = set(folder.glob("irrsplat-room-*.png")) - before
     picture = np.asarray(Image.open(file).convert("RGB"))
-    assert np.array_equal(picture, driver.canvas() if shown == "F12" else driver.window()) and str(file) in driver.said
+    assert np.array_equal(picture, driver.canvas()) and str(file) in driver.said
 
 
 @case("Ctrl+Q")

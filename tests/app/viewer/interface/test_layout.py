@@ -52,7 +52,7 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
 
 
 def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
-    """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider beside or below
+    """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider next to or below
     `auto` is wide enough for its number."""
     panels, options = driver.actions.panels, driver.session.options
     options.frozen = panels.controls = True
