@@ -39,6 +39,7 @@ class Legends:
             self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None)
             imgui.pop_text_wrap_pos()
             layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
+            layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
             imgui.end()
 
     def _value(self, side: int, cursor: tuple[int, int]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from irrsplat.meter.light_scale import LightScale
 from tests.support.viewing import Driver, push
@@ -26,9 +27,12 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     push(driver, "Ctrl+L")
     driver.frame(2)
     home = driver.session.camera
-    driver.drag((160, 170), (460, 200))
+    driver.drag((200, 150), (440, 165))
     assert driver.session.camera == home and driver.session.options.line is not None, "a drag is no orbit now"
     start, end = (np.array(point) for point in driver.session.options.line)
+    layout = driver.viewer.interface.layout
+    plot = imgui.internal.find_window_by_name("along a line")
+    assert plot.pos.y + plot.size.y <= driver.wnd.height - layout.legend_height, "it covers no legend"
     found = driver.display.profile(0)
     assert found is not None and found.unit == "lux" and found.channels == ("",) and found.summary is not None
     assert found.metres[-1] == pytest.approx(np.linalg.norm(end - start)) and abs(start[1]) < 1e-4 > abs(end[1])

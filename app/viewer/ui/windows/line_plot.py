@@ -32,6 +32,12 @@ class LinePlot:
         self.actions, self.display, self.layout = actions, display, layout
         self._marked: Point | None = None  # the point of the line that the cursor is at in the plot
 
+    @property
+    def width(self) -> float:
+        """Width of the plot, window coordinates."""
+        left, _, right, _ = self.layout.area
+        return min(_SIZE[0] * self.layout.scale, right - left - 2.0 * (MARGIN + imgui.get_style().window_padding.x))
+
     def draw(self) -> None:
         session = self.actions.session
         if not session.options.profile or not session.views:
@@ -39,6 +45,8 @@ class LinePlot:
         self._marked = None
         side = self.actions.side
         _, _, right, bottom = self.layout.area
+        if right - self.width - 4.0 * MARGIN < self.layout.legend_right:  # it stands above the legend
+            bottom -= self.layout.legend_height - MARGIN
         imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
         flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
         shown, opened = imgui.begin("along a line", True, flags)
@@ -72,8 +80,7 @@ class LinePlot:
         summary = found.summary
         if summary is None:
             return imgui.text_disabled(f"{title} has no values along this line")
-        scale, style, (left, _, right, _) = self.layout.scale, imgui.get_style(), self.layout.area
-        width = min(_SIZE[0] * scale, right - left - 2.0 * (MARGIN + style.window_padding.x))
+        scale, style, width = self.layout.scale, imgui.get_style(), self.width
         flags = (
             implot.Flags_.no_menus | implot.Flags_.no_box_select | (implot.Flags_.no_legend if len(found.channels) == 1 else 0)
         )
