@@ -63,14 +63,23 @@ class Layout:
     @property
     def widget(self) -> float:
         """Width of a widget in the side panel, window coordinates."""
+        return self.room if self.stacked else self.room - _NAMES * imgui.get_font_size()
+
+    @property
+    def room(self) -> float:
+        """Width of a line in the side panel, window coordinates."""
         style = imgui.get_style()
-        room = self.panel - 2.0 * style.window_padding.x - style.scrollbar_size
-        return room if self.stacked else room - _NAMES * imgui.get_font_size()
+        return self.panel - 2.0 * style.window_padding.x - style.scrollbar_size
 
     @property
     def stacked(self) -> bool:
         """True if the panel is so narrow that names stand above their widgets."""
         return self.panel - (_NAMES + 2.0) * imgui.get_font_size() < _NARROWEST * self.scale
+
+    @property
+    def metres(self) -> str:
+        """The format of coordinates in metres."""
+        return "%.2f" if self.stacked else "%.3f"
 
     def beside(self, width: float, least: float) -> float:
         """Stay in the line of the last widget if that leaves `least` of a `width`. Return the next widget's width."""

@@ -91,7 +91,7 @@ class LightsPanel:
     def _dragged(self, label: str, place: Point, step: float, direction: bool = False) -> tuple[bool, Point]:
         """Draw the widget of a place or a direction; whether it has changed, and what it is now. Far from 0 0 0, where a widget's
         float32 is too coarse, a place is relative to the scene's origin, and world space stands below it."""
-        moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")
+        moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, self.layout.metres)
         if any(self.actions.session.origin) and not direction:
             imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), self.actions.session.origin)))
         return moved, (x, y, z)

@@ -34,7 +34,7 @@ HERE = Path(__file__).resolve().parents[1]
 IMAGES = HERE.parent / "images" / "walk"
 SIZE = (1000, 640)
 LIMIT = 200_000  # bytes a picture
-PATIENCE = 240.0  # seconds
+PATIENCE = 900.0  # seconds
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
     *("slider_float", "slider_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),

@@ -45,7 +45,12 @@ class ObjectPanel:
     def _placed(self, edit: ObjectEdit) -> ObjectEdit:
         """The edit, with what the widgets of its place have changed."""
         moved, offset = imgui.drag_float3(
-            self.layout.label("translation"), list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
+            self.layout.label("translation"),
+            list(edit.offset),
+            self.actions.session.scene.diagonal / 500.0,
+            0,
+            0,
+            self.layout.metres,
         )
         imgui.set_item_tooltip("metres from its place in the file")
         if moved:

@@ -125,10 +125,11 @@ def draw_unsaved(actions: Actions) -> None:
         return
     view = imgui.get_main_viewport()
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
+    imgui.set_next_window_size((_SHARE * view.size.x, 0.0))
+    flags = imgui.WindowFlags_.no_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
     shown, opened = imgui.begin("unsaved changes", True, flags)
     if shown:
-        imgui.text_unformatted(f"{actions.session.scene.name} has changes that no file has.")
+        imgui.text_wrapped(f"{actions.session.scene.name} has changes that no file has.")
         if imgui.button("save…"):
             actions.save_dialog()
         imgui.same_line()

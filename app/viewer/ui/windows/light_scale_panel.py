@@ -36,13 +36,14 @@ class LightScalePanel:
             factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
             highest = None if scale.highest is None else scale.highest * factor
             scale, high = replace(scale, unit=_UNITS[chosen], highest=highest), high * factor
+        maximum = label("maximum")
         flipped, automatic = imgui.checkbox("auto", scale.highest is None)
         imgui.set_item_tooltip("a round number above nearly all that is seen")
         if flipped:
             scale = replace(scale, highest=None if automatic else high)
         imgui.set_next_item_width(self.layout.beside(self.layout.widget, READABLE * self.layout.scale))
         imgui.begin_disabled(scale.highest is None)
-        moved, value = imgui.slider_float("maximum", high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
+        moved, value = imgui.slider_float(maximum, high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
         imgui.end_disabled()
         imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
         if moved and scale.highest is not None and value > 0.0:

@@ -40,7 +40,9 @@ class PlanePanel:
             if found["uniformity"] is not None:
                 imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
         lines = f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines else ""
-        draw_scale(Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale)
+        draw_scale(
+            Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale, self.layout.room
+        )
 
     def draw_values(self) -> None:
         """Draw values at some of the points that are seen."""

@@ -6,6 +6,7 @@ from importlib import resources
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import ImageFont
 
 from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
@@ -69,3 +70,17 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
             assert right - left >= font.getlength(section.title) + 2.0 * 2.0 * FONT_SIZE + 12.0, section.title
     sliders = [w for w in driver.widgets if w.label in ("##tolerance", "##exposure")]
     assert len(sliders) == 4 and all(w.box[2] - w.box[0] >= 80.0 for w in sliders), "in the first settings, and in all"
+
+
+def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
+    """At 640×400 and scale 2, the question about unsaved changes and a legend with a colour scale are not cut off."""
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.enlarge(2.0)
+    driver.resize((640, 400))
+    driver.actions.show("weight")
+    driver.actions.pending = driver.actions.stop
+    driver.frame(6)
+    for name in ("unsaved changes", "legend 0"):
+        window = imgui.internal.find_window_by_name(name)
+        assert window.content_size.x <= window.size.x - 2.0 * window.window_padding.x, name
+        assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0, name
