@@ -190,8 +190,9 @@ class Viewer(Owner):
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))
-        for resource in (*self.canvas.textures, self.canvas):  # a target has only borrowed its textures
-            resource.release()
+        for texture in self.canvas.textures:  # which it has only borrowed
+            texture.release()
+        self.canvas.release()
         self.canvas = self._canvas(size)
 
     def _note(self, stage: str, start: float) -> None:

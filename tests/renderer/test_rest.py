@@ -115,7 +115,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     if case == "panels":
         actions.panels.settings = actions.panels.hud = actions.panels.lights = True
     elif case == "marks":
-        options.points = options.discs = options.normals = options.wire = True
+        options.points = options.discs = options.wire = True
     elif case == "split":
         driver.session.split("buffers")
     settle(driver)
