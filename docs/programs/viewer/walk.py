@@ -144,7 +144,7 @@ class Walker:
     def key(self, *keys: str) -> None:
         """Press keys; each is an action."""
         for name in keys:
-            self.done.append(f"`{name.title() if '+' in name or len(name) == 1 else name}`")
+            self.done.append(f"`{name.title() if '+' in name or len(name) == 1 or name.islower() else name}`")
             self._hand("key", name)
 
     def hold(self, key: str, seconds: float) -> None:
@@ -313,7 +313,7 @@ def compare(walker: Walker) -> None:
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
     tracing = walker.viewer.actions.session.tracing
-    walker.until(lambda: tracing.traced is None or tracing.traced > 0.1, "a reference of some samples")
+    walker.until(lambda: tracing.traced is None or tracing.traced > 0.02, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")
