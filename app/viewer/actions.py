@@ -7,14 +7,13 @@ from collections.abc import Callable
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.film.video import is_film
+from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
@@ -24,13 +23,13 @@ from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Compare, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import SCALES, SPLITS, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
+from irrsplat.scene.camera_path import camera_flags, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
 _STOPS = 64.0  # the greatest exposure, up and down
@@ -56,17 +55,15 @@ class Actions:
         self._copy = copy
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
+        self.panels.fullscreen = preferences.fullscreen
         self.scale = 1.0  # of text and widgets; the monitor has another one
         self.enlarge(preferences.scale)
-        self.close_menus = self.context_menu = False  # whether menus close, and a context menu opens, in the next frame
         self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.screenshot_wanted: Literal["", "window", "bare"] = ""
-        self.fullscreen_wanted = preferences.fullscreen
+        self.screenshot_wanted = False
         self.quitting = False
         self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
-        self.saving: Literal["scene", "film"] = "scene"  # what the save dialog is for
         self.film = FilmInBackground()
         preferences.opened(source)
 
@@ -103,10 +100,6 @@ class Actions:
     @property
     def filming(self) -> bool:
         return self.film.busy
-
-    @property
-    def is_split(self) -> bool:
-        return self.session.options.split != "off"
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
         self.messages.say(text, error, topic)
@@ -149,18 +142,9 @@ class Actions:
         self.stop()
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
-    def copy_line(self) -> None:
-        self._copy(camera_line(self.session.world_camera))
-        self.say("the camera is in the clipboard, as a line of a .scene")
-
     def copy_flags(self) -> None:
         self._copy(camera_flags(self.session.world_camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
-
-    def copy(self, text: str, called: str = "") -> None:
-        """Copy a text to the clipboard, and say so of it, or of what it is called."""
-        self._copy(text)
-        self.say(f"{called or text} is in the clipboard")
 
     def record(self) -> None:
         """Begin to record the flight, or end it and write the path file."""
@@ -206,7 +190,6 @@ class Actions:
             "show": options.buffers[self.side if options.split != "off" else 0],
             "use_preset": session.settings(self.side)[0],
             "use_split": options.split,
-            "compare_by": options.compare if self.is_split else "",
         }
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
@@ -223,8 +206,6 @@ class Actions:
 
     def toggle(self, name: str) -> None:
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
-        if name == "inspect":
-            self.session.held = None
 
     def use_split(self, way: Split) -> None:
         self.session.split(way)
@@ -235,26 +216,13 @@ class Actions:
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.use_split(way)
 
-    def compare(self) -> None:
-        """Compare both sides the next way; where there is one alone, with the other preset's."""
-        session = self.session
-        if session.options.split == "off":
-            session.split("presets")
-        ways = list(COMPARES)
-        now = session.options.compare
-        self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
-
-    def compare_by(self, way: Compare) -> None:
-        self.session.options.compare, self.session.options.flipped = way, False
-        self.say(COMPARES[way], topic="split")
-
     def flip(self) -> None:
-        """Show the other side in place of the one on show."""
-        if self.session.options.split == "off":
+        """Show one side alone, the other one each time; from one picture on, that of another preset."""
+        options = self.session.options
+        if options.split == "off":
             self.session.split("presets")
-        self.session.flip()
-        self.side = self.session.side_at(0)
-        self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
+        self.side = options.alone = 0 if options.alone == 1 else 1
+        self.say(("left", "right")[self.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
         self.session.use_preset(self.side, name)
@@ -291,9 +259,6 @@ class Actions:
     def auto_exposure(self) -> None:
         self.session.change(self.side, exposure="auto")
         self.say("exposure auto", topic="exposure")
-
-    def step(self) -> None:
-        self.session.step()
 
     def clear(self) -> None:
         self.session.clear()
@@ -363,40 +328,31 @@ class Actions:
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
-    def save_dialog(self, what: Literal["scene", "film"] = "scene") -> None:
-        """Open the dialog that names the file of the scene, or of the film of the path."""
-        self.panels.save, self.saving = True, what
+    def save_dialog(self) -> None:
+        """Open the dialog that names the file of the scene."""
+        self.panels.save = True
 
     def save_again(self) -> None:
         """Save the scene where it was saved last; the first time, open the dialog."""
         if self.saved_as:
-            self.saving = "scene"
             self.save(self.saved_as, overwrite=True)
         else:
             self.save_dialog()
 
-    def saved_path(self, name: str) -> str:
-        """The path of a scene, or a film, that is saved under this name, with its ending."""
-        if self.saving == "film":
-            return name if is_film(name) else f"{name}.mp4"
-        return name if name.endswith(".scene") else f"{name}.scene"
+    def saved_path(self, name: str) -> Path:
+        """The path of a scene that is saved under this name, with its ending."""
+        return Path(name if name.endswith(".scene") else f"{name}.scene")
 
     def free_name(self) -> str:
-        """A name for the scene, or the film, where the program runs that no file has yet."""
-        stem = self.session.scene.name
-        if self.saving == "film":
-            return _stamped("film", stem, ".mp4")
-        names = (f"{stem}-{i}.scene" for i in range(2, 10_000))
+        """A name for the scene, where the program runs, that no file has yet."""
+        names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, overwrite: bool = False) -> None:
-        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, or the film of the path.
-        Raises InputError where there is such a file, and it may not be overwritten."""
-        path, scene = Path(self.saved_path(name)), self.session.scene.placed(self.session.origin)
-        if self.saving == "film":
-            self._film(str(path), scene)
-            return
-        lost = write_scene(scene, path, overwrite)
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts. Raises InputError where there is such a
+        file, and it may not be overwritten."""
+        path = self.saved_path(name)
+        lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite)
         self.editor.saved = self.editor.edit
         self.panels.save, self.saved_as = False, str(path)
         self.preferences.opened(str(path))
@@ -406,17 +362,19 @@ class Actions:
         if self.pending is not None:
             self.discard()
 
-    def _film(self, name: str, scene: Scene) -> None:
-        """Begin a film of the path as `scene` looks now, in pictures of the present size."""
-        path, session = self.session.path_recorder.path, self.session
+    def save_film(self) -> None:
+        """Begin a film of the path as the scene looks now, in pictures of the present size, in the videos folder."""
+        session, folder = self.session, Path(platformdirs.user_videos_path())
+        path, renderer = session.path_recorder.path, session.renderers[0]
         if path is None:
             raise InputError("there is no path to film; R records one")
-        renderer = session.renderers[0]
         values = overrides(renderer.preset, renderer.settings)
         if np.isfinite(session.exposure):
             values["exposure"] = session.exposure
-        self.film.begin(name, FilmJob(scene, path.shifted(session.origin), session.size, renderer.preset, values))
-        self.panels.save = False
+        folder.mkdir(parents=True, exist_ok=True)
+        scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
+        name = _stamped(str(folder / "irrsplat"), session.scene.name, ".mp4")
+        self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
         """Stop making the film; nothing of it stays."""
@@ -446,18 +404,14 @@ class Actions:
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Close menus, dialogs and messages, stop a path, and deselect record, object and light."""
+        """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
-        self.close_menus = True
-        self.session.held = None
         self.editor.pick_light(None)
         panels = self.panels
+        panels.close_menus = True
         panels.help = panels.open = panels.save = panels.palette = False
         self.pending = None
         self.messages.close()
-
-    def fullscreen(self) -> None:
-        self.fullscreen_wanted = not self.fullscreen_wanted
 
     def enlarge(self, scale: float) -> None:
         """Make text and widgets `scale` times as large, within SCALES."""
@@ -474,9 +428,9 @@ class Actions:
             return
         self.quitting = True
 
-    def screenshot(self, what: Literal["window", "bare"] = "window") -> None:
-        """Write the window, or the picture without the interface, in the next frame."""
-        self.screenshot_wanted = what
+    def screenshot(self) -> None:
+        """Write the picture in the next frame."""
+        self.screenshot_wanted = True
 
     def save_screenshot(self, picture: np.ndarray) -> None:
         """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""
@@ -511,6 +465,7 @@ class Actions:
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
+        memory.trim()
         self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Unpack, cast
 
 import moderngl
@@ -16,7 +16,6 @@ from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
 from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
-from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -24,17 +23,25 @@ from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
-from irrsplat.image.frame import Frame
-from irrsplat.image.statistics import Statistics
-from irrsplat.image.view import Progress, View, read
+from irrsplat.image.view import Progress, View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The result of a tick on a side. centre: its view of one sample a pixel. view: the one to show. ms: by stage."""
+
+    centre: View
+    view: View
+    progress: Progress
+    ms: dict[str, float]
 
 
 class Session(Owner):
@@ -65,19 +72,12 @@ class Session(Owner):
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
-        self.views: list[View] = []
-        self.progress: list[Progress] = []
-        self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
         self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
-        self.line: tuple[Point, Point] | None = None  # that buffers are measured along; world space
         self.plane = MeasuringPlane()
-        self.surface: Surface | None = None  # the point whose light is explained, and its normal
-        self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
-        self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
+        self._made: list[_Side] = []  # at the last tick
         self._shown: tuple[object, object] | None = None  # what the views are of
-        self._stepping = False
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.brightest_light, self.plane)
@@ -88,6 +88,20 @@ class Session(Owner):
     def active(self) -> list[Renderer]:
         """The renderers at work: two where two presets are compared."""
         return self.renderers[: 2 if self.options.split == "presets" else 1]
+
+    @property
+    def views(self) -> list[View]:
+        return [side.view for side in self._made]
+
+    @property
+    def progress(self) -> list[Progress]:
+        return [side.progress for side in self._made]
+
+    @property
+    def ms(self) -> dict[str, float]:
+        """Milliseconds of the last tick by stage, of both sides."""
+        stages = dict.fromkeys(stage for side in self._made for stage in side.ms)
+        return {stage: sum(side.ms.get(stage, 0.0) for side in self._made) for stage in stages}
 
     @property
     def camera(self) -> Camera:
@@ -109,7 +123,7 @@ class Session(Owner):
             if r.settings.viewer_samples > 1
         )
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
-        return served and sampled and refined and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
+        return served and sampled and refined and self.auto_exposure.settled and self.path_recorder.at_rest
 
     @property
     def moving(self) -> bool:
@@ -160,27 +174,20 @@ class Session(Owner):
                 made = [self._advance(side, seconds / len(self.active), gather) for side in range(len(self.active))]
         except InputWaits:
             return False
-        self._centres, self.views, self.progress = (list(column) for column in zip(*made, strict=True))
-        self._shown, self.ms = subject, {}
-        for renderer in self.active:
-            for stage, ms in renderer.timers.milliseconds().items():
-                self.ms[stage] = self.ms.get(stage, 0.0) + ms
-        self._stepping = self._stepping and not all(p.complete for p in self.progress)
-        self._release_lost_record()
-        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not all(_filled(p) for p in self.progress))
+        self._made, self._shown = made, subject
+        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not all(_filled(p) for p in self.progress))
         if "light" in self.options.buffers:
             self.brightest_light.look(self.renderers[0], self.views[0])
         return True
 
-    def _advance(self, side: int, seconds: float, gather: bool) -> tuple[View, View, Progress]:
-        """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
+    def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
+        """Give a side's cache `seconds` of time."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and self.options.split == "off"
         seconds *= _MOVING if moving else 1.0
-        gather = gather and (self._stepping or not self.options.frozen)
-        view, progress = renderer.frame(self.camera, seconds, gather, moving)
+        view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
-        if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
+        if self._at_rest(progress) and any(view is one.centre for one in self._made):  # nothing has moved since
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                 aim = 0.01 * renderer.settings.viewer_quality
@@ -188,7 +195,7 @@ class Session(Owner):
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the next step of the refinement has as many
-        return centre, view, progress
+        return _Side(centre, view, progress, renderer.timers.milliseconds())
 
     @property
     def _subject(self) -> tuple[object, object]:
@@ -206,7 +213,7 @@ class Session(Owner):
     def sides(self) -> Iterator[tuple[int, Region | None]]:
         """The sides on show, and the part of the window that each takes (None: all of it)."""
         width, height = self.size
-        if self.options.split == "off" or self.options.compare != "divided":
+        if self.options.split == "off" or self.options.alone is not None:
             yield self.side_at(0), None
             return
         middle = min(max(round(self.options.divider * width), 1), width - 1)
@@ -214,26 +221,11 @@ class Session(Owner):
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
-        """The side at `x`, pixels from the left; 0 where both are in one picture."""
+        """The side at `x`, pixels from the left."""
         options = self.options
-        if options.split == "off" or options.compare == "difference":
+        if options.split == "off":
             return 0
-        return int(options.flipped if options.compare == "flip" else x >= round(options.divider * self.size[0]))
-
-    @property
-    def compared(self) -> bool:
-        return self.options.split != "off" and self.options.compare == "difference"
-
-    @property
-    def pair(self) -> str:
-        """The compared presets in words."""
-        return " and ".join(renderer.preset for renderer in self.active)
-
-    def flip(self) -> None:
-        """Show the other side in place of the one on show."""
-        options = self.options
-        options.flipped = not options.flipped if options.compare == "flip" else True
-        options.compare = "flip"
+        return int(x >= round(options.divider * self.size[0])) if options.alone is None else options.alone
 
     def buffer(self, side: int) -> str:
         return self.options.buffers[side]
@@ -271,15 +263,6 @@ class Session(Owner):
     def subject(self, camera: Camera, settings: Settings) -> Subject:
         return Subject(self.scene, camera, self.size, settings.bounces)
 
-    def frame(self) -> Frame:
-        """Every buffer of the left side's view as it is now."""
-        source, progress = self.source(0), self.progress[0]
-        stats = Statistics(records=progress.records, rounds=progress.round, coverage=progress.coverage, converged=progress.done)
-        stats["error"] = progress.error
-        stats |= source.renderer.stats(source.view)
-        stats["exposure"] = self.exposure
-        return read(source.view, source.renderer.cache.read(), stats).placed(self.origin)
-
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, side: int, **values: Unpack[SettingValues]) -> None:
@@ -288,17 +271,10 @@ class Session(Owner):
             own = {k: v for k, v in values.items() if k in _SHARED or renderer is self.renderer(side)}
             if own:
                 renderer.change(renderer.settings.with_values(own))
-        self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
-        self._release_lost_record()
-
-    def _release_lost_record(self) -> None:
-        """Hold a record no longer once it is gone."""
-        if self.held is not None and self.renderer(self.held[0]).cache.number_of(self.held[1]) is None:
-            self.held = None
 
     def split(self, way: Split) -> None:
         """Show one picture, two buffers, or two presets side by side: the present one and paper, or paper and default."""
@@ -312,9 +288,7 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
-        if way == "off":
-            options.compare, options.flipped = "divided", False  # what blinked ends with the comparison
-        options.split, self.held = way, None
+        options.split, options.alone = way, None
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
@@ -328,10 +302,6 @@ class Session(Owner):
     def look_at_all(self, bounds: np.ndarray) -> None:
         """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""
         self.free_camera.frame(bounds, self.size[0] / self.size[1])
-
-    def relight(self, lights: Sequence[Light]) -> None:
-        """Use other lights: records are gathered again in place, tick by tick."""
-        self.pose(replace(self.scene, lights=tuple(lights)))
 
     def pose(self, scene: Scene) -> None:
         """Show the same scene with other lights, another sky, meshes elsewhere, repainted or hidden: records are gathered again
@@ -363,7 +333,7 @@ class Session(Owner):
         """The window has another size, pixels."""
         for renderer in self.renderers:
             renderer.resize(size)
-        self.size, self.views, self.progress = size, [], []
+        self.size, self._made = size, []
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
         """Show another scene with the same settings, from its own first camera; or from where one is, with path and speed."""
@@ -388,21 +358,16 @@ class Session(Owner):
             self.free_camera.speed = before.speed
         if moved.any():
             self.path_recorder.shift(moved)
-            self.line = None
+            self.options.line = None
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure, self.line, self.surface = AutoExposure(), None, None
-        self.views, self.progress, self.held = [], [], None
+            self.auto_exposure, self.options.line, self.options.surface = AutoExposure(), None, None
+        self._made = []
 
     def clear(self) -> None:
         for renderer in self.active:
             renderer.forget(lights=False)
-        self.held = None
-
-    def step(self) -> None:
-        """Freeze the cache, and gather one complete round in as many ticks as it takes."""
-        self.options.frozen = self._stepping = True
 
 
 def _filled(progress: Progress) -> bool:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from irrsplat.meter.light_scale import LightScale
+
+Point = tuple[float, float, float]
+Surface = tuple[Point, Point]  # a point and its unit normal
 
 Split = Literal["off", "buffers", "presets"]
 SPLITS: dict[Split, str] = {  # and their titles
@@ -14,34 +20,32 @@ SPLITS: dict[Split, str] = {  # and their titles
     "presets": "two presets",
 }
 
-Compare = Literal["divided", "flip", "difference"]
-COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
-    "divided": "side by side",
-    "flip": "one after the other",
-    "difference": "difference",
-}
-
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "normals", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+
+
+def point_of(values: np.ndarray | Sequence[float]) -> Point:
+    x, y, z = np.asarray(values, float).tolist()
+    return x, y, z
 
 
 @dataclass
 class ViewOptions:
-    """The buffers on show, the split, and overlays."""
+    """The buffers on show, the split, overlays, and what is measured."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
-    compare: Compare = "divided"
-    flipped: bool = False  # the right side is on show, where one is after the other
+    alone: int | None = None  # the side that fills the picture; None: both, with a divider
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False
-    normals: bool = False
     wire: bool = False
     inspect: bool = False
     profile: bool = False  # whether lines are measured along
+    line: tuple[Point, Point] | None = None  # that buffers are measured along
     plane: bool = False  # whether a horizontal plane is measured
     why: bool = False  # whether a click on a surface shows where its light comes from
+    surface: Surface | None = None  # that was clicked on for this
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 
@@ -60,6 +64,9 @@ class Panels:
     save: bool = False
     palette: bool = False
     hidden: bool = False
+    fullscreen: bool = False
+    close_menus: bool = False  # in the next frame
+    context_menu: bool = False  # opens in the next frame
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

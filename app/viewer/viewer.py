@@ -11,13 +11,13 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
+from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
@@ -59,14 +59,13 @@ class Viewer(Owner):
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
-        self.outline = Outline(wnd.ctx)
         self.backend = ImguiBackend()
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
-        self.canvas, self.outlined = self._canvas(wnd.buffer_size), self._canvas(wnd.buffer_size)  # the picture; with the outline
+        self.canvas = self._canvas(wnd.buffer_size)  # the picture
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
@@ -89,8 +88,8 @@ class Viewer(Owner):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
-        own = self.session, self.display, self.outline, self.actions.film, self.backend
-        return (*own, *self.canvas.textures, self.canvas, *self.outlined.textures, self.outlined)
+        own = self.session, self.display, self.actions.film, self.backend
+        return (*own, *self.canvas.textures, self.canvas)
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         texture = self.ctx.texture(size, 4)
@@ -103,8 +102,8 @@ class Viewer(Owner):
         """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
         start = now()
         actions, session = self.actions, self.session
-        if actions.fullscreen_wanted != self.wnd.fullscreen:
-            self.wnd.fullscreen = actions.fullscreen_wanted
+        if actions.panels.fullscreen != self.wnd.fullscreen:
+            self.wnd.fullscreen = actions.panels.fullscreen
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
@@ -191,9 +190,10 @@ class Viewer(Owner):
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))
-        for canvas in (self.canvas, self.outlined):
-            _free(canvas)
-        self.canvas, self.outlined = self._canvas(size), self._canvas(size)
+        for texture in self.canvas.textures:  # which it has only borrowed
+            texture.release()
+        self.canvas.release()
+        self.canvas = self._canvas(size)
 
     def _note(self, stage: str, start: float) -> None:
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
@@ -203,30 +203,19 @@ class Viewer(Owner):
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
-        actions, size, start = self.actions, self.wnd.buffer_size, now()
-        wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
+        actions, start = self.actions, now()
+        wanted, actions.screenshot_wanted = actions.screenshot_wanted, False
         if wanted and not self.session.whole:
             self.session.draw_whole()
             self.display.update(self.canvas, cursor)
-        if wanted == "bare":
+        if wanted:
             actions.save_screenshot(_pixels(self.canvas))
-        shown = self.canvas
-        if actions.editor.mesh is None:
-            self.outline.forget()
-        elif not actions.panels.hidden:
-            shown = self.outlined
-            shown.use()  # all of it, and no scissor
-            self.ctx.copy_framebuffer(shown.gl, self.canvas.gl)
-            self.outline(shown, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         self.controls.restyle()
-        window = Screen(self.wnd.fbo, size)
+        window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
-        self._draw_interface(dt, cursor, shown.textures[0])
+        self._draw_interface(dt, cursor, self.canvas.textures[0])
         self.backend.draw(window.gl)
-        if wanted == "window":
-            pixels = np.frombuffer(window.gl.read((0, 0, *size), alignment=1), "u1").reshape(size[1], size[0], 3)
-            actions.save_screenshot(pixels[::-1] / np.float32(255.0))
         self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------
@@ -303,13 +292,6 @@ def _pixels(target: Target) -> np.ndarray:
     return np.frombuffer(texture.read(), "u1").reshape(height, width, 4)[::-1, :, :3] / np.float32(255.0)
 
 
-def _free(canvas: Target) -> None:
-    """Free a target and its textures, which it has only borrowed."""
-    for texture in canvas.textures:
-        texture.release()
-    canvas.release()
-
-
 def announce(wnd: BaseWindow, scene: Scene) -> None:
     """Show what the window waits for until its first frame, which of a large scene takes a while, on a grey."""
     backend = ImguiBackend(Desktop(wnd).scale / wnd.pixel_ratio)
@@ -341,6 +323,7 @@ def run(
     have, and where there is such a file, but not of this scene and these settings; KeyboardInterrupt, when all is closed, after
     Ctrl-C.
     """
+    memory.return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
     if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
         takes = f"{smaller[0]}x{smaller[1]} pixels, as large as the screen takes"

@@ -191,7 +191,10 @@ class Refiner(Owner):
         check, gatherer, cache = state.check, self.scheduler.gatherer, self.cache
         if check is None:
             seed, off = (self.scheduler.settings.seed, state.step), SMOOTH_OFF * gatherer.world.scene.diagonal
-            check = replace(drawn(read_back(gbuffer), state.splats, seed, off), first=cache.count)
+            seen = read_back(gbuffer)
+            if not seen.mask.any():  # such as a view past the scene
+                return replace(state, error=0.0, last_error=0.0, ended=True)
+            check = replace(drawn(seen, state.splats, seed, off), first=cache.count)
         done, again = check.done, check.again
         if check.coarse is None:
             done += gatherer.gather(shadows, check.sites[done:], budget, self._side(state.doublings))

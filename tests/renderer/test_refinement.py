@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,15 @@ def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Render
     renderer.frame("corner")
     renderer.forget()
     assert np.array_equal(renderer.render(renderer.scene.camera()).image, plain.image)
+
+
+def test_a_view_of_nothing_is_refined_at_once(renderer: Renderer) -> None:
+    """Its error is 0, as there is no pixel that could be off."""
+    renderer.render()  # so that the cache has records
+    away = replace(renderer.scene.camera(), target=(0.0, 0.0, 9.0))
+    renderer.frame(away)
+    _, progress = renderer.refine(away, 0.01, None)
+    assert progress.refined and progress.error == 0.0
 
 
 @pytest.mark.few_sites

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from irrsplat.gpu.program import Program
+from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
 from tests.support.viewing import Driver, viewing, write_room
 
@@ -69,7 +70,8 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
     assert counts == sorted(counts) and set(counts) == set(range(1, SAMPLES + 1))
     renderer = session.renderers[0]
     renderer.change(replace(renderer.settings, samples=SAMPLES))
-    mine, frame = session.frame(), renderer.render(session.camera)
+    mine = read(session.views[0], renderer.cache.read(), renderer.stats(session.views[0]))
+    frame = renderer.render(session.camera)
     for name in ("image", "direct", "indirect", "emission", "irradiance"):
         assert np.allclose(getattr(mine, name), getattr(frame, name), rtol=1e-5, atol=1e-6), name
     assert mine.stats["samples"] == SAMPLES
@@ -113,7 +115,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     if case == "panels":
         actions.panels.settings = actions.panels.hud = actions.panels.lights = True
     elif case == "marks":
-        options.points = options.discs = options.normals = options.wire = True
+        options.points = options.discs = options.wire = True
     elif case == "split":
         driver.session.split("buffers")
     settle(driver)

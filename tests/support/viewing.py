@@ -343,13 +343,13 @@ class Driver:
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, ""
+        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, False
         actions.messages.lines.clear()
         actions.scale, actions.saved_as = 1.0, ""
         self.viewer.interface.files.typed = ""
-        session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
+        session.options, session.path_recorder = ViewOptions(), PathRecorder()
         session.tracing.release()
-        actions.fullscreen_wanted, actions.quitting = False, False
+        actions.quitting = False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed
         session.free_camera.home()
@@ -387,9 +387,9 @@ def watched(driver: Driver) -> Iterator[None]:
             if name in ("begin_menu", "begin_combo") and result:  # then the last item belongs to another window
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-            right = high.x
-            if name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
-                right -= imgui.calc_text_size(label).x + imgui.get_style().item_inner_spacing.x
+            right, seen = high.x, label.split("##")[0]
+            if seen and name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+                right -= imgui.calc_text_size(seen).x + imgui.get_style().item_inner_spacing.x
             driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
             return result
 
@@ -429,6 +429,7 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "config"))
     monkeypatch.setenv("XDG_PICTURES_DIR", str(folder / "pictures"))
+    monkeypatch.setenv("XDG_VIDEOS_DIR", str(folder / "videos"))
     monkeypatch.chdir(folder)
     monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # for faster convergence of a changed view
     with driver.wnd.ctx:

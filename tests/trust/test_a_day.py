@@ -40,7 +40,7 @@ def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> st
     """Perform one random user action; return its name."""
     if draw.random() < 0.25:
         key = KEYS[draw.integers(len(KEYS))]
-        if key.action not in LEFT_OUT:
+        if not {key.action, key.argument} & LEFT_OUT:
             driver.press(key.key, key.ctrl, key.shift)
             return key.shown
     if draw.random() < 0.1:

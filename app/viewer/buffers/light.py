@@ -7,7 +7,7 @@ import numpy as np
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Legend, ShownBuffer, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.show.screen import Texels
-from irrsplat.meter.light_scale import STEPS, LightScale, false_colours
+from irrsplat.meter.light_scale import STEPS, false_colours
 
 
 class LightBuffer(ShownBuffer):
@@ -45,11 +45,5 @@ class LightBuffer(ShownBuffer):
     def legend(self, source: ViewSource) -> Legend:
         scale = source.light_scale
         low, high = scale.ends
-        return Legend(_words(scale), f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())
-
-
-def _words(scale: LightScale) -> str:
-    low, high = scale.ends
-    if scale.logarithmic:
-        return "logarithmic" + (f"; {STEPS / scale.decades:.3g} lines a decade" if scale.lines else "")
-    return "linear" + (f"; a line every {(high - low) / STEPS:.4g} {scale.shown_unit}" if scale.lines else "")
+        lines = f"a line every {(high - low) / STEPS:.4g} {scale.shown_unit}" if scale.lines else ""
+        return Legend(lines, f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, ShownBuffer, Values, ViewSource, depth_at
-from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white, great_irradiance, irradiance_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white, irradiance_at
 from irrsplat.app.viewer.buffers.weight import draw_dim_picture
 from irrsplat.app.viewer.show.screen import Texels
 
@@ -28,10 +28,6 @@ class ReferenceBuffer(ShownBuffer):
         else:
             draw_irradiance(canvas, source, reference.values)
 
-    def values(self, source: ViewSource) -> Values | None:
-        reference = source.reference
-        return None if reference is None else Values(reference.values, 0, great_irradiance(source))
-
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         if source.reference is None or depth_at(texels, source, x, y) is None:
             return None
@@ -45,9 +41,6 @@ class ReferenceBuffer(ShownBuffer):
 
 
 class ErrorBuffer(ReferenceBuffer):
-    def values(self, source: ViewSource) -> Values | None:
-        return None
-
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         reference = source.reference
         if reference is None:

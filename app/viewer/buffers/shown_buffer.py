@@ -121,26 +121,6 @@ class Canvas:
 
 
 @dataclass(frozen=True)
-class Values:
-    """The numbers of a buffer, for the difference of two sides.
-
-    form: what they are of a texel: 0 rgb, 1 r, 2 rgb/a, 3 rgb/a times `albedo`/π, 4 a. full: a great difference, which has the
-    full colour. everywhere: whether there are numbers where nothing is seen.
-    """
-
-    texture: moderngl.Texture
-    form: int
-    full: float
-    everywhere: bool = False
-    albedo: moderngl.Texture | None = None
-
-    @property
-    def channels(self) -> int:
-        """Numbers per pixel."""
-        return 1 if self.form in (1, 4) else 3
-
-
-@dataclass(frozen=True)
 class ShownBuffer(ABC):
     """A buffer that the viewer can show. A new one is an instance (or a subclass) of this, listed in table.BUFFERS.
 
@@ -162,10 +142,6 @@ class ShownBuffer(ABC):
     def unit_shown(self, source: ViewSource) -> str:
         """The unit of the values under the cursor."""
         return self.unit
-
-    def values(self, source: ViewSource) -> Values | None:
-        """Its numbers, to be compared with another side's; None where it has none at every pixel of the view."""
-        return None
 
     @abstractmethod
     def draw(self, canvas: Canvas, source: ViewSource) -> None:

@@ -18,12 +18,10 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     ImageBuffer,
     IndirectBuffer,
     IrradianceBuffer,
-    OpacityBuffer,
     RadianceBuffer,
     ShareBuffer,
     SurfaceCacheBuffer,
     VectorBuffer,
-    opacity_texture,
 )
 from irrsplat.app.viewer.buffers.tiled_buffers import GatherAtlasBuffer, ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
@@ -66,7 +64,6 @@ BUFFERS: dict[str, ShownBuffer] = {
         LightBuffer("light", "light (false colours)", "lux", "all light that falls on surfaces, in lux or W/m², with isolines"),
         EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
         VectorBuffer(*_channel("smooth_normal", "smooth normal"), texture=lambda view: view.gbuffer.normal),
-        OpacityBuffer(*_channel("opacity"), texture=opacity_texture, components=1),
         SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
         ShareBuffer(*_channel("alpha"), texture=lambda view: view.alpha, components=1, everywhere=True),
         ReferenceBuffer("reference", "reference", "W/m²", "path-traced irradiance"),

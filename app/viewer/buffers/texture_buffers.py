@@ -13,7 +13,6 @@ from irrsplat.app.viewer.buffers.shown_buffer import (
     Identity,
     Legend,
     ShownBuffer,
-    Values,
     ViewSource,
     colour_map,
     depth_at,
@@ -23,7 +22,6 @@ from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
 NO_SURFACE_CACHE = "no surface cache: it is made for more than one bounce"
-_GREAT = 0.25  # of the range on show: a difference with the full colour
 
 
 @dataclass(frozen=True)
@@ -43,13 +41,6 @@ class TextureBuffer(ShownBuffer):
             return None
         return texels(self.texture(source.view), x, y)[: self.components]
 
-    def values(self, source: ViewSource) -> Values | None:
-        form = 0 if self.components == 3 else 1
-        return Values(self.texture(source.view), form, self.great(source), self.everywhere)
-
-    def great(self, source: ViewSource) -> float:
-        return _GREAT
-
 
 @dataclass(frozen=True)
 class RadianceBuffer(TextureBuffer):
@@ -66,9 +57,6 @@ class RadianceBuffer(TextureBuffer):
 
     def legend(self, source: ViewSource) -> Legend:
         return Legend(exposed(self.unit, source), unit=self.unit)
-
-    def great(self, source: ViewSource) -> float:
-        return _GREAT / source.gain
 
 
 class ImageBuffer(RadianceBuffer):
@@ -107,12 +95,6 @@ class IndirectBuffer(RadianceBuffer):
         indirect: np.ndarray = irradiance_at(texels, view, x, y) * texels(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
         return indirect
 
-    def values(self, source: ViewSource) -> Values | None:
-        view = source.view
-        if view.indirect is not None:
-            return super().values(source)
-        return Values(view.sums, 3, self.great(source), albedo=view.gbuffer.albedo)
-
 
 class IrradianceBuffer(TextureBuffer):
     """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k."""
@@ -122,9 +104,6 @@ class IrradianceBuffer(TextureBuffer):
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         return irradiance_at(texels, source.view, x, y) if depth_at(texels, source, x, y) else None
-
-    def values(self, source: ViewSource) -> Values | None:
-        return Values(self.texture(source.view), 2, great_irradiance(source))
 
     def legend(self, source: ViewSource) -> Legend:
         return Legend(exposed_white(self.unit, source), unit=self.unit)
@@ -137,37 +116,10 @@ class ShareBuffer(TextureBuffer):
     text: str = "share of the pixel"
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1, filters=False)
+        canvas.picture(source, "unit", self.texture(source.view), grey=self.components == 1)
 
     def legend(self, source: ViewSource) -> Legend:
         return Legend(self.text, "0", "1")
-
-
-class OpacityBuffer(TextureBuffer):
-    """The opacity of the nearest filter, else 1 where a surface is seen."""
-
-    def values(self, source: ViewSource) -> Values | None:
-        return None
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        filters = source.view.gbuffer.filters is not None
-        canvas.picture(source, "unit", self.texture(source.view), grey=True, filters=filters)
-
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        depth, filters = depth_at(texels, source, x, y), source.view.gbuffer.filters
-        if depth is None:
-            return None
-        filtered = texels(filters.opacity, x, y)[:1] if filters is not None else np.zeros(1, "f4")
-        return filtered if filtered[0] > 0.0 else np.array([depth > 0.0], "f4")
-
-    def legend(self, source: ViewSource) -> Legend:
-        return Legend("opacity, sRGB encoded", "0", "1")
-
-
-def opacity_texture(view: View) -> moderngl.Texture:
-    """The opacities of filters, or, where there are none, where a surface is seen."""
-    filters = view.gbuffer.filters
-    return view.alpha if filters is None else filters.opacity
 
 
 @dataclass(frozen=True)
@@ -188,10 +140,6 @@ class VectorBuffer(TextureBuffer):
         low, high = (" ".join(f"{v:.2f}" if far else f"{v:.3g}" for v in end[:axes]) for end in ends)
         return Legend("x y z as red, green, blue" + self.note, low, high, unit)
 
-    def great(self, source: ViewSource) -> float:
-        low, high = self.ends(source.scene)
-        return _GREAT * float(np.max(high - low)) or 1.0
-
 
 class DepthBuffer(TextureBuffer):
     """The distance along the view axis, which the position's texels hold as their fourth component."""
@@ -203,10 +151,6 @@ class DepthBuffer(TextureBuffer):
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         depth = depth_at(texels, source, x, y)
         return None if depth is None else np.array([depth or np.inf], "f4")
-
-    def values(self, source: ViewSource) -> Values | None:
-        low, high = depth_range(source.scene, source.view.camera)
-        return Values(self.texture(source.view), 4, _GREAT * (high - low))
 
     def legend(self, source: ViewSource) -> Legend:
         low, high = depth_range(source.scene, source.view.camera)
@@ -244,11 +188,6 @@ def looked_up(source: ViewSource) -> moderngl.Texture | None:
 
 def draw_irradiance(canvas: Canvas, source: ViewSource, sums: moderngl.Texture) -> None:
     canvas.picture(source, "irradiance", sums, gain=source.gain)
-
-
-def great_irradiance(source: ViewSource) -> float:
-    """A great difference of two irradiances, W/m²."""
-    return float(np.pi * _GREAT / source.gain)
 
 
 def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:

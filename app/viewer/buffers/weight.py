@@ -19,9 +19,6 @@ class WeightBuffer(TextureBuffer):
         low, high = weight_range(source.settings)
         canvas.picture(source, "weight", self.texture(source.view), low=low, high=high, threshold=source.settings.threshold)
 
-    def great(self, source: ViewSource) -> float:
-        return 5.0 / source.settings.a
-
     def legend(self, source: ViewSource) -> Legend:
         low, high = weight_range(source.settings)
         threshold = source.settings.threshold
@@ -35,9 +32,6 @@ class AskingBuffer(TextureBuffer):
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         _draw_asking(canvas, source, source.settings.threshold)
-
-    def great(self, source: ViewSource) -> float:
-        return 5.0 / source.settings.a
 
     def legend(self, source: ViewSource) -> Legend:
         settings = source.settings

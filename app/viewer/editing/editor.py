@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal, cast
+from typing import Literal
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, object_name
 from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.view_options import point_of
 from irrsplat.scene.model import Light
 
 Kind = Literal["point", "spot", "directional"]
@@ -97,17 +98,17 @@ class Editor:
         is now for. Raises InputError for too many lights."""
         session = self.session
         eye, focus = np.asarray(session.camera.eye), np.asarray(session.focus)
-        place = _vector(focus + _NEARER * (eye - focus))
+        place = point_of(focus + _NEARER * (eye - focus))
         gain = 2.0 ** -(session.exposure if math.isfinite(session.exposure) else 0.0)
-        intensity = math.pi * math.dist(place, _vector(focus)) ** 2 * gain
+        intensity = math.pi * math.dist(place, point_of(focus)) ** 2 * gain
         taken = {edited.light.name for edited in self.lights}
         name = next(n for n in (f"{kind} {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         light = Light(place, (intensity,) * 3, physical=True, name=name)
         if kind == "spot":
-            light = replace(light, spot_target=_vector(focus), spot_cutoff=_CUTOFF, spot_inner=_INNER)
+            light = replace(light, spot_target=point_of(focus), spot_cutoff=_CUTOFF, spot_inner=_INNER)
         if kind == "directional":
             back = session.camera.axes[2]
-            towards = _vector(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
+            towards = point_of(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
             light = Light(towards, (gain,) * 3, directional=True, name=name)
         self.apply(replace(self.edit, lights=(*self.lights, LightEdit.of(light))))
         self.pick_light(len(self.lights) - 1)
@@ -145,7 +146,3 @@ class Editor:
     def pick_light(self, number: int | None) -> None:
         """Pick a light, in place of an object."""
         self.light, self.mesh = number, None
-
-
-def _vector(values: np.ndarray) -> Vector:
-    return cast(Vector, tuple(np.asarray(values, float).tolist()))

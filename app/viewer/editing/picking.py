@@ -22,13 +22,6 @@ def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
     return found
 
 
-def triangles_of(scene: Scene, mesh: int) -> tuple[int, int]:
-    """The number of a mesh's first triangle, and how many it has."""
-    numbers = order(scene)
-    first = sum(len(scene.meshes[i].faces) for i in numbers[: numbers.index(mesh)])
-    return first, len(scene.meshes[mesh].faces)
-
-
 def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:
     """Return the place of a world point in a picture of `size` (width, height), from the upper left; None behind the eye."""
     x, y, z = camera.axes @ (np.asarray(point) - np.asarray(camera.eye))

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
 
@@ -22,10 +23,10 @@ class ObjectEdit:
     albedo, emission: in place of those of its material; None: its own.
     """
 
-    offset: Vector = (0.0, 0.0, 0.0)
-    turn: Vector = (0.0, 0.0, 0.0)
-    albedo: Vector | None = None
-    emission: Vector | None = None
+    offset: Point = (0.0, 0.0, 0.0)
+    turn: Point = (0.0, 0.0, 0.0)
+    albedo: Point | None = None
+    emission: Point | None = None
     hidden: bool = False
 
     def matrix(self, pivot: np.ndarray) -> np.ndarray:
@@ -62,7 +63,7 @@ class SceneEdit:
         return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
 
 
-def rotation(turn: Vector) -> np.ndarray:
+def rotation(turn: Point) -> np.ndarray:
     """(3, 3) that turns by degrees about x, then y, then z."""
     (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
@@ -72,7 +73,7 @@ def rotation(turn: Vector) -> np.ndarray:
     return matrix
 
 
-def angles(matrix: np.ndarray) -> Vector:
+def angles(matrix: np.ndarray) -> Point:
     """The degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
     level = math.hypot(matrix[0, 0], matrix[1, 0])
     y = math.atan2(-matrix[2, 0], level)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from irrsplat.app.film import video
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.view_options import COMPARES, SPLITS
+from irrsplat.app.viewer.view_options import SPLITS
 from irrsplat.reference import worker
 from irrsplat.settings import PRESETS
 
@@ -64,17 +64,8 @@ _FILE = (
     Command("File", "Reload", "reload", "F5", help="the scene from its files"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
-    Command("File", "Save picture", "screenshot", "F12", "bare", help="a PNG in the pictures folder", section=True),
-    Command("File", "Save window", "screenshot", "F12", "window", ctrl=True, help="the same with the interface"),
-    Command(
-        "File",
-        "Save film…",
-        "save_dialog",
-        argument="film",
-        help="of the flight or the opened path",
-        enabled="film_possible",
-        extra="video",
-    ),
+    Command("File", "Save picture", "screenshot", "F12", help="a PNG in the pictures folder", section=True),
+    Command("File", "Save film", "save_film", help="of the path, in the videos folder", enabled="film_possible", extra="video"),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
@@ -102,15 +93,13 @@ _VIEW = (
     Command("View/Camera", "First camera", "home", "HOME"),
     Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
     Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene"),
-    Command("View/Camera", "Copy as a line of a .scene", "copy_line", "C", section=True),
-    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", ctrl=True),
+    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", section=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
     Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
-    Command("View", "Record normals", "toggle", "V", "normals"),
     Command("View", "Wireframe", "toggle", "T", "wire"),
-    Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor; a click holds one", section=True),
+    Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
@@ -122,18 +111,12 @@ _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
     Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
     Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
-    Command("Render", "Gather one round", "step", "N", help="and freeze the cache"),
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
     *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
     Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
-    *(
-        Command("Compare", title[0].upper() + title[1:], "compare_by", argument=way, enabled="is_split", section=way == "divided")
-        for way, title in COMPARES.items()
-    ),
-    Command("Compare", "Next comparison", "compare", "J"),
-    Command("Compare", "Other side", "flip", "SPACE"),
+    Command("Compare", "Other side", "flip", "SPACE", help="alone, in the place of both"),
     Command(
         "Compare",
         "Path-trace the reference",
@@ -151,7 +134,7 @@ _WINDOW = (
     Command("Window", "Statistics", "toggle", "F6", "hud"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="all of it; again: show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
-    Command("Window", "Fullscreen", "fullscreen", "F11", section=True),
+    Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
 )
 _HELP = (
     Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),

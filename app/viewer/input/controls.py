@@ -105,7 +105,7 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options = self.session.options
-        return options.split != "off" and options.compare == "divided" and abs(x - self._divider) <= _GRIP
+        return options.split != "off" and options.alone is None and abs(x - self._divider) <= _GRIP
 
     @property
     def _divider(self) -> float:
@@ -194,7 +194,7 @@ class Controls:
             self._draw_line(begin=True)
         elif button == LEFT:
             self.actions.stop()
-            found = self.display.point_at(self.pointer) if self.pointer is not None else None
+            found = self.display.point_at(self.pointer)
             self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
@@ -203,15 +203,13 @@ class Controls:
             self._capture(False)
             if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
                 self._pick(self.pointer)
-                self.actions.context_menu = self.actions.selected
+                self.actions.panels.context_menu = self.actions.selected
         if button == LEFT:
             clicked = self.pivot is not None and self.travelled <= _CLICK and self.pointer is not None
             if clicked and self.pointer is not None:
-                if self.session.options.inspect:
-                    self.display.hold(self.pointer)
-                elif self.session.options.why:
-                    self.session.surface = self.display.surface_at(self.pointer)
-                else:
+                if self.session.options.why:
+                    self.session.options.surface = self.display.surface_at(self.pointer)
+                elif not self.session.options.inspect:
                     self._pick(self.pointer)
             self.pivot, self.dividing = None, False
             self.drawing = False
@@ -221,9 +219,10 @@ class Controls:
 
     def _draw_line(self, begin: bool = False) -> None:
         """Put the end of the line to measure along where the mouse is; begin: both ends."""
-        point = self.display.point_at(self.pointer) if self.pointer is not None else None
+        point = self.display.point_at(self.pointer)
+        options = self.session.options
         if point is not None:
-            self.session.line = (point if begin or self.session.line is None else self.session.line[0]), point
+            options.line = (point if begin or options.line is None else options.line[0]), point
         elif begin:
             self.drawing = False
             self.actions.say("no surface is there to measure on", topic="line")
@@ -237,7 +236,7 @@ class Controls:
             self.backend.scroll(x_offset, y_offset)
         else:
             self.actions.stop()
-            camera.dolly(y_offset, self.display.point_at(self.pointer) if self.pointer is not None else None)
+            camera.dolly(y_offset, self.display.point_at(self.pointer))
 
     # ---- the window ------------------------------------------------------------------------------------------------
 

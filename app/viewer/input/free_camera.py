@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from irrsplat.app.viewer.view_options import point_of
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
@@ -23,8 +24,8 @@ class FreeCamera:
     """A camera that flies, looks and orbits. It always stays valid; where nothing moved, it stays the same object.
 
     Lengths in metres, world space, right-handed. Arguments that are not finite, and moves beyond FAR diagonals from the first
-    camera, are ignored. A camera that moved has no name. A roll that the first camera has, or one that was jumped to, stays until
-    the first look or orbit.
+    camera, are ignored. A roll stays until the first look or orbit. camera: the present one; its target lies straight ahead, at
+    the distance of the last pivot. first: the one that `home` goes back to. speed: metres per second.
     """
 
     def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
@@ -32,21 +33,10 @@ class FreeCamera:
 
         Raises InputError where `up` has no direction.
         """
-        self.speed = diagonal / 6.0  # metres per second
+        self.camera = self.first = camera
+        self.speed = diagonal / 6.0
         self._diagonal = diagonal
-        self._first = camera
         self._world = _basis(np.asarray(nearest_axis(camera) if up is None else up, float))
-        self.go(camera)
-
-    @property
-    def camera(self) -> Camera:
-        """The present camera; its target lies straight ahead, at the distance of the last pivot."""
-        return self._camera
-
-    @property
-    def first(self) -> Camera:
-        """The camera that `home` goes back to."""
-        return self._first
 
     def look(self, dx: float, dy: float, per_pixel: float) -> None:
         """Turn the view by a mouse motion in pixels, right and down positive; per_pixel: radians.
@@ -64,10 +54,10 @@ class FreeCamera:
 
         right and ahead are the view's, up is the world's. Two keys together are no faster than one.
         """
-        keys = np.clip([right, up, ahead], -1.0, 1.0)
-        way = keys @ np.stack([self._axes[0], self._world[1], -self._axes[2]])
+        axes, keys = self.camera.axes, np.clip([right, up, ahead], -1.0, 1.0)
+        way = keys @ np.stack([axes[0], self._world[1], -axes[2]])
         way = way / max(1.0, float(np.linalg.norm(way)))
-        self._stand(self._eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
+        self._stand(self.camera.eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
 
     def change_speed(self, steps: float) -> None:
         """Multiply the speed by 1.2 for each step of the wheel; it stays between 1e-3 and 10 diagonals a second."""
@@ -80,80 +70,59 @@ class FreeCamera:
 
         The least distance is NEAR diagonals; n steps there and n back cancel. The view does not turn.
         """
-        about = self._eye - self._axes[2] * self._reach if pivot is None else np.asarray(pivot, float)
-        offset = self._eye - about
+        about = np.asarray(self.camera.target if pivot is None else pivot, float)
+        offset, least = self.camera.eye - about, NEAR * self._diagonal
         distance = float(np.linalg.norm(offset))
-        least = NEAR * self._diagonal
-        wanted = max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least)
         if steps == 0.0 or (steps > 0.0 and distance <= least):
             return
-        out = offset / distance if distance > 0.0 else self._axes[2]
-        self._stand(about + out * wanted, about=about)
+        out = offset / distance if distance > 0.0 else self.camera.axes[2]
+        self._stand(about + out * max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least), about=about)
 
     def frame(self, bounds: np.ndarray, aspect: float) -> None:
         """Go where all of a box is just in the picture, without turning. bounds: (2, 3), its least and greatest corner; aspect:
         width over height of the picture. The box's middle becomes the target."""
-        corners = np.array(np.meshgrid(*np.asarray(bounds, float).T)).reshape(3, -1).T
+        corners, axes = np.array(np.meshgrid(*np.asarray(bounds, float).T)).reshape(3, -1).T, self.camera.axes
         middle = corners.mean(0)
-        right, up, back = self._axes @ (corners - middle).T
-        tangent = math.tan(math.radians(self._camera.fov) / 2.0)
+        right, up, back = axes @ (corners - middle).T
+        tangent = math.tan(math.radians(self.camera.fov) / 2.0)
         distance = float((back + np.maximum(np.abs(right) / aspect, np.abs(up)) / tangent).max())
-        distance = self._useful(distance * _AROUND)
-        self._stand(middle + self._axes[2] * distance, about=middle)
+        self._stand(middle + axes[2] * self._useful(distance * _AROUND), about=middle)
 
     def home(self) -> None:
-        self.go(self._first)
+        self.go(self.first)
 
     def go(self, camera: Camera) -> None:
         """Jump to a camera; the world's up and the speed stay."""
-        self._camera = camera
-        self._eye = np.array(camera.eye, float)
-        self._axes = camera.axes
-        self._reach = self._useful(float(np.linalg.norm(np.subtract(camera.target, camera.eye))))
-        self._yaw, self._pitch = _angles(camera.axes, self._world)
-        right, above = camera.axes[:2] @ self._world[1]
-        self._level = bool(abs(right) < POLE and above > 0.0 and abs(self._pitch) <= PITCH)
+        self.camera = camera
 
     def _turn(self, right: float, down: float, about: np.ndarray | None = None) -> None:
-        """Add radians to yaw and pitch, about the eye or the point `about`."""
-        yaw, pitch = self._yaw, self._pitch
-        if not math.isfinite(right + down) or (right == 0.0 and down == 0.0):
+        """Turn to the right and down by radians, about the eye or the point `about`."""
+        before = self.camera.axes
+        yaw, now = _angles(before, self._world)
+        pitch = min(max(now - down, -PITCH), PITCH)
+        if not math.isfinite(right + down) or (right == 0.0 and (down == 0.0 or abs(pitch - now) < POLE)):
             return
-        if right != 0.0:
-            yaw = math.remainder(yaw + right, math.tau)
-        pitch = min(max(pitch - down, -PITCH), PITCH)
-        if self._level and (yaw, pitch) == (self._yaw, self._pitch):
-            return
-        axes = _axes(yaw, pitch, self._world)
+        axes, eye = _axes(yaw + right, pitch, self._world), np.asarray(self.camera.eye)
         # the pivot keeps its view space position: axes' (about - eye') = axes (about - eye)
-        eye = self._eye if about is None else about - (self._axes @ (about - self._eye)) @ axes
-        if self._stand(eye, axes, about):
-            self._yaw, self._pitch, self._level = yaw, pitch, True
+        self._stand(eye if about is None else about - (before @ (about - eye)) @ axes, axes, about)
 
-    def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> bool:
-        """Put the camera at `eye` with `axes` (None: as they are), its target as far as `about`; whether it may."""
-        if not np.isfinite(eye).all() or (axes is None and (eye == self._eye).all()):
-            return False
-        from_first = float(np.linalg.norm(eye - self._first.eye))
-        if from_first > max(FAR * self._diagonal, float(np.linalg.norm(self._eye - self._first.eye))):
-            return False
-        up = self._world[1] if axes is not None or self._level else self._axes[1]
-        self._eye = eye
-        self._axes = self._axes if axes is None else axes
-        depth = 0.0 if about is None else float(self._axes[2] @ (eye - about))
-        self._reach = self._useful(depth) if depth > 0.0 else self._reach
+    def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
+        """Put the camera at `eye`, if it may go there, with `axes` (None: as they are), its target as far as `about`."""
+        camera, up = self.camera, self.camera.up if axes is None else point_of(self._world[1])
+        if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
+            return
+        if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
+            return
+        back = (camera.axes if axes is None else axes)[2]
+        depth = 0.0 if about is None else float(back @ (eye - about))
+        reach = self._useful(depth if depth > 0.0 else math.dist(camera.eye, camera.target))
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
-        reach = max(self._reach, 1e-7 * float(np.abs(eye).max()))
-        self._camera = Camera(_point(eye), _point(eye - self._axes[2] * reach), _point(up), self._camera.fov)
-        return True
+        reach = max(reach, 1e-7 * float(np.abs(eye).max()))
+        self.camera = Camera(point_of(eye), point_of(eye - back * reach), up, camera.fov)
 
     def _useful(self, reach: float) -> float:
         """The distance to the target within the bounds of the scene's size."""
         return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
-
-
-def _point(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _basis(up: np.ndarray) -> np.ndarray:

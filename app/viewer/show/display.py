@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import dist
+from typing import cast
 
 import numpy as np
 
@@ -12,13 +13,12 @@ from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
-from irrsplat.app.viewer.show.light.why_dark import Point, Surface
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, Texels, clear
+from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
@@ -36,7 +36,6 @@ class Display(Owner):
         self.session = session
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
-        self.comparison = Comparison(session, self.buffer_view)
         self.plane_view = PlaneView(session.ctx)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
@@ -52,9 +51,9 @@ class Display(Owner):
             # their data of a scene that is no longer open
             for known in (self.inspector, self.markers, self._memo):
                 known.forget()
-        shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
-        sides, kept = [self._inputs(side) for side in shown], (session.held, Identity(session.plane.measured))
-        inputs = sides, replace(options, buffers=[]), kept, options.inspect and cursor, Identity(screen)
+        sides = [self._inputs(side) for side, _ in session.sides()]
+        plane = Identity(session.plane.measured)
+        inputs = sides, replace(options, buffers=[], line=None, surface=None), plane, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
@@ -64,14 +63,11 @@ class Display(Owner):
         return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
+        """Draw both sides, and the record under the cursor where records are inspected."""
         sides = list(self.session.sides())
-        if self.session.compared:
-            self.comparison.draw(screen)
-            return None
         for side, region in sides:
             self._draw_side(screen, side, region)
-        found = self._inspect(screen, cursor) if self.session.options.inspect else None
+        found = self._inspect(screen, cursor) if self.session.options.inspect and cursor is not None else None
         for _, region in sides[1:]:
             assert region is not None
             clear(screen, _DIVIDER, (region[0] - 1, 0, 2, region[3]))
@@ -88,80 +84,71 @@ class Display(Owner):
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
         if options.plane and (measured := self.session.plane.measured) is not None:
             self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
-        for kind in ("discs", "normals", "points"):
+        for kind in ("discs", "points"):
             if getattr(options, kind):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
 
-    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
-        session, held = self.session, self.session.held
-        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
+    def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
+        """Return the record that weighs most under the cursor, and tint its pixels."""
+        session, side = self.session, self.session.side_at(cursor[0])
         source = session.source(side)
-        number = source.renderer.cache.number_of(held[1]) if held is not None else None
-        if number is None and cursor is not None:
-            number = self._record_at(side, cursor)
+        place, settings = session.place(source.view, *cursor), source.settings
+        number = self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, settings, *place)
         if number is None:
             return None
-        settings, records = source.settings, source.renderer.cache.records
-        region = dict(session.sides()).get(side)
+        region, records = dict(session.sides()).get(side), source.renderer.cache.records
         served = self.markers.contributes(screen, source.view, records, number, settings, region)
         return self.inspector.inspect(number, side, source, served)
 
-    def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
-        """The number of the record that weighs most under the cursor."""
-        source = self.session.source(side)
-        place = self.session.place(source.view, *cursor)
-        return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *place)
-
-    def hold(self, cursor: tuple[int, int]) -> None:
-        """Hold the record under the cursor; where one is held, let go of it instead."""
-        session, side = self.session, self.session.side_at(cursor[0])
-        number = self._record_at(side, cursor) if session.held is None else None
-        session.held = None if number is None else (side, int(session.source(side).renderer.cache.column("id")[number]))
-
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
-        """The value under the cursor of the buffer that a side shows, or of what both differ by; read again where that, or the
-        cursor, is another."""
+        """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
         name, source = self.session.buffer(side), self.session.source(side)
-        if self.session.compared:
-            both = self._inputs(0), self._inputs(1), cursor
-            return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
-        ends = self.session.line
+        ends = self.session.options.line
         if ends is None or ends[0] == ends[1]:
             return None
         name, source = self.session.buffer(side), self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
+    @property
+    def shows_scene(self) -> bool:
+        """True if a side shows the scene as the camera sees it."""
+        return any(BUFFERS[self.session.buffer(side)].in_view for side, _ in self.session.sides())
+
+    def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
+        """The source of the view at the cursor, and its pixel there; None where no view is."""
+        side = self.session.side_at(cursor[0])
+        if not self.session.views or not BUFFERS[self.session.buffer(side)].in_view:
+            return None
+        source = self.session.source(side)
+        return source, self.session.place(source.view, *cursor)
+
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
         """The number of the mesh that is seen at the cursor; None where there is none."""
-        if not self.session.views:
+        if (seen := self._seen(cursor)) is None:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        gbuffer, texels, place = source.view.gbuffer, self.buffer_view.texels, self.session.place(source.view, *cursor)
-        if texels(gbuffer.position, *place)[3] <= 0.0:
+        (source, place), texels = seen, self.buffer_view.texels
+        if texels(source.view.gbuffer.position, *place)[3] <= 0.0:
             return None
-        return mesh_of(source.scene, int(texels(gbuffer.emission, *place)[3]))
-
-    def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
-        """The world point seen at the cursor; None where there is none."""
-        if not self.session.views:
-            return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
-        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
+        return mesh_of(source.scene, int(texels(source.view.gbuffer.emission, *place)[3]))
 
     def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
         """Return the surface point seen at the cursor, with its normal; None for no surface."""
-        point = self.point_at(cursor)
-        if point is None:
+        if (seen := self._seen(cursor)) is None:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
-        x, y, z = self.buffer_view.texels(source.view.gbuffer.normal, *self.session.place(source.view, *cursor))[:3].tolist()
-        return point, (x, y, z)
+        (source, place), texels = seen, self.buffer_view.texels
+        *point, depth = texels(source.view.gbuffer.position, *place).tolist()
+        normal = texels(source.view.gbuffer.normal, *place)[:3].tolist()
+        return (cast(Point, tuple(point)), cast(Point, tuple(normal))) if depth > 0.0 else None
+
+    def point_at(self, cursor: tuple[int, int] | None) -> Point | None:
+        """The world point seen at the cursor; None where there is none."""
+        surface = None if cursor is None else self.surface_at(cursor)
+        return None if surface is None else surface[0]
 
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""

@@ -1,4 +1,4 @@
-"""Markers over a buffer: records as dots, discs and normals, edges of the scene, and the pixels of one record."""
+"""Markers over a buffer: records as dots and discs, edges of the scene, and the pixels of one record."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from irrsplat.settings import Settings
 _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
 _WIDTH = 1.75  # half a line's, pixels
-_RISE = 0.03  # length of a normal, of the image height
 _EDGE = (1.0, 0.55, 0.15, 0.55)  # of the wireframe
 _TINT = (0.1, 0.85, 1.0)
 _SPAN = 0.01, 0.5  # of a·diagonal: the radii that the colours go from and to
@@ -57,8 +56,7 @@ class Markers(Owner):
     ) -> None:
         """Draw every record, coloured by its radius a·R_k.
 
-        kind: "points", dots of constant size; "discs", ellipses of radii a·R in this view, in the tangent planes; or "normals",
-        lines of constant length.
+        kind: "points", dots of constant size; or "discs", ellipses of radii a·R in this view, in the tangent planes.
         """
         if not records.count:
             return
@@ -72,7 +70,6 @@ class Markers(Owner):
             "radius": _RADIUS,
             "width": _WIDTH,
             "segments": segments,
-            "rise": _RISE * view.camera.screen,
         }
         program = self.programs(f"viewer/markers/{kind}", f"viewer/markers/{kind}", record_defines(settings.gradients))
         vertices = 2 * segments + 2 if kind == "discs" else 4

@@ -33,7 +33,7 @@ class Interface:
     """The windows that are open; call `draw` between the backend's `begin` and `draw`. native: the desktop's dialogs may open."""
 
     def __init__(self, actions: Actions, display: Display, times: FrameTimes, native: bool) -> None:
-        self.actions, self.layout = actions, Layout()
+        self.actions, self.display, self.layout = actions, display, Layout()
         self.menus, self.files = Menus(actions), FileDialogs(actions, native)
         self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
         scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times)
@@ -47,9 +47,9 @@ class Interface:
             ),
             self._switched("lights", "lights", self.lights_panel.draw),
             self._switched("objects", "outliner", lambda: draw_outliner(actions)),
-            self._switched("why is it dark here?", "why", self.why_panel.draw),
-            self._switched("measuring plane", "plane", self.plane_panel.draw),
-            Section("scale of light", lambda: scale_panel.is_open, scale_panel.draw),
+            self._switched("why dark?", "why", self.why_panel.draw),
+            self._switched("plane", "plane", self.plane_panel.draw),
+            Section("scale", lambda: scale_panel.is_open, scale_panel.draw),
             self._switched("settings", "settings", settings.draw),
             self._switched("statistics", "hud", statistics.draw),
         )
@@ -78,23 +78,24 @@ class Interface:
         self.layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
             paint(self.layout.picture)
+        actions.editor.handles_used = actions.editor.dragging = False
         if not panels.hidden:
-            self.lights_panel.draw_positions()
-            self.plane_panel.draw_values()
-            self.why_panel.draw_lines()
-            self.handles.draw()
+            if self.display.shows_scene:
+                self.lights_panel.draw_positions()
+                self.plane_panel.draw_values()
+                self.why_panel.draw_lines()
+                self.handles.draw()
+                self.line_plot.draw_line()
             self.menus.draw()
             self.menus.draw_context()
             self.side_panel.draw()
             self.legends.draw(cursor)
             if inspected is not None:
-                draw_record(inspected, actions.session.held is not None, self.layout)
+                draw_record(inspected, self.layout)
             self.line_plot.draw()
             draw_key_sheet(actions, scale)
             self.files.draw()
             self.palette.draw(scale)
-        else:
-            actions.editor.handles_used = actions.editor.dragging = False
         draw_unsaved(actions)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from imgui_bundle import imgui
@@ -13,6 +15,7 @@ MARGIN = 8.0  # window coordinates around what stands over the picture
 _PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; at most this share of the window
 _NAMES = 7.5  # width of the names of widgets, heights of the font
 _NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets that would be narrower
+READABLE = 40.0  # window coordinates at scale 1: the number in a narrower slider cannot be read
 _LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
 PLAIN = (  # a window without a frame that cannot be moved and never takes the keyboard
@@ -41,6 +44,7 @@ class Layout:
     panel: float = 0.0
     over: float = 0.0
     legend_height: float = 0.0
+    legend_right: float = 0.0  # the right end of the last legend
 
     def start(self, scale: float, fitted: bool) -> None:
         """Start a frame. fitted: True if the picture is to be fitted into the area."""
@@ -59,14 +63,31 @@ class Layout:
     @property
     def widget(self) -> float:
         """Width of a widget in the side panel, window coordinates."""
+        return self.room if self.stacked else self.room - _NAMES * imgui.get_font_size()
+
+    @property
+    def room(self) -> float:
+        """Width of a line in the side panel, window coordinates."""
         style = imgui.get_style()
-        room = self.panel - 2.0 * style.window_padding.x - style.scrollbar_size
-        return room if self.stacked else room - _NAMES * imgui.get_font_size()
+        return self.panel - 2.0 * style.window_padding.x - style.scrollbar_size
 
     @property
     def stacked(self) -> bool:
         """True if the panel is so narrow that names stand above their widgets."""
         return self.panel - (_NAMES + 2.0) * imgui.get_font_size() < _NARROWEST * self.scale
+
+    @property
+    def metres(self) -> str:
+        """The format of coordinates in metres."""
+        return "%.2f" if self.stacked else "%.3f"
+
+    def beside(self, width: float, least: float) -> float:
+        """Stay in the line of the last widget if that leaves `least` of a `width`. Return the next widget's width."""
+        left = width - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x
+        if left < least:
+            return width
+        imgui.same_line()
+        return left
 
     def label(self, name: str) -> str:
         """Return the label of a widget; draw its name above it if names are stacked."""
@@ -78,6 +99,14 @@ class Layout:
         """Return where a world point is in the window, window coordinates; None behind the eye."""
         found = on_screen(camera, self.picture_size, point)
         return None if found is None else (found[0] + self.picture[0], found[1] + self.picture[1])
+
+    @contextmanager
+    def over_picture(self) -> Iterator[imgui.ImDrawList]:
+        """Yield a list of what is drawn over the picture alone, below all windows."""
+        draw = imgui.get_background_draw_list()
+        draw.push_clip_rect(self.picture[:2], self.picture[2:])
+        yield draw
+        draw.pop_clip_rect()
 
     def pixels(self, density: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
         """Return the picture's part of a window of `size` pixels: left, top, width, height. density: pixels per coordinate."""

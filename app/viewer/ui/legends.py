@@ -35,10 +35,12 @@ class Legends:
             imgui.set_next_window_bg_alpha(0.72)
             imgui.set_next_window_size_constraints((0.0, 0.0), (last - first, max(_MOST * (bottom - top), imgui.get_font_size())))
             imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
-            imgui.push_text_wrap_pos(min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale))
-            self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None)
+            room = min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale)
+            imgui.push_text_wrap_pos(room)
+            self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None, room)
             imgui.pop_text_wrap_pos()
             layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
+            layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
             imgui.end()
 
     def _value(self, side: int, cursor: tuple[int, int]) -> str:
@@ -46,38 +48,36 @@ class Legends:
         session, value = self.actions.session, self.display.value(side, cursor)
         buffer = BUFFERS[session.buffer(side)]
         unit = buffer.unit_shown(session.source(side))
-        if value is not None and buffer.name == "position" and any(session.origin) and not session.compared:
+        if value is not None and buffer.name == "position" and any(session.origin):
             return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
         return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
 
-    def _legend(self, side: int, cursor: tuple[int, int] | None) -> None:
+    def _legend(self, side: int, cursor: tuple[int, int] | None, room: float) -> None:
         session, scale = self.actions.session, self.layout.scale
         options, source = session.options, session.source(side)
         buffer = BUFFERS[session.buffer(side)]
-        if session.compared:
-            imgui.text_wrapped(self.display.comparison.title)
-            draw_scale(self.display.comparison.legend(), scale)
-        else:
-            who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
-            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
-            imgui.text(who + buffer.title + preset)
-            draw_scale(buffer.legend(source), scale)
+        who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
+        preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
+        imgui.text(who + buffer.title + preset)
+        draw_scale(buffer.legend(source), scale, room)
         if buffer.needs_reference:
             draw_tracing(self.actions)
-        if (options.points or options.discs or options.normals) and not session.compared:
-            draw_scale(radius_legend(source.settings, source.scene), scale)
+        if options.points or options.discs:
+            draw_scale(radius_legend(source.settings, source.scene), scale, room)
         value = self._value(side, cursor) if cursor is not None else ""
         if value:
             imgui.text(value)
 
 
-def draw_scale(legend: Legend, scale: float) -> None:
-    """Draw a colour scale with its ends, and the text."""
+def draw_scale(legend: Legend, scale: float, room: float) -> None:
+    """Draw a colour scale with its ends, no wider than `room` (window coordinates), and the text."""
     if legend.colours is not None:
         imgui.text(legend.low)
         imgui.same_line()
         place, draw = imgui.get_cursor_screen_pos(), imgui.get_window_draw_list()
-        width, height = _BAR_WIDTH * scale, imgui.get_text_line_height()
+        ends = imgui.calc_text_size(legend.low).x + imgui.calc_text_size(in_unit(legend.high, legend.unit)).x
+        width = min(_BAR_WIDTH * scale, room - ends - 2.0 * imgui.get_style().item_spacing.x - imgui.get_style().window_padding.x)
+        width, height = max(width, imgui.get_font_size()), imgui.get_text_line_height()
         step = width / len(legend.colours)
         for i, (r, g, b) in enumerate(legend.colours):
             colour = imgui.get_color_u32((float(r), float(g), float(b), 1.0))

@@ -11,10 +11,11 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.editor import KINDS
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.view_options import Point
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
@@ -34,12 +35,12 @@ class LightsPanel:
             title = edited.light.name or f"light {i + 1}"
             if imgui.selectable(f"{title}  ({edited.light.kind})##{i}", i == editor.light)[0]:
                 editor.pick_light(i)
-        for kind in KINDS:
-            if imgui.small_button(f"add {kind}"):
-                actions.add_light(kind)
-            imgui.set_item_tooltip("where the camera looks")
-            imgui.same_line()
-        imgui.new_line()
+        if imgui.begin_combo(self.layout.label("new light"), "add"):
+            for kind in KINDS:
+                if imgui.selectable(kind, False)[0]:
+                    actions.add_light(kind)
+            imgui.end_combo()
+        imgui.set_item_tooltip("where the camera looks")
         if editor.light is not None:
             imgui.separator()
             self._edit(editor.light)
@@ -57,10 +58,6 @@ class LightsPanel:
             edited = replace(edited, stops=math.log2(output / full)) if output and full else edited
         edited = self._placed(edited)
         edited = self._coloured(edited)
-        if not edited.light.directional:
-            if imgui.button("to camera"):
-                edited = edited.moved(actions.session.camera.eye)
-            imgui.same_line()
         if imgui.button("reset"):
             edited = LightEdit.of(edited.loaded)
         imgui.same_line()
@@ -91,10 +88,10 @@ class LightsPanel:
         imgui.set_item_tooltip("half angle of full intensity")
         return edited.coned(cutoff, inner) if wider or softer else edited
 
-    def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
+    def _dragged(self, label: str, place: Point, step: float, direction: bool = False) -> tuple[bool, Point]:
         """Draw the widget of a place or a direction; whether it has changed, and what it is now. Far from 0 0 0, where a widget's
         float32 is too coarse, a place is relative to the scene's origin, and world space stands below it."""
-        moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")
+        moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, self.layout.metres)
         if any(self.actions.session.origin) and not direction:
             imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), self.actions.session.origin)))
         return moved, (x, y, z)
@@ -115,13 +112,13 @@ class LightsPanel:
         session, editor = self.actions.session, self.actions.editor
         if not self.actions.panels.lights:
             return
-        draw = imgui.get_background_draw_list()
-        for i, edited in enumerate(editor.lights):
-            place = None if edited.light.directional else self.layout.seen(session.camera, edited.light.position)
-            if place is None:
-                continue
-            colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
-            draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
-            draw.add_circle(place, 9.0, colour, 0, 2.0)
-            if i == editor.light:
-                draw.add_circle_filled(place, 5.0, colour)
+        with self.layout.over_picture() as draw:
+            for i, edited in enumerate(editor.lights):
+                place = None if edited.light.directional else self.layout.seen(session.camera, edited.light.position)
+                if place is None:
+                    continue
+                colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
+                draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
+                draw.add_circle(place, 9.0, colour, 0, 2.0)
+                if i == editor.light:
+                    draw.add_circle_filled(place, 5.0, colour)

@@ -25,7 +25,7 @@ class Menus:
         self._before: dict[str, Callable[[], None]] = {  # what the table cannot list, above the entry of an action
             "save_again": self._scenes,
             "home": self._cameras,
-            "fullscreen": self._size,
+            "toggle fullscreen": self._size,
             "toggle help": self._version,
         }
 
@@ -42,30 +42,31 @@ class Menus:
             opened = imgui.begin_menu(title)
             imgui.pop_style_var()
             if opened:
-                if self.actions.close_menus:
+                if self.actions.panels.close_menus:
                     imgui.close_current_popup()
                 if title == "View":
                     self._submenu("View/Buffer")
                     self._submenu("View/Camera")
                 self._entries(title)
                 imgui.end_menu()
-        imgui.text_disabled(f"  {self.actions.title}")
+        if imgui.calc_text_size(f"  {self.actions.title}").x <= imgui.get_content_region_avail().x:
+            imgui.text_disabled(f"  {self.actions.title}")
         imgui.end_main_menu_bar()
 
     def draw_context(self) -> None:
         """Draw the menu that a right click on an object or a light opens."""
         actions = self.actions
-        if actions.context_menu:
+        if actions.panels.context_menu:
             imgui.open_popup("context")
-            actions.context_menu = False
+            actions.panels.context_menu = False
         if imgui.begin_popup("context"):
-            if actions.close_menus:
+            if actions.panels.close_menus:
                 imgui.close_current_popup()
             for command in COMMANDS:
                 if command.action in _CONTEXT:
                     self._entry(command)
             imgui.end_popup()
-        actions.close_menus = False
+        actions.panels.close_menus = False
 
     def _submenu(self, menu: str) -> None:
         if imgui.begin_menu(menu.split("/")[1]):

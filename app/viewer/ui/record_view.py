@@ -10,8 +10,8 @@ from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout
 _PICTURE_WIDTH = 170.0
 
 
-def draw_record(record: InspectedRecord, held: bool, layout: Layout) -> None:
-    """Draw it in the lower right corner. held: it stays when the cursor moves."""
+def draw_record(record: InspectedRecord, layout: Layout) -> None:
+    """Draw it in the lower right corner."""
     _, _, right, bottom = layout.area
     imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
     imgui.set_next_window_bg_alpha(0.8)
@@ -25,5 +25,5 @@ def draw_record(record: InspectedRecord, held: bool, layout: Layout) -> None:
         imgui.end_table()
     width, picture = _PICTURE_WIDTH * layout.scale, record.picture
     imgui.image(imgui.ImTextureRef(picture.glo), (width, width * picture.height / picture.width), (0, 1), (1, 0))
-    imgui.text_disabled("hemisphere; held" if held else "hemisphere; a click holds the record")
+    imgui.text_disabled("hemisphere")
     imgui.end()

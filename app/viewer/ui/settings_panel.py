@@ -7,7 +7,7 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.layout import READABLE, Layout
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 OF_RENDERS = frozenset(("samples", "quality"))  # without effect here
@@ -124,8 +124,7 @@ class SettingsPanel:
         if not d.word:
             return self._slider(d, label, value, width)
         flipped, automatic = imgui.checkbox(d.word, value == d.word)
-        imgui.same_line()
-        width = max(width - imgui.get_item_rect_size().x - style.item_spacing.x, imgui.get_font_size())
+        width = self.layout.beside(width, READABLE * self.layout.scale)
         resolved = self._resolved(d)
         if flipped:
             return d.word if automatic else round(resolved, 3)

@@ -75,11 +75,14 @@ class SidePanel:
     def _section(self, section: Section) -> None:
         """Draw a section; scroll to one that has just opened and is not all in sight."""
         top = imgui.get_cursor_pos().y
-        unfolded, kept = int(imgui.TreeNodeFlags_.default_open), True
+        unfolded, kept, style = int(imgui.TreeNodeFlags_.default_open), True, imgui.get_style()
+        tight = 2.0 * self.layout.scale  # on both sides of arrow and title, so that the longest title fits
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y))
         if section.close is None:
             opened = imgui.collapsing_header(section.title, unfolded)
         else:
             opened, kept = imgui.collapsing_header(section.title, True, unfolded)
+        imgui.pop_style_var()
         if opened:
             imgui.push_id(section.title)
             section.draw()
@@ -120,9 +123,10 @@ class SidePanel:
     def _state(self) -> None:
         """Write the progress of the picture, and offer more once it is done."""
         actions, session = self.actions, self.actions.session
-        for progress in session.progress:
+        for renderer, progress in zip(session.active, session.progress, strict=False):
+            who = f"{renderer.preset}: " if len(session.progress) > 1 else ""
             error = "" if progress.error is None else f", estimated error {100.0 * progress.error:.2g} %"
-            imgui.text_wrapped(f"{progress.records} records{error}")
+            imgui.text_wrapped(f"{who}{progress.records} records{error}")
         recorder, done = session.path_recorder, session.at_rest and session.progress
         for true, words in (
             (session.options.frozen, "cache frozen"),

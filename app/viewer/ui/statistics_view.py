@@ -32,7 +32,7 @@ class FrameTimes:
 
 
 class StatisticsView:
-    """Draws the statistics. The table of stages has a row for each that has run."""
+    """Draws the statistics, with a line for each stage that has run."""
 
     def __init__(self, actions: Actions, times: FrameTimes) -> None:
         self.actions, self.times = actions, times
@@ -42,16 +42,11 @@ class StatisticsView:
         session, frames = self.actions.session, self.times.frames
         mean = max(sum(frames) / max(len(frames), 1), 1e-3)  # of fewer frames it is no rate
         rate = "at rest" if session.at_rest else f"{1e3 / mean:.0f} fps" if len(frames) == _MEAN else "starting"
-        imgui.text(f"{rate}, last frame {self.times.work:.0f} ms")
+        imgui.text_wrapped(f"{rate}, last frame {self.times.work:.0f} ms")
         present = {**session.ms, **self.times.stages}
         self._rows |= dict.fromkeys(present)
-        if imgui.begin_table("stages", 2):
-            for stage in self._rows:
-                imgui.table_next_column()
-                imgui.text_disabled(stage)
-                imgui.table_next_column()
-                imgui.text(f"{present.get(stage, 0.0):6.1f} ms")
-            imgui.end_table()
+        for stage in self._rows:
+            imgui.text_wrapped(f"{stage}: {present.get(stage, 0.0):.1f} ms")
         imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
         for renderer, progress in zip(session.active, session.progress, strict=False):
             imgui.separator()

@@ -23,7 +23,7 @@ IMAGES = Path(__file__).resolve().parents[2] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
-PLAIN = ("alpha", "opacity", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
+PLAIN = ("alpha", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
 # complete is enough: the way to 1 % takes minutes, and so few records are there that each can be seen; long ticks, since
 # nobody waits for a frame
 SETTINGS: SettingValues = {"viewer_quality": 0.0, "viewer_samples": 16, "budget": 1000.0}
@@ -101,11 +101,11 @@ def buffers(viewer: Viewer) -> None:
     actions.panels.controls = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_reference and name not in PLAIN):
-        if name == "asking":  # something must be left to ask for: two rounds only
+        if name == "asking":  # some pixels must still request records
             actions.clear()
-            for _ in range(2):
-                actions.step()
-                settled(viewer)
+            while not (actions.session.progress and 0.5 < actions.session.progress[0].coverage < 1.0):
+                actions.session.tick(DT, 0.01)
+            actions.toggle("frozen")
         if name != "emission":
             actions.session.options.buffers[0] = name
             keep(viewer, f"viewer/{name}" if name == "light" else f"buffers/{name}")  # a folder has no more than 14 entries

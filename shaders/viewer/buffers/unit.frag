@@ -1,12 +1,10 @@
 // Values 0..1, sRGB encoded.
 #include "viewer/buffers/picture.glsl"
 
-uniform bool grey;     // one value a pixel, also of those whose centre sees nothing
-uniform bool filters;  // of filters: where there is none, a surface counts as 1
+uniform bool grey;  // one value a pixel, also of those whose centre sees nothing
 
 vec3 picture(ivec2 pixel, float depth)
 {
     vec3 value = texelFetch(values, pixel, 0).rgb;
-    if (filters && value.r == 0.0 && depth > 0.0) value = vec3(1.0);
     return grey ? encoded(value.rrr) : depth > 0.0 ? encoded(value) : vec3(0.0);
 }

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from irrsplat.meter.light_scale import LightScale
 from tests.support.viewing import Driver, push
@@ -26,9 +27,12 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     push(driver, "Ctrl+L")
     driver.frame(2)
     home = driver.session.camera
-    driver.drag((160, 170), (460, 200))
-    assert driver.session.camera == home and driver.session.line is not None, "a drag is no orbit now"
-    start, end = (np.array(point) for point in driver.session.line)
+    driver.drag((200, 150), (440, 165))
+    assert driver.session.camera == home and driver.session.options.line is not None, "a drag is no orbit now"
+    start, end = (np.array(point) for point in driver.session.options.line)
+    layout = driver.viewer.interface.layout
+    plot = imgui.internal.find_window_by_name("along a line")
+    assert plot.pos.y + plot.size.y <= driver.wnd.height - layout.legend_height, "it covers no legend"
     found = driver.display.profile(0)
     assert found is not None and found.unit == "lux" and found.channels == ("",) and found.summary is not None
     assert found.metres[-1] == pytest.approx(np.linalg.norm(end - start)) and abs(start[1]) < 1e-4 > abs(end[1])
@@ -36,7 +40,6 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     truth = 179.0 * 10.0 * 2.0 / np.linalg.norm(points - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
     assert found.values[:, 0] == pytest.approx(truth, rel=0.03), "as far as a pixel reaches"
     assert [float(v[0]) for v in found.summary] == pytest.approx([truth.min(), truth.mean(), truth.max()], rel=0.013)
-    assert len(found.csv.splitlines()) == 1 + len(found.metres) and found.csv.startswith("along,value\n0,")
     driver.session.options.light_scale = LightScale("W/m2")
     # it stays on the floor when one turns away, and what lies outside of the view has no value
     driver.session.free_camera.look(-200.0, 0.0, 0.004)
@@ -46,4 +49,15 @@ def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None
     there = np.isfinite(turned.values[:, 0])
     assert 0.1 < there.mean() < 0.95 and 179.0 * turned.values[there, 0] == pytest.approx(truth[there], rel=0.03)
     driver.click(330.0, 60.0)
-    assert driver.session.line is not None and "no surface" in driver.said
+    assert driver.session.options.line is not None and "no surface" in driver.said
+
+
+def test_nothing_is_measured_or_picked_in_maps_of_lights(driver: Driver) -> None:
+    """A shadow map is not what the camera sees: neither a line nor a click finds a surface there."""
+    driver.actions.show("shadow")
+    push(driver, "Ctrl+L")
+    driver.drag((60.0, 100.0), (160.0, 120.0))
+    assert driver.session.options.line is None and "no surface" in driver.said
+    push(driver, "Ctrl+L")
+    driver.click(60.0, 100.0)
+    assert driver.actions.editor.mesh is None

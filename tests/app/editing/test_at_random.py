@@ -15,9 +15,8 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
-from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
-from irrsplat.app.viewer.view_options import COMPARES
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.settings import SettingValues
 from tests.renderer.test_no_holes import holes
 from tests.support.viewing import Driver, push
@@ -29,7 +28,7 @@ SIZES = (96, 64), (128, 72), (64, 96), (80, 60)
 BOX = 2
 QUICK: SettingValues = {"warmup": 20, "a": 0.8, "gather_size": 8, "shadow_size": 64, "exposure": 1.0}
 QUICK |= {"viewer_samples": 0, "viewer_quality": 0.0}
-KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXVTIN")
+KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXTI")
 
 Draw = np.random.Generator
 Act = Callable[[Driver, Draw], None]
@@ -39,8 +38,8 @@ def editor(driver: Driver) -> Editor:
     return driver.actions.editor
 
 
-def triple(draw: Draw, high: float, low: float | None = None) -> Vector:
-    return cast(Vector, tuple(draw.uniform(-high if low is None else low, high, 3).tolist()))
+def triple(draw: Draw, high: float, low: float | None = None) -> Point:
+    return cast(Point, tuple(draw.uniform(-high if low is None else low, high, 3).tolist()))
 
 
 def set_object(driver: Driver, draw: Draw) -> None:
@@ -92,7 +91,7 @@ def press(driver: Driver, draw: Draw) -> None:
 
 
 def show(driver: Driver, draw: Draw) -> None:
-    """Another buffer, window, split, or way to show both sides."""
+    """Another buffer, window or split, or one of its sides alone."""
     driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_reference])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
@@ -101,7 +100,8 @@ def show(driver: Driver, draw: Draw) -> None:
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
         session.change(1, **QUICK)
-    driver.actions.compare_by(draw.choice(list(COMPARES)))
+    if way != "off" and draw.random() < 0.5:
+        driver.actions.flip()
 
 
 # actions and their weights

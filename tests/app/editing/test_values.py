@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, tristimulus
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody
 from irrsplat.app.viewer.editing.photometry import light_units
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
 from irrsplat.core.color import LUMINANCE
@@ -20,6 +20,9 @@ from irrsplat.scene.model import Light, Scene
 from tests.support import worlds
 from tests.support.viewing import write_room
 
+REC_709_TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
 BOX = 2  # the room's meshes are its walls, the left one, and a box
 
 
@@ -39,9 +42,8 @@ def test_angles_say_the_same_turn() -> None:
 
 @pytest.mark.parametrize(("kelvin", "x", "y"), [(2000.0, 0.5267, 0.4133), (2856.0, 0.4476, 0.4074), (6500.0, 0.3135, 0.3237)])
 def test_black_bodies_have_their_chromaticities(kelvin: float, x: float, y: float) -> None:
-    """2856 K is illuminant A (ISO 11664-2); the others are of the Planckian locus (Wyszecki and Stiles 2000). The fits of the
-    matching functions are good to a hundredth."""
-    X, Y, Z = tristimulus(kelvin)
+    """2856 K is illuminant A (ISO 11664-2); the others are of the Planckian locus (Wyszecki and Stiles 2000)."""
+    X, Y, Z = REC_709_TO_XYZ @ blackbody(kelvin)
     assert pytest.approx((x, y), abs=0.006) == (X / (X + Y + Z), Y / (X + Y + Z))
 
 

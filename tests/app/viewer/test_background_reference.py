@@ -20,6 +20,7 @@ from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
+from irrsplat.image.view import read
 from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced
 from irrsplat.scene.camera_path import Path
@@ -54,7 +55,7 @@ def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyP
     found = Tracer.traced(SIZE)
     pictures = {
         "reference": show("irradiance", found.irradiance, session.exposure, found.seen),
-        "error": signed_error(session.frame().irradiance, found),
+        "error": signed_error(read(session.views[0], session.renderers[0].cache.read(), {}).irradiance, found),
     }
     for name, expected in pictures.items():
         driver.actions.show(name)

@@ -120,7 +120,7 @@ def test_a_dot_marks_its_record_s_pixel(ctx: moderngl.Context, stage: Callable[.
     assert distance_to(at, lit).max() < 6.0 and 3 * 20 < lit.sum() < 3 * 100
 
 
-@pytest.mark.parametrize("kind", ["points", "discs", "normals"])
+@pytest.mark.parametrize("kind", ["points", "discs"])
 def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callable[..., Stage], kind: str) -> None:
     """A wall stands at z = 1 between the eye and the first record; the second lies under the floor, the third behind the eye."""
     world = stage(worlds.floor(3.0), worlds.quad((-2, 0, 1), (4, 0, 0), (0, 1, 0)))

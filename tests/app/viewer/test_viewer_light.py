@@ -70,8 +70,8 @@ def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
     x, y = on_screen(session.camera, session.size, (-0.45, -1.0, -0.4)) or (0.0, 0.0)
     driver.click(x, y)
     driver.frame(2)
-    assert session.surface is not None and session.surface[1] == (0.0, 1.0, 0.0)
-    assert session.surface[0] == pytest.approx((-0.45, -1.0, -0.4), abs=0.02)
+    assert session.options.surface is not None and session.options.surface[1] == (0.0, 1.0, 0.0)
+    assert session.options.surface[0] == pytest.approx((-0.45, -1.0, -0.4), abs=0.02)
     renderer = session.renderers[0]
-    (lamp,) = light_at(renderer.scene, renderer.world.caster, *session.surface).sources
-    assert lamp.reason == "blocked by box" and (driver.display.light_at(session.surface[0]) or 0.0) > 0.0
+    (lamp,) = light_at(renderer.scene, renderer.world.caster, *session.options.surface).sources
+    assert lamp.reason == "blocked by box" and (driver.display.light_at(session.options.surface[0]) or 0.0) > 0.0

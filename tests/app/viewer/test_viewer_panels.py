@@ -160,8 +160,6 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     driver.settle()
     assert light().color == pytest.approx(np.array(loaded.color) / 2) and light().position == loaded.position
     assert driver.canvas().mean() < canvas.mean()
-    driver.choose("to camera")
-    assert light().position == driver.session.camera.eye
     driver.click(*driver.find("on").at(0.2))
     driver.settle()
     assert light().color == (0.0, 0.0, 0.0)

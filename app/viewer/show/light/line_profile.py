@@ -10,8 +10,8 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.app.viewer.view_options import Point
 
 COUNT = 200  # points along a line
 
@@ -31,13 +31,6 @@ class Profile:
         """(least, mean, greatest), each (C,)."""
         there = self.values[np.isfinite(self.values).all(axis=1)]
         return (there.min(0), there.mean(0), there.max(0)) if len(there) else None
-
-    @property
-    def csv(self) -> str:
-        head = ",".join(("along", *(name or "value" for name in self.channels)))
-        rows = np.column_stack([self.metres, self.values]).tolist()
-        lines = (",".join("" if np.isnan(v) else f"{v:.7g}" for v in row) for row in rows)
-        return "\n".join((head, *lines)) + "\n"
 
 
 def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:

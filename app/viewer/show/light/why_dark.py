@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
 from irrsplat.app.viewer.editing.picking import meshes_of
 from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import unit
 from irrsplat.gather.record_frame import tangent_frames
@@ -17,8 +17,6 @@ from irrsplat.gather.stratified import ray_directions
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.ray_caster import RayCaster
 
-Point = tuple[float, float, float]
-Surface = tuple[Point, Point]  # a point and its unit normal
 _SIDE = 64  # squared: rays over the hemisphere; of a share of one half their standard error is 0.8 % at most
 _MOST = 16  # emitters that are listed
 _FAR = 10.0  # diagonals: the length of a sight line to a directional light
@@ -67,7 +65,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
         what = blocker(end) if E.any() else ""
         reason = f"blocked by {what}" if what else "" if E.any() else _unlit(light, toward, n)
         name = light.name or f"light {number + 1}"
-        sources.append(Source(name, 0.0 if what else float(photometric(E)), reason, _point(end)))
+        sources.append(Source(name, 0.0 if what else float(photometric(E)), reason, point_of(end)))
     for i in [i for i, mesh in enumerate(scene.meshes) if any(mesh.material.emission) and len(mesh.faces)][:_MOST]:
         mesh, end = scene.meshes[i], scene.meshes[i].positions.mean(0).astype(float)
         lux = math.pi * float(photometric(np.asarray(mesh.material.emission, float))) * float((hits == i).mean())
@@ -75,7 +73,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
         reason = (
             "" if lux else f"blocked by {what}" if what not in ("", object_name(scene, i)) else "seen from its edge or not at all"
         )
-        sources.append(Source(object_name(scene, i), lux, reason, _point(end)))
+        sources.append(Source(object_name(scene, i), lux, reason, point_of(end)))
     sky = scene.sky_radiance(rays @ frame[0], 2.0 * math.pi / len(rays)) * (hits < 0)[:, None]
     return PointLight(tuple(sources), float((hits < 0).mean()), math.pi * float(photometric(sky).mean()))
 
@@ -109,7 +107,3 @@ def _unlit(light: Light, toward: np.ndarray, n: np.ndarray) -> str:
     if not any(light.color):
         return "off"
     return "behind the surface" if toward @ n <= 0.0 else "outside of its beam"
-
-
-def _point(values: np.ndarray) -> Point:
-    return cast(Point, tuple(values.tolist()))

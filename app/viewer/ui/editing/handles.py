@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
+from itertools import product
 
 import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.light_edit import LightEdit, Vector
+from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import ObjectEdit, angles, middle, rotation
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.scene.model import Light
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
 _SIZE = 0.16  # of the handles, share of the picture
 _NOISE = 1e-6  # of the scene's diagonal, and of 1 in rotations: ImGuizmo's float32
+_SHADE = (0.0, 0.0, 0.0, 0.55)
 
 
 class Handles:
@@ -30,14 +32,14 @@ class Handles:
     def draw(self) -> None:
         """Draw them where something is picked; a drag changes the edit as it goes."""
         actions, editor = self.actions, self.actions.editor
-        editor.handles_used = editor.dragging = False
         if not actions.session.views or actions.session.options.inspect:  # then a click is for records
             return
         if editor.mesh is not None:
             number, edit = editor.mesh, editor.object(editor.mesh)
+            self._box(number)
             origin = middle(editor.loaded.meshes[number])
             place, turn = self._dragged(origin + edit.offset, rotation(edit.turn), True, True)
-            changed = replace(edit, offset=edit.offset if place is None else _vector(place - origin))
+            changed = replace(edit, offset=edit.offset if place is None else point_of(place - origin))
             self._apply_object(number, replace(changed, turn=changed.turn if turn is None else angles(turn)))
         elif editor.light is not None and actions.panels.lights:
             light_number, edited = editor.light, editor.lights[editor.light]
@@ -46,12 +48,26 @@ class Handles:
             place, turn = self._dragged(
                 np.asarray(at), _axes_of(light), not light.directional, light.directional or light.spot_target is not None
             )
-            if place is not None and _vector(place) != light.spot_target:  # a spot does not look at its own place
-                edited = edited.moved(_vector(place))
+            if place is not None and point_of(place) != light.spot_target:  # a spot does not look at its own place
+                edited = edited.moved(point_of(place))
             if turn is not None:
                 edited = _aimed(edited, turn[:, 2])
             if edited != editor.lights[light_number]:
                 actions.attempt(lambda: editor.set_light(light_number, edited))
+
+    def _box(self, number: int) -> None:
+        """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
+        session = self.actions.session
+        positions = session.scene.meshes[number].positions
+        if not len(positions):
+            return
+        ends = np.stack([positions.min(0), positions.max(0)]).astype(float)
+        corners = [self.layout.seen(session.camera, point_of(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
+        with self.layout.over_picture() as draw:
+            for (colour, width), i, axis in product(((_SHADE, 3.5), (AMBER, 1.5)), range(8), (1, 2, 4)):
+                start, end = corners[i], corners[i | axis]
+                if not i & axis and start is not None and end is not None:
+                    draw.add_line(start, end, imgui.get_color_u32(colour), width * self.layout.scale)
 
     def _apply_object(self, number: int, edit: ObjectEdit) -> None:
         editor = self.actions.editor
@@ -92,14 +108,14 @@ class Handles:
             turned = turned[:3, :3] / np.linalg.norm(turned[:3, :3], axis=0)
         return _unless_same(moved, place), _unless_same(turned, axes)
 
-    def _middle(self) -> Vector:
+    def _middle(self) -> Point:
         """Return the place of a directional light's handles: in the middle of the scene, or, if that is not in the picture, at
         the camera's target."""
         camera, size = self.actions.session.camera, self.actions.session.size
-        middle = _vector(self.actions.session.scene.bounds.mean(0))
+        middle = point_of(self.actions.session.scene.bounds.mean(0))
         at = on_screen(camera, size, middle)
         inside = at is not None and all(0.0 < a < s for a, s in zip(at, size, strict=True))
-        return middle if inside else _vector(np.asarray(camera.target, float))
+        return middle if inside else point_of(np.asarray(camera.target, float))
 
 
 def _unless_same(after: np.ndarray | None, before: np.ndarray) -> np.ndarray | None:
@@ -112,10 +128,10 @@ def _aimed(edited: LightEdit, axis: np.ndarray) -> LightEdit:
     """Return a light that comes from along an axis, or a spot that looks against it."""
     light = edited.light
     if light.directional:
-        return edited.moved(_vector(axis * np.linalg.norm(light.position)))
+        return edited.moved(point_of(axis * np.linalg.norm(light.position)))
     assert light.spot_target is not None
     distance = np.linalg.norm(np.subtract(light.spot_target, light.position))
-    return edited.aimed(_vector(np.asarray(light.position) - axis * distance))
+    return edited.aimed(point_of(np.asarray(light.position) - axis * distance))
 
 
 def _axes_of(light: Light) -> np.ndarray:
@@ -135,7 +151,3 @@ def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:
     """Return a matrix (4, 4) as ImGuizmo takes it, column by column."""
     taken: _gizmo.Matrix16 = _gizmo.Matrix16(matrix.T.ravel().tolist())
     return taken
-
-
-def _vector(values: np.ndarray) -> Vector:
-    return cast(Vector, tuple(values.tolist()))

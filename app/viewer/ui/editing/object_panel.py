@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
 
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.light_edit import Vector
 from irrsplat.app.viewer.editing.photometry import surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
 from irrsplat.app.viewer.ui.editing.fields import edit_colour, edit_output
 from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.view_options import point_of
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
@@ -46,14 +45,19 @@ class ObjectPanel:
     def _placed(self, edit: ObjectEdit) -> ObjectEdit:
         """The edit, with what the widgets of its place have changed."""
         moved, offset = imgui.drag_float3(
-            self.layout.label("translation"), list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
+            self.layout.label("translation"),
+            list(edit.offset),
+            self.actions.session.scene.diagonal / 500.0,
+            0,
+            0,
+            self.layout.metres,
         )
         imgui.set_item_tooltip("metres from its place in the file")
         if moved:
-            edit = replace(edit, offset=_vector(offset))
+            edit = replace(edit, offset=point_of(offset))
         turned, turn = imgui.drag_float3(self.layout.label("rotation"), list(edit.turn), 0.5, 0, 0, "%.1f")
         imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
-        return replace(edit, turn=_vector(turn)) if turned else edit
+        return replace(edit, turn=point_of(turn)) if turned else edit
 
     def _painted(self, edit: ObjectEdit, mesh: Mesh) -> ObjectEdit:
         """The edit, with what the widgets of its material have changed."""
@@ -66,16 +70,16 @@ class ObjectPanel:
         emission = edit.emission if edit.emission is not None else material.emission
         least = _DARKEST if needs_emission(material) else 0.0
         brightest = max(emission)
-        tint = _vector([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
+        tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
         full, now = surface_units(mesh, tint), surface_units(mesh, emission)
         for unit, one in full.items():
             output = edit_output(self.layout, unit, now[unit], least * one, _BRIGHTEST * one)
             if output is not None and one:
-                edit = replace(edit, emission=_vector([c * max(output / one, least) for c in tint]))
+                edit = replace(edit, emission=point_of([c * max(output / one, least) for c in tint]))
         if brightest > 0.0:
             changed, tint = edit_colour(self.layout.label("emission colour"), tint)
             if changed and max(tint) > 0.0:
-                edit = replace(edit, emission=_vector([c * brightest for c in tint]))
+                edit = replace(edit, emission=point_of([c * brightest for c in tint]))
         return edit
 
 
@@ -115,7 +119,3 @@ def describe_material(mesh: Mesh) -> str:
     words += ["vertex colours"] if mesh.colors is not None else []
     words += ["transparent"] if material.filters else ["alpha mask"] if material.alpha_mode == "mask" else []
     return ", ".join(words) or "plain"
-
-
-def _vector(values: list[float]) -> Vector:
-    return cast(Vector, tuple(map(float, values)))

@@ -5,12 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from pathlib import Path
 
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as desktop
 
-from irrsplat.app.film.video import ENDINGS
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.ui.layout import DIALOG
 from irrsplat.scene import FORMATS
@@ -47,7 +45,7 @@ class FileDialogs:
         elif panels.open:
             self._line("open a scene", "open")
         else:
-            self._line(f"save the {self.actions.saving}", "save")
+            self._line("save the scene", "save")
 
     # ---- the desktop's ---------------------------------------------------------------------------------------------
 
@@ -60,10 +58,8 @@ class FileDialogs:
                 patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
                 self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
             else:
-                filming = actions.saving == "film"
-                name = (actions.saved_as if not filming else "") or os.path.join(folder, actions.free_name())
-                kinds = ["films", " ".join(f"*{ending}" for ending in ENDINGS)] if filming else ["scenes", "*.scene"]
-                self._asking = desktop.save_file(f"save the {actions.saving}", name, kinds)
+                name = actions.saved_as or os.path.join(folder, actions.free_name())
+                self._asking = desktop.save_file("save the scene", name, ["scenes", "*.scene"])
             return
         if not self._asking.ready(0):
             return
@@ -91,22 +87,20 @@ class FileDialogs:
         shown, opened = imgui.begin(title, True, imgui.WindowFlags_.no_resize | DIALOG)
         if shown:
             if imgui.is_window_appearing():
-                known = actions.saved_as if actions.saving == "scene" else ""
-                self.typed = (known or actions.free_name()) if verb == "save" else ""
+                self.typed = (actions.saved_as or actions.free_name()) if verb == "save" else ""
                 imgui.set_keyboard_focus_here()
             imgui.set_next_item_width(-1.0)
             imgui.push_text_wrap_pos(0.0)
             entered, self.typed = imgui.input_text("##name", self.typed, imgui.InputTextFlags_.enter_returns_true)
             name = self.typed.strip()
-            there = verb == "save" and bool(name) and Path(actions.saved_path(name)).exists()
+            there = verb == "save" and bool(name) and actions.saved_path(name).exists()
             if there:
                 if imgui.button("overwrite"):
                     actions.attempt(lambda: actions.save(name, overwrite=True))
             elif (imgui.button(verb) or entered) and name:
                 self._take(name, verb)
             imgui.same_line()
-            form = "a .scene; lights and objects go into a folder beside it" if actions.saving == "scene" else " ".join(ENDINGS)
-            saving = "the file is there already" if there else form
+            saving = "the file is there already" if there else "a .scene; lights and objects go into a folder beside it"
             imgui.text_disabled(saving if verb == "save" else "a path, or the name of a bundled scene; files can be dropped, too")
             imgui.pop_text_wrap_pos()
         imgui.end()
@@ -131,10 +125,11 @@ def draw_unsaved(actions: Actions) -> None:
         return
     view = imgui.get_main_viewport()
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
+    imgui.set_next_window_size((_SHARE * view.size.x, 0.0))
+    flags = imgui.WindowFlags_.no_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
     shown, opened = imgui.begin("unsaved changes", True, flags)
     if shown:
-        imgui.text_unformatted(f"{actions.session.scene.name} has changes that no file has.")
+        imgui.text_wrapped(f"{actions.session.scene.name} has changes that no file has.")
         if imgui.button("save…"):
             actions.save_dialog()
         imgui.same_line()

@@ -9,13 +9,12 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.ui.layout import Layout
+from irrsplat.app.viewer.ui.layout import READABLE, Layout
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.readings import Unit
 
 _UNITS: tuple[Unit, ...] = ("lux", "W/m2")
 _LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
-_DECADES = 6
 
 
 class LightScalePanel:
@@ -37,22 +36,18 @@ class LightScalePanel:
             factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
             highest = None if scale.highest is None else scale.highest * factor
             scale, high = replace(scale, unit=_UNITS[chosen], highest=highest), high * factor
+        maximum = label("maximum")
         flipped, automatic = imgui.checkbox("auto", scale.highest is None)
         imgui.set_item_tooltip("a round number above nearly all that is seen")
         if flipped:
             scale = replace(scale, highest=None if automatic else high)
-        imgui.same_line()
-        imgui.set_next_item_width(max(self.layout.widget - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x, 20.0))
+        imgui.set_next_item_width(self.layout.beside(self.layout.widget, READABLE * self.layout.scale))
         imgui.begin_disabled(scale.highest is None)
-        moved, value = imgui.slider_float("maximum", high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
+        moved, value = imgui.slider_float(maximum, high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
         imgui.end_disabled()
         imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
         if moved and scale.highest is not None and value > 0.0:
             scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
-        scale = replace(scale, logarithmic=imgui.checkbox("logarithmic", scale.logarithmic)[1])
-        if scale.logarithmic:
-            decades = imgui.slider_int(label("decades"), scale.decades, 1, _DECADES)[1]
-            scale = replace(scale, decades=min(max(decades, 1), _DECADES))
         scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
         imgui.set_item_tooltip("isolines between the steps of the scale")
         session.options.light_scale = scale

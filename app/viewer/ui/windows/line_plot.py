@@ -11,8 +11,8 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
-from irrsplat.app.viewer.show.light.why_dark import Point
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, WHITE, Layout, in_unit
+from irrsplat.app.viewer.view_options import Point
 
 _SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
 _SHADE = (0.0, 0.0, 0.0, 0.55)
@@ -32,14 +32,21 @@ class LinePlot:
         self.actions, self.display, self.layout = actions, display, layout
         self._marked: Point | None = None  # the point of the line that the cursor is at in the plot
 
+    @property
+    def width(self) -> float:
+        """Width of the plot, window coordinates."""
+        left, _, right, _ = self.layout.area
+        return min(_SIZE[0] * self.layout.scale, right - left - 2.0 * (MARGIN + imgui.get_style().window_padding.x))
+
     def draw(self) -> None:
         session = self.actions.session
         if not session.options.profile or not session.views:
             return
-        self._line()
         self._marked = None
         side = self.actions.side
         _, _, right, bottom = self.layout.area
+        if right - self.width - 4.0 * MARGIN < self.layout.legend_right:  # it stands above the legend
+            bottom -= self.layout.legend_height - MARGIN
         imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
         flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
         shown, opened = imgui.begin("along a line", True, flags)
@@ -52,28 +59,28 @@ class LinePlot:
                 self._plot(BUFFERS[session.buffer(side)].title, found)
         imgui.end()
 
-    def _line(self) -> None:
+    def draw_line(self) -> None:
         """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
         session = self.actions.session
-        draw, ends = imgui.get_background_draw_list(), list(session.line or ())
-        marks = [*ends, *([] if self._marked is None else [self._marked])]
+        if not session.options.profile or session.options.line is None:
+            return
+        marks = [*session.options.line, *([] if self._marked is None else [self._marked])]
         places = [self.layout.seen(session.camera, point) for point in marks]
-        first = places[: len(ends)]
-        if len(first) == 2 and first[0] is not None and first[1] is not None:
-            draw.add_line(first[0], first[1], imgui.get_color_u32(_SHADE), 4.0)
-            draw.add_line(first[0], first[1], imgui.get_color_u32(AMBER), 2.0)
-        for i, place in enumerate(places):
-            if place is not None:
-                draw.add_circle_filled(place, 6.0, imgui.get_color_u32(_SHADE))
-                draw.add_circle_filled(place, 4.0, imgui.get_color_u32(AMBER if i < len(ends) else WHITE))
+        with self.layout.over_picture() as draw:
+            if places[0] is not None and places[1] is not None:
+                draw.add_line(places[0], places[1], imgui.get_color_u32(_SHADE), 4.0)
+                draw.add_line(places[0], places[1], imgui.get_color_u32(AMBER), 2.0)
+            for place, colour in zip(places, (AMBER, AMBER, WHITE), strict=False):
+                if place is not None:
+                    draw.add_circle_filled(place, 6.0, imgui.get_color_u32(_SHADE))
+                    draw.add_circle_filled(place, 4.0, imgui.get_color_u32(colour))
 
     def _plot(self, title: str, found: Profile) -> None:
         """Draw the values over metres, and sum them up."""
         summary = found.summary
         if summary is None:
             return imgui.text_disabled(f"{title} has no values along this line")
-        scale, style, (left, _, right, _) = self.layout.scale, imgui.get_style(), self.layout.area
-        width = min(_SIZE[0] * scale, right - left - 2.0 * (MARGIN + style.window_padding.x))
+        scale, style, width = self.layout.scale, imgui.get_style(), self.width
         flags = (
             implot.Flags_.no_menus | implot.Flags_.no_box_select | (implot.Flags_.no_legend if len(found.channels) == 1 else 0)
         )
@@ -96,7 +103,7 @@ class LinePlot:
         """Show the value at the cursor, and where that is in the picture."""
         number = int(np.abs(found.metres - metres).argmin())
         values = found.values[number]
-        ends = self.actions.session.line
+        ends = self.actions.session.options.line
         if ends is None or not np.isfinite(values).all():
             return
         words = ", ".join(f"{value:.4g}" for value in values)
@@ -109,10 +116,3 @@ class LinePlot:
         named = zip(("min", "mean", "max"), summary, strict=True)
         words = "  ".join(f"{name} {', '.join(f'{value:.4g}' for value in values)}" for name, values in named)
         imgui.text(f"{in_unit(words, found.unit)} over {found.metres[-1]:.4g} m")
-        if imgui.button("copy as CSV"):
-            self.actions.copy(found.csv, "the table")
-        imgui.same_line()
-        ends = self.actions.session.line
-        if ends is not None and imgui.button("copy for measure"):
-            self.actions.copy("--line " + " ".join(f"{x:.6g}" for point in ends for x in point))
-        imgui.set_item_tooltip("flags of irrsplat measure, which gathers at the points themselves")

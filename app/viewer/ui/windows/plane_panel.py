@@ -39,10 +39,10 @@ class PlanePanel:
             imgui.text(f"{_digits(found['minimum'])} … {_digits(found['maximum'])} {scale.shown_unit}")
             if found["uniformity"] is not None:
                 imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
-        lines = (
-            f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines and not scale.logarithmic else ""
+        lines = f"a line every {_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines else ""
+        draw_scale(
+            Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale, self.layout.room
         )
-        draw_scale(Legend(lines, _digits(low), _digits(high), scale.shown_unit, false_colours()), self.layout.scale)
 
     def draw_values(self) -> None:
         """Draw values at some of the points that are seen."""
@@ -60,18 +60,16 @@ class PlanePanel:
             seen = session.renderers[0].world.caster.free(np.broadcast_to(eye, points.shape), eye + _NEARER * (points - eye))
             some, points = some[seen], points[seen]
         values = readings.total[some] @ session.options.light_scale.weights
-        draw, drawn = imgui.get_background_draw_list(), list[tuple[float, float]]()
-        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
-        for point, value in zip(points.tolist(), values.tolist(), strict=True):
-            place = self.layout.seen(session.camera, point)
-            text = _digits(value)
-            size = imgui.calc_text_size(text)
-            if place is not None and all(abs(place[0] - x) > size.x or abs(place[1] - y) > size.y for x, y in drawn):
-                drawn.append(place)
-                left, top = place[0] - 0.5 * size.x, place[1] - 0.5 * size.y
-                draw.add_text((left + 1.0, top + 1.0), imgui.get_color_u32(_SHADE), text)
-                draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
-        draw.pop_clip_rect()
+        drawn = list[tuple[float, float]]()
+        with self.layout.over_picture() as draw:
+            for point, value in zip(points.tolist(), values.tolist(), strict=True):
+                place, text = self.layout.seen(session.camera, point), _digits(value)
+                size = imgui.calc_text_size(text)
+                if place is not None and all(abs(place[0] - x) > size.x or abs(place[1] - y) > size.y for x, y in drawn):
+                    drawn.append(place)
+                    left, top = place[0] - 0.5 * size.x, place[1] - 0.5 * size.y
+                    draw.add_text((left + 1.0, top + 1.0), imgui.get_color_u32(_SHADE), text)
+                    draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
 
 
 def _digits(value: float | None) -> str:

@@ -23,14 +23,14 @@ class WhyPanel:
 
     def _light(self) -> PointLight | None:
         session = self.actions.session
-        if not session.options.why or session.surface is None or not session.views or not ray_caster.available():
+        if not session.options.why or session.options.surface is None or not session.views or not ray_caster.available():
             return None
-        renderer, surface = session.renderers[0], session.surface
+        renderer, surface = session.renderers[0], session.options.surface
         known = Identity(renderer.scene), surface
         return self._memo.get("light", known, lambda: light_at(renderer.scene, renderer.world.caster, *surface))
 
     def draw(self) -> None:
-        found, surface = self._light(), self.actions.session.surface
+        found, surface = self._light(), self.actions.session.options.surface
         if found is None or surface is None:
             here = ray_caster.available()
             imgui.text_wrapped("click on a surface" if here else f"needs the extra embree: {ray_caster.INSTALL}")
@@ -53,19 +53,18 @@ class WhyPanel:
     def draw_lines(self) -> None:
         """Draw the point and the sight lines."""
         found, session = self._light(), self.actions.session
-        here = None if found is None or session.surface is None else self.layout.seen(session.camera, session.surface[0])
+        surface = session.options.surface
+        here = None if found is None or surface is None else self.layout.seen(session.camera, surface[0])
         if found is None or here is None:
             return
-        draw = imgui.get_background_draw_list()
-        draw.push_clip_rect(self.layout.picture[:2], self.layout.picture[2:])
-        for source in found.sources:
-            there = self.layout.seen(session.camera, source.end)
-            if there is not None:
-                draw.add_line(here, there, imgui.get_color_u32(_SHADE), 3.0)
-                draw.add_line(here, there, imgui.get_color_u32(_BLOCKED if source.reason else AMBER), 1.5)
-        draw.add_circle_filled(here, 6.0, imgui.get_color_u32(_SHADE))
-        draw.add_circle_filled(here, 4.0, imgui.get_color_u32(WHITE))
-        draw.pop_clip_rect()
+        with self.layout.over_picture() as draw:
+            for source in found.sources:
+                there = self.layout.seen(session.camera, source.end)
+                if there is not None:
+                    draw.add_line(here, there, imgui.get_color_u32(_SHADE), 3.0)
+                    draw.add_line(here, there, imgui.get_color_u32(_BLOCKED if source.reason else AMBER), 1.5)
+            draw.add_circle_filled(here, 6.0, imgui.get_color_u32(_SHADE))
+            draw.add_circle_filled(here, 4.0, imgui.get_color_u32(WHITE))
 
 
 def _lux(value: float) -> str:

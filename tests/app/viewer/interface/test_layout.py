@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import resources
+
 import numpy as np
 import pytest
+from imgui_bundle import imgui
+from PIL import ImageFont
 
+from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from tests.support.viewing import Driver
 
 SIZE = (1000, 640)
@@ -45,3 +50,37 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
     driver.actions.panels.controls = False
     driver.frame(3)
     assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
+
+
+def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
+    """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider next to or below
+    `auto` is wide enough for its number."""
+    panels, options = driver.actions.panels, driver.session.options
+    options.frozen = panels.controls = True
+    driver.actions.enlarge(2.0)
+    driver.resize((640, 400))
+    panels.lights = panels.outliner = panels.hud = panels.settings = options.why = options.plane = True
+    driver.frame(6)
+    with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
+        font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
+    headers = {w.label: w for w in driver.widgets if w.kind == "collapsing_header"}
+    for section in driver.viewer.interface.side_panel.sections:
+        if section.is_open():
+            left, _, right, _ = headers[section.title].box
+            assert right - left >= font.getlength(section.title) + 2.0 * 2.0 * FONT_SIZE + 12.0, section.title
+    sliders = [w for w in driver.widgets if w.label in ("##tolerance", "##exposure")]
+    assert len(sliders) == 4 and all(w.box[2] - w.box[0] >= 80.0 for w in sliders), "in the first settings, and in all"
+
+
+def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
+    """At 640×400 and scale 2, the question about unsaved changes and a legend with a colour scale are not cut off."""
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.enlarge(2.0)
+    driver.resize((640, 400))
+    driver.actions.show("weight")
+    driver.actions.pending = driver.actions.stop
+    driver.frame(6)
+    for name in ("unsaved changes", "legend 0"):
+        window = imgui.internal.find_window_by_name(name)
+        assert window.content_size.x <= window.size.x - 2.0 * window.window_padding.x, name
+        assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0, name

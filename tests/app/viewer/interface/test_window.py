@@ -27,7 +27,7 @@ SIZE = (320, 240)
 SAFETY = 180.0  # seconds that a wait may take; it decides no outcome
 FAST = ["--gather-size", "8", "--bounces", "1", "--viewer-quality", "0", "--viewer-samples", "0", "--radius-min", "5"]
 WALL = (110, 80)  # a pixel of the back wall that no text covers
-OUTLINE = (255, 184, 64)  # of a picked object
+OUTLINE = (250, 171, 77)  # around a picked object
 RED = (191, 51, 38)  # behind errors
 
 pytestmark = pytest.mark.skipif(
@@ -130,7 +130,7 @@ def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: str, tmp_path: P
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
         hand("click", 1)
-        until(lambda: (seen() == OUTLINE).all(-1).any(), "an outline")
+        until(lambda: (np.abs(seen().astype(int) - OUTLINE) < 8).all(-1).any(), "an outline")
         until(lambda: process.poll() is not None, "the end", "key", "ctrl+q")
         assert ended(process) == (0, [])
     kept = json.loads((tmp_path / "config" / "viewer.json").read_text(encoding="utf-8"))
@@ -169,7 +169,7 @@ def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(d
         hand("key", "ctrl+o", "key", "ctrl+q")
         hand("keyup", "w")
         until(lambda: differ(before, seen()) < 0.001, "Home goes back, and no dialog is open", "key", "Home")
-        hand("key", "ctrl+F12")
+        hand("key", "F12")
         (picture,) = until(lambda: list(tmp_path.glob("irrsplat-cornell-*.png")), "the screenshot")
         assert differ(np.asarray(Image.open(picture).convert("RGB")).astype(int), before) < 0.001
         until(lambda: process.poll() is not None, "the end", "key", "ctrl+q")
