@@ -28,12 +28,12 @@ class LightSearch:
 
     samples: shadow rays of a record to emitters, and at most as many to virtual lights
     (irrsplat/lighting/virtual_lights.py); 0: none. rays: the number of the record's own rays over π, which are
-    cosine-stratified. embree: True if Embree traces the samples, apart from scenes with cut-outs, which only shaders know.
+    cosine-stratified. embree: True if Embree traces the samples.
     """
 
     def __init__(self, world: World, samples: int, rays: float, embree: bool = False) -> None:
         self.world, self.rays = world, rays
-        self.embree = embree and not world.material_defines["CUT_OUTS"]
+        self.embree = embree
         self._emitter_samples = samples if samples > 0 and emitter_table(world) is not None else 0
         # more virtual point lights do not reduce the noise of the rays
         self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))

@@ -28,7 +28,7 @@ Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first t
 class SkyShares(Owner):
     """Computation of sky shares for a gather of this `side` with an atlas of `columns` cells a row and `lines` rows of cells.
 
-    embree: True if Embree traces the rays; shaders trace them in scenes with cut-outs in any case.
+    embree: True if Embree traces the rays, not shaders.
     """
 
     def __init__(self, world: World, side: int, columns: int, lines: int, embree: bool) -> None:
@@ -40,7 +40,7 @@ class SkyShares(Owner):
         self._target: Target | None = None
         self._table: moderngl.Texture | None = None
         self._program: Program | None = None
-        if not embree or world.material_defines["CUT_OUTS"]:
+        if not embree:
             wide = np.broadcast_to(self._reach[:, None, None], (m, n * _RAYS, 1))
             self._table = table_texture(world.ctx, np.concatenate([self._rays.reshape(m, -1, 3), wide], axis=-1))
             defines = {**world.material_defines, "RAYS": _RAYS, "NEAR": _NEAR}

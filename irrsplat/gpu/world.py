@@ -25,7 +25,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import numbered_alike, runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
-from irrsplat.scene.seen_by_light import face_counts
+from irrsplat.scene.seen_by_light import Holes, face_counts
 from irrsplat.scene.visible_parts import SceneParts
 
 Made = TypeVar("Made")
@@ -80,8 +80,8 @@ class World(Owner):
         return self.hit_uniforms | self.tree.uniforms
 
     def seen_uniforms(self, embree: bool) -> Uniforms:
-        """Return the uniforms for shading hits of rays traced by Embree, or in shaders, where cut-outs always are."""
-        return self.hit_uniforms if embree and not self.materials.defines["CUT_OUTS"] else self.trace_uniforms
+        """Return the uniforms for shading hits of rays traced by Embree, or in shaders."""
+        return self.hit_uniforms if embree else self.trace_uniforms
 
     @property
     def ray_uniforms(self) -> Uniforms:
@@ -157,8 +157,9 @@ class World(Owner):
         """Return the build of `caster`, in a thread if it takes long."""
         if self._pending_caster is None:
             vertices, faces, _ = flatten(self._scene)
+            holes = Holes(self._scene, vertices, faces) if self.geometry.counts.cut_out else None
             self._pending_caster = self._in_background(
-                partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
+                partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit], holes)
             )
         return self._pending_caster
 
@@ -227,6 +228,7 @@ class World(Owner):
                 self._discard_ray_structures()
             else:
                 self.geometry.repaint(vertices)
+                self._pending_caster = None if self.geometry.counts.cut_out else self._pending_caster  # holes may differ
                 if self._triangles is not None:
                     self._triangles.repaint(vertices)
             found = runs(scene)

@@ -55,12 +55,20 @@ def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
     return (axes[2], 1.01 * tangent) if tangent <= np.tan(np.radians(_WIDEST_CONE)) else None
 
 
-def parallel_frame(light: Light, scene: Scene) -> tuple[np.ndarray, float, np.ndarray]:
-    """Return rows (3, 4) right, up and forward of a directional light, the radius of the scene's bounding box, and half its sides
-    (2,) across the light, metres. The rows are dotted with (p, 1), and are 0 in the middle of the box."""
-    axes = _axes(-_unit(np.asarray(light.position, float)))
-    rows = np.concatenate([axes, -(axes @ scene.bounds.mean(0))[:, None]], axis=1)
-    return rows, 0.5 * scene.diagonal * 1.001, np.abs(axes[:2]) @ (0.5 * np.ptp(scene.bounds, axis=0))
+def parallel_frame(light: Light, scene: Scene) -> tuple[np.ndarray, float]:
+    """Return rows (3, 4) right, up and forward of a directional light, and the radius of the scene's bounding box in metres.
+
+    The rows are dotted with (p, 1): right and up are 0 in the middle of the box's shaded part, forward in the middle of the box.
+    """
+    axes, part = _axes(-_unit(np.asarray(light.position, float))), scene.shaded_bounds.mean(0)
+    middles = np.stack([part, part, scene.bounds.mean(0)])
+    return np.concatenate([axes, -(axes * middles).sum(1, keepdims=True)], axis=1), 0.5 * scene.diagonal * 1.001
+
+
+def across(rows: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Return (2, 2), the least and greatest right and up of a box (2, 3) in the frame of these `rows`, metres."""
+    middle, half = rows[:2, :3] @ box.mean(0) + rows[:2, 3], np.abs(rows[:2, :3]) @ (0.5 * np.ptp(box, axis=0))
+    return np.stack([middle - half, middle + half])
 
 
 def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
@@ -68,8 +76,8 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
     position = np.asarray(light.position, float)
     grow = side / (side - 2 * _GUARD)
     if light.directional:
-        rows, radius, sides = parallel_frame(light, scene)
-        scale = 1.0 / (1.001 * max(float(sides.max()), _NARROWEST * radius) * grow)
+        rows, radius = parallel_frame(light, scene)
+        scale = 1.0 / (1.001 * max(float(across(rows, scene.shaded_bounds).max()), _NARROWEST * radius) * grow)
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
         return rows[None], scale, 2 * radius

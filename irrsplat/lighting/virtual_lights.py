@@ -19,7 +19,7 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_defines, near_plane, parallel_frame
+from irrsplat.lighting.light_table import across, light_defines, near_plane, parallel_frame
 from irrsplat.scene.model import Light, Scene
 
 _LIT = 1e29  # metres: greater distances stand for a miss
@@ -119,17 +119,22 @@ class LightWindows(Owner):
         self.rectangles, self.rooms = np.zeros((len(world.scene.lights), 4)), np.ones(len(world.scene.lights))
         for i, light in enumerate(world.scene.lights):
             if light.directional:
-                self.rectangles[i], self.rooms[i] = self._search(world, light)
+                # an opening of a house is small on its ground
+                for box in (world.scene.shaded_bounds, world.scene.bounds):
+                    self.rectangles[i], self.rooms[i], inside = self._search(world, light, box)
+                    if inside or box is world.scene.bounds:
+                        break
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources to be freed."""
         return ()
 
-    def _search(self, world: World, light: Light) -> tuple[np.ndarray, float]:
-        """Return the light's rectangle (4,) and room."""
+    def _search(self, world: World, light: Light, box: np.ndarray) -> tuple[np.ndarray, float, bool]:
+        """Return the light's rectangle (4,) and room, and True for light through a window, where it meets `box` (2, 3)."""
         scene, passes = world.scene, _passes(world)
-        frame, _, half = parallel_frame(light, scene)
-        uniforms, low, high, room = _find_uniforms(world, _FIRST, _FURTHER), -half, half, 0.0
+        frame, _ = parallel_frame(light, scene)
+        uniforms, (low, high), room, through = _find_uniforms(world, _FIRST, _FURTHER), across(frame, box), 0.0, False
+        edge = 0.5 * _EDGE * (high - low)
         for _ in range(_SEARCHES):
             rows = np.array([_row(light, scene, _rectangle(low, high))])
             place, _, share = (ends.reshape(-1, 4) for ends in passes.find(rows, _FIRST, _FIRST, uniforms))
@@ -139,11 +144,11 @@ class LightWindows(Owner):
             if not chosen.any():
                 break
             found = place[chosen, :3] @ frame[:2, :3].T + frame[:2, 3]
-            edge = _EDGE * half
-            apart = (_APART if inside.any() else 1.0) * np.sqrt((high - low).prod()) / _FIRST + edge
+            through = bool(inside.any())
+            apart = (_APART if through else 1.0) * np.sqrt((high - low).prod()) / _FIRST + edge
             low, high = np.maximum(found.min(0) - apart, low - edge), np.minimum(found.max(0) + apart, high + edge)
-            room = float(np.sqrt((place[inside, 3] ** 2).mean()) if inside.any() else 0.5 * np.linalg.norm(high - low))
-        return _rectangle(low, high), room
+            room = float(np.sqrt((place[inside, 3] ** 2).mean()) if through else 0.5 * np.linalg.norm(high - low))
+        return _rectangle(low, high), room, through
 
 
 def _rectangle(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -231,10 +236,9 @@ def _find_uniforms(world: World, rays: int, further: int = 0) -> Uniforms:
 def _row(light: Light, scene: Scene, window: np.ndarray) -> list[list[float]]:
     """Return the texels of a light in shaders/lighting/virtual_lights/find.frag; window: of a directional light."""
     if light.directional:
-        frame, radius, _ = parallel_frame(light, scene)
-        (right, up, forward), (middle, half) = frame[:, :3], window.reshape(2, 2)
-        x, y = middle - half
-        corner = scene.bounds.mean(0) + x * right + y * up - radius * forward
+        frame, radius = parallel_frame(light, scene)
+        (right, up, _), (middle, half) = frame[:, :3], window.reshape(2, 2)
+        corner = ([*(middle - half), -radius] - frame[:, 3]) @ frame[:, :3]
         return [[*corner, 1.0], [*(2.0 * half[0] * right), 0.0], [*(2.0 * half[1] * up), 0.0]]
     if light.spot_target is None or not light.has_cone:
         return [[*light.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]

@@ -9,12 +9,18 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
+
+from irrsplat.scene.seen_by_light import Holes
 
 INSTALL = "pip install 'irrsplat[embree]'"
 _MOST_RAYS = 1 << 16  # rays per call of a thread, about: small enough to share them out evenly
 _LEAST_RAYS = 1 << 12  # rays below which the overhead of a call dominates
+_LAYERS = 64  # of holes along a ray, the greatest number that is looked through
+_BEHIND = 1e-5  # of the greatest coordinate: how far behind a hole the search continues
+_FAR = 1e30  # metres: the end of rays that end nowhere
 
 
 def available() -> bool:
@@ -42,20 +48,14 @@ def _rays_per_call(rays: int) -> int:
 class RayCaster:
     """A set of triangles in Embree.
 
-    positions: (V, 3) float32, metres; faces: (T, 3) int, their corners. Results are deterministic. Raises ImportError where
-    embreex is missing.
+    positions: (V, 3) float32, metres; faces: (T, 3) int, their corners. holes: of the last triangles; None: all are whole.
+    Results are deterministic. Raises ImportError where embreex is missing.
     """
 
-    def __init__(self, positions: np.ndarray, faces: np.ndarray) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore import EmbreeDevice
-        from embreex.rtcore_scene import EmbreeScene
-
-        # robust: no ray passes between two triangles that share an edge
-        self._scene = EmbreeScene(EmbreeDevice(), robust=True) if len(faces) else None
-        if self._scene is not None:
-            TriangleMesh(self._scene, positions, faces)
-            self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree
+    def __init__(self, positions: np.ndarray, faces: np.ndarray, holes: Holes | None = None) -> None:
+        whole = len(faces) if holes is None else holes.first
+        self._holes, self._behind = holes, _BEHIND * float(np.abs(positions).max(initial=0.0))
+        self._scene, self._cut_out = (_tree(positions, some) for some in (faces[:whole], faces[whole:]))
 
     def first_hits(self, origins: np.ndarray, frames: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return (N, R) int32, the first triangle that each of R rays from N places hits, from either side; -1: none.
@@ -66,16 +66,14 @@ class RayCaster:
         directions = np.asarray(directions, np.float32).reshape(-1, *np.shape(directions)[-2:])
         sets, rays_each = directions.shape[:2]
         hits = np.full((len(origins), rays_each), -1, np.int32)
-        scene, step = self._scene, max(sets, _rays_per_call(hits.size) // rays_each // sets * sets)
-        if scene is None:
-            return hits
+        step = max(sets, _rays_per_call(hits.size) // rays_each // sets * sets)
         origins, frames = (np.asarray(array, np.float32) for array in (origins, frames))
 
         def trace(first: int) -> None:
             """Trace the rays of `step` places from `first` on."""
             chunk = slice(first, first + step)
             rays = (directions @ frames[chunk].reshape(-1, sets, 3, 3)).reshape(-1, 3)
-            hits[chunk] = scene.run(np.repeat(origins[chunk], rays_each, axis=0), rays).reshape(-1, rays_each)
+            hits[chunk] = self.run(np.repeat(origins[chunk], rays_each, axis=0), rays).reshape(-1, rays_each)
 
         for _ in _threads().map(trace, range(0, len(origins), step)):
             pass
@@ -84,23 +82,68 @@ class RayCaster:
     def run(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return (N,) int, the first triangle that each ray hits, -1: none, on the present thread; origins, directions: (N, 3)
         float32."""
-        none = np.full(len(origins), -1)
-        return none if self._scene is None else np.asarray(self._scene.run(origins, directions))
+        if self._scene is None:
+            found, ends = np.full(len(origins), -1), np.full(len(origins), _FAR, np.float32)
+        elif self._holes is None:
+            return np.asarray(self._scene.run(origins, directions))
+        else:
+            hit = self._scene.run(origins, directions, output=True)
+            found, ends = hit["primID"], hit["tfar"]
+        nearer = self._between_holes(origins, directions, ends)
+        return np.where(nearer < 0, found, nearer)
+
+    def _between_holes(self, origins: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return (N,) int, the first cut-out triangle that each ray hits outside of its holes, -1: none.
+
+        ends: (N,) float32, of the rays, in lengths of the directions.
+        """
+        found = np.full(len(origins), -1)
+        if self._cut_out is None or self._holes is None:
+            return found
+        left = np.flatnonzero(self._cut_out.run(origins, directions, ends.copy()) >= 0)  # writes into the last array
+        origin, way, far = origins[left], directions[left], ends[left]
+        for _ in range(_LAYERS):
+            if not len(left):
+                break
+            hit = self._cut_out.run(*(np.array(values, np.float32) for values in (origin, way, far)), output=True)
+            met = np.flatnonzero(hit["primID"] >= 0)
+            number, u, v = hit["primID"][met] + self._holes.first, hit["u"][met], hit["v"][met]
+            passed = self._holes.passed(number, np.stack([1.0 - u - v, u, v], axis=1))
+            found[left[met[~passed]]] = number[~passed]
+            on = met[passed]
+            gone = hit["tfar"][on] + self._behind / np.maximum(np.linalg.norm(way[on], axis=1), 1e-30)
+            left = left[on]
+            origin, way, far = origin[on] + gone[:, None] * way[on], way[on], far[on] - gone
+        return found
 
     def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) bool: True if nothing occludes the segments from `starts` to `ends`, (N, 3) metres each."""
-        scene, found, step = self._scene, np.ones(len(starts), bool), _rays_per_call(len(starts))
-        if scene is None:
-            return found
+        found, step = np.ones(len(starts), bool), _rays_per_call(len(starts))
         starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
 
         def test(first: int) -> None:
             """Trace `step` segments from `first` on."""
-            chunk = slice(first, first + step)
-            away = ends[chunk] - starts[chunk]
-            hits = scene.run(starts[chunk], away, np.ones(len(away), np.float32), query="OCCLUDED")  # up to the ends
-            found[chunk] = hits < 0
+            start = starts[first : first + step]
+            away, free = ends[first : first + step] - start, found[first : first + step]
+            if self._scene is not None:
+                free[:] = self._scene.run(start, away, np.ones(len(away), np.float32), query="OCCLUDED") < 0  # up to the ends
+            if self._cut_out is not None:
+                free[free] = self._between_holes(start[free], away[free], np.ones(int(free.sum()), np.float32)) < 0
 
         for _ in _threads().map(test, range(0, len(starts), step)):
             pass
         return found
+
+
+def _tree(positions: np.ndarray, faces: np.ndarray) -> Any:
+    """Return Embree's scene of some triangles; None for no triangle."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore import EmbreeDevice
+    from embreex.rtcore_scene import EmbreeScene
+
+    if not len(faces):
+        return None
+    scene = EmbreeScene(EmbreeDevice(), robust=True)  # robust: no ray passes between two triangles that share an edge
+    TriangleMesh(scene, positions, faces)
+    scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree
+    return scene

@@ -124,8 +124,8 @@ class SiteRays(Owner):
         return share
 
     def see(self, lines: np.ndarray) -> np.ndarray:
-        """(N,) which of these sight lines (N, 3, 3) are free; what is cut out, only shaders know."""
-        if self._embree and not self.world.material_defines["CUT_OUTS"]:
+        """(N,) which of these sight lines (N, 3, 3) are free."""
+        if self._embree:
             return seen_by_embree(self.world.caster, lines)
         return self._visibility(self.world.ray_uniforms, lines)
 

@@ -1,6 +1,6 @@
 """The visibility test: whether two points see each other by way of a third, for many pairs at once, by rays through the tree.
 
-In a shader, or by Embree on the CPU, where that is faster and no surface is cut out.
+In a shader, or by Embree on the CPU, where that is faster.
 """
 
 from __future__ import annotations

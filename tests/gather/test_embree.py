@@ -13,7 +13,7 @@ from irrsplat.gather import kinds
 from irrsplat.gpu import context
 from irrsplat.scene import ray_caster
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Texture
+from irrsplat.scene.model import Texture, Wrap
 from irrsplat.settings import Settings
 from tests.gather.test_analytic import room
 from tests.gather.test_textures import UP, checker, image
@@ -43,17 +43,18 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
     assert np.abs(E[1] - E[0]).max() > 0.05 * E[0].mean(), "what has moved is seen"
 
 
-def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
-    """Through a fence with half cut out, a record sees the sky, and the wall in front of some of it."""
-    pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)))
-    fence = quad((-1, 0.5, -1), (0, 0, 2), (2, 0, 0), replace(material(0.5), albedo_texture=pattern, alpha_cutoff=0.5))
-    uvs = np.zeros((4, 4), "f4")
-    uvs[:, :2] = (0, 0), (0, 1), (1, 1), (1, 0)
+@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
+def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
+    """Through fences with half cut out, one above another, a record sees the sky, and the wall in front of some of it."""
+    pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)), wrap=(wrap, wrap))
+    paint, uvs = replace(material(0.5), albedo_texture=pattern, alpha_cutoff=0.5), np.zeros((4, 4), "f4")
+    uvs[:, :2] = (-0.1, 0.1), (-0.1, 1.4), (1.2, 1.4), (1.2, 0.1)
+    fences = [replace(quad((-1, height, -1), (0, 0, 2), (2, 0, 0), paint), uvs=uvs) for height in (0.5, 0.52, 0.6)]
     behind = box((-0.3, 0.8, -0.3), (0.3, 1.0, 0.3), material(0.8))
     where = sites([(x, 0.0, 0.1) for x in np.linspace(-0.8, 0.8, 9)], UP)
-    with Lit(ctx, scene(replace(fence, uvs=uvs), behind, sky=1.0, lights=(lamp((0.0, 2.0, 0.0)),))) as lit:
+    with Lit(ctx, scene(*fences, behind, sky=1.0, lights=(lamp((0.0, 2.0, 0.0)),))) as lit:
         truth, found = (lit.gather(where, 32, kind).E[:, 0] for kind in ("trace", "embree"))
-    assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there is a fence"
+    assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there are fences"
     assert np.allclose(found, truth, rtol=2e-3)
 
 

@@ -106,9 +106,12 @@ def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, 
     assert found == pytest.approx(ALBEDO * power / np.pi * h**2 / d2**2, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", ["trace", "embree"])
-def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Context, kind: str) -> None:
-    """The patch of 20 cm is a Lambert emitter of ρE_h; the roof, lit from above, does not consume its samples."""
+@pytest.mark.parametrize(("kind", "plain"), [("trace", 0.0), ("embree", 0.0), ("embree", 300.0)])
+def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Context, kind: str, plain: float) -> None:
+    """The patch of 20 cm is a Lambert emitter of ρE_h; the roof, lit from above, does not consume its samples.
+
+    A black ground of `plain` metres outside changes nothing.
+    """
     edge, tilt, black = 0.2, 0.25, material(0.0)
     bars = [(-4, -4, 8, 4), (-4, edge, 8, 4 - edge), (-4, 0, 4, edge), (edge, 0, 4 - edge, edge)]
     roof = [quad((x, HEIGHT, z), (width, 0, 0), (0, 0, depth), material(ALBEDO)) for x, z, width, depth in bars]
@@ -120,6 +123,7 @@ def test_the_sun_through_an_opening_lights_what_faces_its_patch(ctx: moderngl.Co
     patch = np.array([(x - tilt * HEIGHT, 0.0, z) for x, z in ((0, 0), (0, edge), (edge, edge), (edge, 0))])
     where, normal = np.random.default_rng(3).uniform((-1.9, 0.5, -1.5), (-1.5, 2.5, 1.5), (24, 3)), np.array((1.0, 0.0, 0.0))
     truth = ALBEDO * POWER / np.hypot(1.0, tilt) / np.pi * (polygon_vector(patch, where) @ normal)
-    with Lit(ctx, scene(*roof, *walls, ground, lights=(sun,)), 4096) as lit:
+    outside = [quad((-plain / 2, -1, plain / 2), (plain, 0, 0), (0, 0, -plain), black)] if plain else []
+    with Lit(ctx, scene(*roof, *walls, ground, *outside, lights=(sun,)), 4096) as lit:
         found, alone = (look(lit, where, normal, samples, kind, side=32).E[:, 0] for samples in (SAMPLES, 0))
     assert relative(found, truth) < min(0.01, 0.05 * relative(alone, truth))

@@ -192,15 +192,22 @@ def bare(kind: str, at: tuple[float, float, float]) -> Light:
     return Light(at, (1, 1, 1), directional=True) if kind == "sun" else lamp(at, 20.0, **spot)
 
 
-@pytest.mark.parametrize("kind", ["point", "sun", "spot"])
-def test_no_light_leaks_where_a_box_stands(ctx: moderngl.Context, kind: str) -> None:
+SHEET, SLAB = floor(500.0, 0.0, WHITE), box((-500, -2, -500), (500, 0, 500), WHITE)
+
+
+@pytest.mark.parametrize(
+    ("kind", "ground"),
+    [(kind, floor(2.0, 0.0, WHITE)) for kind in ("point", "sun", "spot")] + [("sun", SHEET), ("sun", SLAB)],
+    ids=["point", "sun", "spot", "sun and 1 km of ground", "sun and 1 km of slab"],
+)
+def test_no_light_leaks_where_a_box_stands(ctx: moderngl.Context, kind: str, ground: Mesh) -> None:
     """A closed box on the floor, lit from one side: behind it the shadow starts at the contact line and is exactly 0.
 
     The light at (-3, 2, 0) projects the box of ±0.5 m, 1 m high, to the right. The floor is dark up to the ray over the
     upper edges, x = 0.5 + 1·3.5/1 = 4 m for the point light; across, at least |z| < 0.5 is dark.
     """
     light, camera = bare(kind, (-3.0, 2.0, 0.0)), Camera((1.0, 4.0, 0.0), (1.0, 0.0, 0.0), (0, 0, -1), 30.0)
-    world = scene(floor(2.0, 0.0, WHITE), box((-0.5, 0, -0.5), (0.5, 1, 0.5), WHITE), lights=(light,), camera=camera)
+    world = scene(ground, box((-0.5, 0, -0.5), (0.5, 1, 0.5), WHITE), lights=(light,), camera=camera)
     found = directed(ctx, world)
     x, y, z = np.moveaxis(found["position"], -1, 0)
     behind = (y < 1e-4) & (x > 0.5) & (x < 1.4) & (np.abs(z) < 0.45)

@@ -119,10 +119,10 @@ class RecordGatherer(Owner):
 
     @property
     def _needs_tree(self) -> bool:
-        """True if gathers need the tree for rays in shaders. With Embree, cut-outs and virtual point lights need the tree."""
+        """True if gathers need the tree for rays in shaders. With Embree, virtual point lights need the tree."""
         settings, lamps = self._basis.settings, self.world.scene.lights
         lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
-        return self._basis.kind != "embree" or lit or bool(self.world.material_defines["CUT_OUTS"])
+        return self._basis.kind != "embree" or lit
 
     @property
     def _without_tree(self) -> bool:

@@ -127,6 +127,21 @@ class Scene:
         found = np.array([corners[:, 0].min(0), corners[:, 1].max(0)], float)
         return found + self.origin if any(self.origin) else found
 
+    @cached_property
+    def shaded_bounds(self) -> np.ndarray:
+        """(2, 3) float64, world space: the part of `bounds` whose projection along parallel light has all shadows of that light.
+
+        If the largest mesh is a ground, these are the bounds of the others. A ground is flat, or convex and apart from them.
+        """
+        boxes = {mesh: mesh.bounds.astype(float) + self.origin for mesh in self.meshes if len(mesh.positions)}
+        if len(boxes) < 2:
+            return self.bounds
+        ground = max(boxes, key=lambda mesh: float(np.linalg.norm(np.ptp(boxes[mesh], axis=0))))
+        low, high = boxes.pop(ground)
+        rest = np.array([np.min([box[0] for box in boxes.values()], axis=0), np.max([box[1] for box in boxes.values()], axis=0)])
+        apart = bool(((rest[0] >= high) | (rest[1] <= low)).any())
+        return rest if ground.form == "flat" or (ground.form == "convex" and apart) else self.bounds
+
     @property
     def corners(self) -> np.ndarray:
         """(8, 3) float64: the corners of the bounding box."""

@@ -14,6 +14,9 @@ from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
 
 _FARTHEST = 3e38  # of texture coordinates, which are never squared
+_LOOKED_AT = 1024  # triangles whose planes decide about a mesh's form
+_PLANES = 64  # different ones; a mesh with more is not tested
+_ROUGH = 1e-4  # of the mesh's diagonal, a tenth of a shadow map's texel: greatest distance of vertices from a plane
 
 
 @dataclass(frozen=True, eq=False)  # compared by identity, so that textures can share an image
@@ -41,6 +44,7 @@ class Image:
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 AlphaMode = Literal["opaque", "mask", "blend"]
+Form = Literal["flat", "convex", "other"]
 
 
 @dataclass(frozen=True)
@@ -169,3 +173,22 @@ class Mesh:
     def is_point(self) -> bool:
         """True if all vertices coincide, so that the mesh is invisible."""
         return not np.ptp(self.bounds, axis=0).any() if len(self.positions) else True
+
+    @cached_property
+    def form(self) -> Form:
+        """Return "flat", "convex" or "other"; flat and convex meshes cast no shadow on their own lit sides.
+
+        A convex mesh is closed, and has at most 64 different planes.
+        """
+        corners = self.positions.astype(float)[self.faces[:: len(self.faces) // _LOOKED_AT + 1]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        different = np.unique(np.round(normals, 3), axis=0, return_index=True)[1]
+        if not 0 < len(different) <= _PLANES:
+            return "other"
+        normals, through = normals[different], corners[different, 0]
+        heights = self.positions @ normals.T - (normals * through).sum(1)
+        slack = _ROUGH * float(np.linalg.norm(np.ptp(self.bounds, axis=0)))
+        if np.abs(heights).max() <= slack:
+            return "flat"
+        return "convex" if self.closed and heights.max() <= slack else "other"
