@@ -183,12 +183,6 @@ class RecordCache(Owner):
         known = triangle if (triangle >= 0).all() else None
         return Sites(position, normal, geometric, known, *(self._columns[name][numbers] for name in ("frame_rotation", "screen")))
 
-    def number_of(self, id: int) -> int | None:
-        """Return the present number of the record of this id; None if it was dropped."""
-        ids = self._columns["id"][: self.count]
-        number = int(np.searchsorted(ids, id))
-        return number if number < self.count and ids[number] == id else None
-
     def column(self, name: str) -> np.ndarray:
         """Return the column of this name in _COLUMNS, (N, …), writable."""
         return self._columns[name][: self.count]

@@ -127,9 +127,9 @@ class RecordGatherer(Owner):
     @property
     def _without_tree(self) -> bool:
         """True if ticks gather without the tree for now: coarse light does not wait for the search of virtual point lights."""
-        surface, embree = self.surface, self._basis.kind == "embree" and not self.world.material_defines["CUT_OUTS"]
+        surface = self.surface
         coarse = surface is not None and surface.starts_coarse and (self.awaits_light or self.provisional)
-        return embree and coarse and not self.world.has_tree
+        return self._basis.kind == "embree" and coarse and not self.world.has_tree
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
