@@ -313,7 +313,7 @@ def compare(walker: Walker) -> None:
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
     tracing = walker.viewer.actions.session.tracing
-    walker.until(lambda: tracing.traced is None or tracing.traced > 0.02, "a reference of some samples")
+    walker.until(lambda: tracing.traced is None or tracing.traced > 0.1, "a reference of some samples")
     walker.click("buffer", "error")
     walker.wait(6)
     walker.keep("truth")
