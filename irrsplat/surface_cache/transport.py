@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
-POCKETS = 0.05  # share of the area that may miss more than CONVERGED
+POCKETS = 0.05  # share of the lit sites that may miss more than CONVERGED
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
 _CLOSELY, _APART = 8, 4  # bounces: the rest is estimated after each of the first 8, then after every 4th, to save time
 
@@ -94,9 +94,9 @@ def sum_bounces(
             rest = _rest(term, after, area)
             whole = total + after + rest
             known = bool(np.isfinite(whole).all())
-            remaining = _share(rest, total + after, area)
+            remaining = _share(rest, total + after)
             if everything and made == most and known and former is not None:
-                remaining = min(remaining, _share(_uncertainty(former, whole, term, after), whole, area))
+                remaining = min(remaining, _share(_uncertainty(former, whole, term, after), whole))
             if everything and known and remaining < CONVERGED:
                 yield BouncedLight(whole, made, remaining, True)
                 return
@@ -139,17 +139,18 @@ def _uncertainty(former: np.ndarray, whole: np.ndarray, before: np.ndarray, last
     return error
 
 
-def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
-    """The mean over the lit area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
+def _share(rest: np.ndarray, total: np.ndarray) -> float:
+    """Return the mean over the lit sites of the share of `total` (S, 3) that `rest` (S, 3) is, in its greatest channel.
 
-    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. The
-    POCKETS of the area where it is greatest are left out: a closed white frame takes hundreds of bounces, and nobody sees it.
+    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. All sites count the
+    same, since a lit ground is far larger than the house on it, and has far fewer sites for its area. The POCKETS of the sites
+    with the greatest shares are left out: a closed white frame takes hundreds of bounces, and nobody sees it.
     """
     found = []
     for one, all_of_it in zip(rest.T, total.T, strict=True):
         share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
         order = np.argsort(share, kind="stable")
-        lit = np.where(all_of_it > _DARK * all_of_it.max(initial=0.0), area, 0.0)
+        lit = (all_of_it > _DARK * all_of_it.max(initial=0.0)).astype(float)
         kept = order[np.cumsum(lit[order]) - lit[order] < (1.0 - POCKETS) * lit.sum()]
         counted = float(lit[kept].sum())
         found.append(_total(lit[kept], share[kept]) / counted if counted > 0.0 else 0.0)
