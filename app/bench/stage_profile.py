@@ -64,7 +64,7 @@ _BORDERS: dict[str, tuple[str, ...]] = {
         "renderer.stages:Stages.draw_shadows",
         "renderer.stages:Stages.draw_picture",
     ),
-    "shaders": ("gpu.program:Program._linked",),
+    "shaders": ("gpu.program:Program._link",),
 }
 _SURFACE = "surface cache"
 _TRANSFERS = "transfer"  # of data between the processor and OpenGL, and new textures

@@ -78,7 +78,7 @@ class Stages(Owner):
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
         """Return the world of shadow rays, as `shadow_caster` has it. hurried: None also where their tree is not built yet."""
-        if hurried and self.scheduler.gatherer.awaits_light:  # its build would delay the first light
+        if hurried and not self.world.has_tree and self.scheduler.gatherer.awaits_light:  # its build would delay that light
             return None
         return shadow_caster(self.world, state.settings, hurried)
 

@@ -87,7 +87,7 @@ def sum_bounces(
         if everything and fade.max() < 1.0:
             rest = _rest(term, after, fade)
             whole = total + after + rest
-            if _share(rest, whole, area) < CONVERGED or (made == most and fade.max() < _FADES):
+            if _share(rest, whole) < CONVERGED or (made == most and fade.max() < _FADES):
                 yield BouncedLight(whole, made, complete=True, converged=True)
                 return
         yield BouncedLight(total, made, made == most)
@@ -119,14 +119,15 @@ def _rest(before: np.ndarray, last: np.ndarray, fade: np.ndarray) -> np.ndarray:
     return rest
 
 
-def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
-    """Return the mean over the lit area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel of most.
+def _share(rest: np.ndarray, total: np.ndarray) -> float:
+    """Return the mean over the lit sites of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel of most.
 
-    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below.
+    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. All sites count the
+    same: a lit ground is far larger than the house on it, and has far fewer sites for its area.
     """
     share = np.divide(rest, total, out=np.zeros_like(total), where=total > 0.0)
     lit = total > _DARK * total.max(0, initial=0.0)
-    return float((_total(area, lit * share) / np.maximum(_total(area, lit), 1e-300)).max())
+    return float(((lit * share).sum(0) / np.maximum(lit.sum(0), 1)).max())
 
 
 def _total(area: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -357,3 +357,11 @@ def test_a_scene_of_nothing_another_sky_and_other_rays(ctx: moderngl.Context) ->
         advance(renderer)
         with made(ctx, other, gather_size=8, seed=seed) as fresh:
             assert np.allclose(values(renderer), values(fresh), rtol=1e-4)
+
+
+def test_a_lit_ground_ends_no_bounces_in_the_house_on_it() -> None:
+    """90 sites keep 0.8 of their light from bounce to bounce, and 10 of a vast ground in the sun nothing."""
+    fade = np.where(np.arange(100) < 90, 0.8, 0.0).astype(np.float32)[:, None]
+    area = np.where(np.arange(100) < 90, 1.0, 1e5)
+    *_, last = sum_bounces(np.ones((100, 3)), lambda term: term * fade, area, 100, True)  # type: ignore[arg-type]
+    assert np.allclose(last.irradiance[:90], 5.0, rtol=0.01)

@@ -147,9 +147,12 @@ def test_a_region_bounds_what_is_drawn_and_every_buffer_has_a_legend(cornell: Sh
 def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, target: Target, kind: str) -> None:
     """Straight above a floor: its tile sees the floor at one distance, a box's top of height 1 nearer by 1.
 
+    The sun's tile covers all bodies but the floor, so that two posts make room beside the box.
+
     A spot at height 3 stores near/z, the sun z in a depth of 1.001 diagonals about the middle of the bounds.
     """
-    bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3))
+    posts = (worlds.box((x - 0.1, 0.0, x - 0.1), (x + 0.1, 1.0, x + 0.1)) for x in (-1.9, 1.9))
+    bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3)), *posts
     spot = worlds.lamp((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
     light = spot if kind == "spot" else Light((0, 1, 0), (1, 1, 1), directional=True)
     with shown_view(worlds.scene(*bodies, lights=(light,)), rounds=1) as made:
