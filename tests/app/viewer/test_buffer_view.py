@@ -147,7 +147,7 @@ def test_a_region_bounds_what_is_drawn_and_every_buffer_has_a_legend(cornell: Sh
 def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, target: Target, kind: str) -> None:
     """Straight above a floor: its tile sees the floor at one distance, a box's top of height 1 nearer by 1.
 
-    The sun's tile covers all bodies but the floor, so that two posts make room beside the box.
+    The sun's tile covers all bodies but the floor, so that two posts widen it.
 
     A spot at height 3 stores near/z, the sun z in a depth of 1.001 diagonals about the middle of the bounds.
     """
