@@ -129,7 +129,7 @@ class RecordGatherer(Owner):
         """True if ticks gather without the tree for now: coarse light does not wait for the search of virtual point lights."""
         surface = self.surface
         coarse = surface is not None and surface.starts_coarse and (self.awaits_light or self.provisional)
-        return self._basis.kind == "embree" and coarse and not self.world.has_tree
+        return self._basis.kind == "embree" and coarse and self._needs_tree and not self.world.has_tree
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
@@ -283,7 +283,7 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
         before = surface.at(sites) if follows else None
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
-        waits = budget.limited and coarse and self._needs_tree and not self.world.has_tree  # its own values have virtual lights
+        waits = budget.limited and coarse and self._without_tree  # its own values have virtual lights
         made = not waits and surface.advance(shadows, part)
         if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
