@@ -142,18 +142,18 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
         left = np.flatnonzero(found[:, 0] < 0)
         blocks = voxel_keys(members[np.concatenate([sites, asking[left]])], block * size) >> 5  # without the normals' parts
         order = np.argsort(blocks[: len(sites)], kind="stable")
+        known = blocks[order]
         for first in range(0, len(left), _AT_ONCE):
             some = left[first : first + _AT_ONCE]
             wanted = blocks[len(sites) + first :][: len(some)]
-            begin, end = (np.searchsorted(blocks[order], wanted, side) for side in ("left", "right"))
+            begin, end = (np.searchsorted(known, wanted, side) for side in ("left", "right"))
             member, counts = np.repeat(some, end - begin), np.cumsum(end - begin)
             site = order[np.arange(len(member)) + np.repeat(end - counts, end - begin)]
             turned = np.einsum("nx,nx->n", members.normal[asking[member]], members.normal[sites[site]])
             member, site, turned = (of[turned > _MIN_COSINE] for of in (member, site, turned))
             apart = (members.position[asking[member]] - members.position[sites[site]]) / np.float32(size)
-            near = np.lexsort(
-                (np.einsum("nx,nx->n", apart, apart) - 2.0 * turned, member)
-            )  # |a - b|² = 2 - 2 a·b of unit normals
+            distance = np.einsum("nx,nx->n", apart, apart) - 2.0 * turned  # without 2, as |a - b|² = 2 - 2 a·b of unit normals
+            near = np.lexsort((distance, member))
             rank = np.arange(len(near)) - np.searchsorted(member[near], member[near])
             near, rank = near[rank < most], rank[rank < most]
             found[member[near], rank] = site[near]

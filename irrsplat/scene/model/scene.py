@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.vectors import near_origin
+from irrsplat.core.vectors import box, near_origin
 from irrsplat.scene.model.camera import Camera
 from irrsplat.scene.model.checks import check_type, checked, put
 from irrsplat.scene.model.lights import Light
@@ -123,8 +123,7 @@ class Scene:
         boxes = [mesh.bounds for mesh in self.meshes if len(mesh.positions)]
         if not boxes:
             return np.zeros((2, 3))
-        corners = np.stack(boxes)
-        found = np.array([corners[:, 0].min(0), corners[:, 1].max(0)], float)
+        found = box(np.concatenate(boxes)).astype(float)
         return found + self.origin if any(self.origin) else found
 
     @cached_property
@@ -138,7 +137,7 @@ class Scene:
             return self.bounds
         ground = max(boxes, key=lambda mesh: float(np.linalg.norm(np.ptp(boxes[mesh], axis=0))))
         low, high = boxes.pop(ground)
-        rest = np.array([np.min([box[0] for box in boxes.values()], axis=0), np.max([box[1] for box in boxes.values()], axis=0)])
+        rest = box(np.concatenate([*boxes.values()]))
         apart = bool(((rest[0] >= high) | (rest[1] <= low)).any())
         return rest if ground.form == "flat" or (ground.form == "convex" and apart) else self.bounds
 
