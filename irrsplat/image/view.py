@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
+from weakref import WeakMethod
 
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.color import LUMINANCE, MID_GREY
+from irrsplat.core.errors import InputError
 from irrsplat.core.files import as_png
 from irrsplat.core.glsl import TOLD
 from irrsplat.core.vectors import check_finite
@@ -30,6 +32,7 @@ class View:
     own, or temporally filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including
     the sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled
     at pixel centres. fading: True while temporal accumulation has not reached the records' E.
+    reader: the renderer's method that makes the frame of `read`; a weak reference, so that a view does not keep its renderer.
     """
 
     camera: Camera
@@ -44,6 +47,17 @@ class View:
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
     fading: bool = False
+    reader: WeakMethod[Callable[[View], Frame]] | None = field(default=None, repr=False, compare=False)
+
+    def read(self) -> Frame:
+        """Return the view as a Frame of numpy arrays that the caller owns, in world space, while the view is valid.
+
+        The statistics state the view's progress. Raises InputError for a view of an earlier camera or size.
+        """
+        read_back = None if self.reader is None else self.reader()
+        if read_back is None:
+            raise InputError("the renderer of this view is gone; keep a renderer as long as its views are read")
+        return read_back(self)
 
     def _repr_png_(self) -> bytes:
         """Return the picture as a PNG with automatic exposure, for notebooks while the view is valid."""

@@ -24,7 +24,7 @@ from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundRes
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.renderer.moving import MovingViews
-from irrsplat.renderer.stages import Stages
+from irrsplat.renderer.stages import Reader, Stages
 from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.renderer.tiles import TileScreens
 from irrsplat.scene.model import Camera
@@ -35,13 +35,16 @@ _RENEWAL = 0.6  # of the time for gathering: the share of stale records while pi
 
 
 class Frames(Owner):
-    """Draws the frames of a world's views. state: how far they have come, replaced whole from frame to frame."""
+    """Draws the frames of a world's views.
 
-    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State) -> None:
+    state: how far they have come, replaced whole from frame to frame. reader: see View.
+    """
+
+    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State, reader: Reader) -> None:
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
-        self.stages = Stages(world, scheduler, timers)
+        self.stages = Stages(world, scheduler, timers, reader)
         self.cache = scheduler.cache
-        self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), self.round)
+        self.moving = MovingViews(Stages(world, scheduler, timers, reader, self.stages), self.round)
         self._tiles = TileScreens(self.stages, scheduler)
         self._passes = Workshop()  # the refiner
 
@@ -234,6 +237,11 @@ class Frames(Owner):
         if exposure != "auto":
             return float(exposure)
         return self.composite_pass(view).exposure(view.image, view.gbuffer)
+
+    def progress(self) -> Progress:
+        """Return the progress of the present view."""
+        waiting = self.cache.waiting if self.state.settings.most_bounces > 0 else None
+        return self._progress(self.state.view, NOTHING_ASKED, 0, waiting)
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Unpack, cast
+from weakref import WeakMethod
 
 import moderngl
 import numpy as np
@@ -84,7 +85,8 @@ class Renderer(Tenant):
             self.world = made.enter_context(World(self.ctx, scene))
             self.cache = made.enter_context(RecordCache(self.ctx))
             self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
-            self._frames = made.enter_context(Frames(self.world, self.scheduler, self.timers, state))
+            frames = Frames(self.world, self.scheduler, self.timers, state, WeakMethod(self._read))
+            self._frames = made.enter_context(frames)
             self._whole = WholeRenders(self._frames, self._tiling, self.about, checked=self._owns_ctx)
             self.stages = self._frames.stages
 
@@ -216,6 +218,11 @@ class Renderer(Tenant):
     def can_refine(self) -> bool:
         """True if these settings allow `refine`."""
         return self._frames.can_refine
+
+    def _read(self, view: View) -> Frame:
+        """Return a view's frame, as View.read has it."""
+        self._use()
+        return self._whole.read(view).placed(self._origin)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """Return the `view` that `frame` gave last with `samples` a pixel, or with as many more than last time as `seconds` has.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
+from weakref import WeakMethod
 
 import moderngl
 import numpy as np
@@ -21,6 +23,7 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
+from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import View
@@ -35,6 +38,8 @@ from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
 from irrsplat.surface_cache.cache import SurfaceCache
 
+Reader = WeakMethod[Callable[[View], Frame]]
+
 
 class Lighting(NamedTuple):
     """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone. exact: as DirectPass has it."""
@@ -47,11 +52,14 @@ class Lighting(NamedTuple):
 class Stages(Owner):
     """Draws the stages of the `world`'s pictures as a State has them, and keeps each result while it holds.
 
-    whole: the stages of pictures of the full size, whose shadow maps and images these use.
+    reader: see View. whole: the stages of pictures of the full size, whose shadow maps and images these use.
     """
 
-    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, whole: Stages | None = None) -> None:
+    def __init__(
+        self, world: World, scheduler: RecordScheduler, timers: Timers, reader: Reader, whole: Stages | None = None
+    ) -> None:
         self.ctx, self.world, self.scheduler, self.timers, self.whole = world.ctx, world, scheduler, timers, whole
+        self.reader = reader
         self.antialiaser = Antialiaser(self.ctx, timers)
         self._passes = Workshop()  # those that depend on size, lights or settings
         self._memo = Memo()  # the results of the stages that are drawn whole
@@ -177,7 +185,8 @@ class Stages(Owner):
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 stop_for_input()
                 image, alpha = composite_pass(sums, direct, gbuffer, backdrop, done.camera, settings)
-            return View(done.camera, gbuffer, direct, shown, sums, image, alpha, backdrop=backdrop, fading=left > 0)
+            drawn = View(done.camera, gbuffer, direct, shown, sums, image, alpha, backdrop=backdrop, fading=left > 0)
+            return replace(drawn, reader=self.reader)
 
         return self._memo.get("picture", (subject, left), draw)
 

@@ -184,6 +184,17 @@ class WholeRenders:
         frame = read(view, self.cache.read(), stats, wanted.buffers)
         return replace(frame, figures=album.figures(frame, view.camera, settings)) if wanted.figures else frame
 
+    def read(self, view: View) -> Frame:
+        """Return the frame of a view that `Frames.frame` gave last, as View.read has it."""
+        frames = self.frames
+        if view.gbuffer not in (frames.stages.gbuffer, frames.moving.stages.gbuffer):
+            raise InputError("this view's buffers hold another view by now; read a view before the next frame is drawn")
+        now = frames.progress()
+        stats: Statistics = {"rounds": now.round, "converged": now.done, "full": now.full, "coverage": now.coverage}
+        stats |= {"records": now.records, "error": now.error}
+        stats |= self.described(view.samples, frames.stops(view))
+        return read(view, self.cache.read(), stats)
+
     @contextmanager
     def _tiles_of(self, side: int) -> Iterator[None]:
         """Draw views in tiles of `side` pixels within the block."""

@@ -14,6 +14,8 @@ import pytest
 
 from irrsplat import InputError, Renderer
 from irrsplat.core import paths
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.timing.clock import RayClock, use_clock
 from irrsplat.gpu import shader_source
 from irrsplat.image.view import Progress
 from irrsplat.renderer.moving import divisor_after
@@ -47,9 +49,10 @@ def ticks(renderer: Renderer, seconds: float | None = None, camera: Camera | Non
 
 def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
     """A round chooses its sites at its start: records lie at the same places for any number of frames."""
-    settings = {**FAST, "spread": 0.3}
+    settings = {**FAST, "spread": 0.3, "gather_size": 32}
     with Renderer(room(), SIZE, **settings) as small, Renderer(room(), SIZE, ctx=small.ctx, **settings) as whole:
-        told, other = ticks(small, TICK), ticks(whole)
+        with use_clock(RayClock(1e6)):  # 10 000 rays a tick, and rounds of up to a hundred records of 1024 rays
+            told, other = ticks(small, 0.01), ticks(whole)
         assert len(told) > 2 * len(other), "the ticks were small"
         assert told[-1].coverage == 1.0 and all(p.new >= 1 for p in told[:5])
         one, two = small.cache.read(), whole.cache.read()
@@ -61,6 +64,25 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
     assert np.array_equal(one["position"][:count], two["position"][:count])
     light, other_light = (records["irradiance"][:count] for records in (one, two))
     assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
+
+
+def test_a_view_is_read_as_a_frame() -> None:
+    """A still view has the buffers of a render. A view of an earlier camera is an error, not another picture."""
+    with Renderer(room(), SIZE, **FAST) as renderer:
+        view, _ = renderer.frame()
+        assert view.read().stats["converged"] is False
+        ticks(renderer)
+        old, _ = renderer.frame()
+        found, whole = old.read(), renderer.render()
+        for name in CHANNELS:
+            assert np.array_equal(getattr(found, name), getattr(whole, name)), name
+        assert np.array_equal(found.records_irradiance, whole.records_irradiance) and found.stats["converged"]
+        renderer.frame(replace(FRONT, fov=50.0))
+        with pytest.raises(InputError, match="read a view before the next frame"):
+            old.read()
+    del renderer
+    with pytest.raises(InputError, match="is gone"):
+        old.read()
 
 
 @pytest.mark.parametrize(("fixed", "pixels"), [(0.0, 0.02), (0.01, 0.02), (0.01, 0.15), (0.03, 0.3), (0.2, 0.3)])

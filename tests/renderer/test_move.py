@@ -12,7 +12,6 @@ import pytest
 
 from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
-from irrsplat.image.view import read
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.io.mesh_builder import is_closed
@@ -237,7 +236,7 @@ def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
             renderer.move(BOX, shift(0.06 * step, 0.0, 0.03 * step))
             view, _ = renderer.frame(seconds=0.06)
             if step % 4 == 0:
-                found = read(view, renderer.cache.read(), {}).irradiance
+                found = view.read().irradiance
                 with Renderer(renderer.scene, SIZE, ctx=renderer.ctx, **settings) as fresh:
                     true = fresh.render().irradiance
                 off.append(np.sqrt(np.mean((found - true) ** 2)) / true.mean())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.image.view import Progress, read
+from irrsplat.image.view import Progress
 from irrsplat.indirect.paper_scan import read_back
 from irrsplat.reference import fine_gather
 from irrsplat.renderer import Renderer
@@ -87,7 +87,7 @@ def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
             view, progress = renderer.refine(None, 0.05, 0.05)
         surface = renderer.scheduler.gatherer.surface_now
         assert progress.error is not None and progress.error <= 0.05 and surface is not None and surface.refinements
-        off = read(view, renderer.cache.read(), {}).irradiance - first
+        off = view.read().irradiance - first
         assert 1e-3 * first.mean() < np.abs(off).mean() < 0.2 * first.mean()
 
 

@@ -12,7 +12,6 @@ import pytest
 import irrsplat
 from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.image.view import read
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Light, Scene
@@ -93,7 +92,7 @@ def test_a_lone_lamp_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> N
         truth = fresh.render()
         old.relight(after.lights)
         view, progress = old.frame(seconds=TICK)
-        found = read(view, old.cache.read(), {})
+        found = view.read()
         assert not progress.stale and not progress.new
         for one, other in ((found.irradiance, truth.irradiance), (found.image, truth.image)):
             assert np.allclose(one, other, rtol=1e-4, atol=1e-5 * other.max())

@@ -35,7 +35,6 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import exposure_of
-from irrsplat.image.view import read
 from irrsplat.indirect import temporal_filter
 from irrsplat.records.cache_file import CacheState
 from irrsplat.reference import worker
@@ -126,7 +125,7 @@ def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), 
     for _ in range(rounds):
         renderer.frame()
     view, _ = renderer.frame(gather=False)
-    frame = read(view, renderer.cache.read(), {})
+    frame = view.read()
     return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, BufferView(renderer.ctx))
 
 

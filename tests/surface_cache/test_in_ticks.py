@@ -14,7 +14,7 @@ import pytest
 from irrsplat import Renderer
 from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.image.view import Progress, read
+from irrsplat.image.view import Progress
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
 from tests.renderer.test_live import TICK
@@ -163,7 +163,7 @@ def test_no_pixel_goes_dark_while_a_lamp_is_carried() -> None:
         for step in range(1, STEPS + 1):
             renderer.relight(lit(step / STEPS))
             view, _ = renderer.frame(seconds=TICK)
-            found = read(view, renderer.cache.read(), {})
+            found = view.read()
             seen = np.isfinite(found.depth)
             assert (found.irradiance[seen].sum(1) > 0.05 * true[seen].sum(1)).all()
         last = renderer.render().irradiance

@@ -18,7 +18,6 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.image.view import read
 from irrsplat.scene import bundled
 from irrsplat.scene.model import Scene
 from tests.renderer.test_renderer import FAST, FRONT, room
@@ -79,10 +78,10 @@ def flown(scene: Scene, cameras: list[irrsplat.Camera], size: tuple[int, int], *
             view, progress = renderer.frame(camera, seconds=0.05)
         while not progress.done:
             view, progress = renderer.frame(cameras[-1], seconds=0.05)
-        covered = read(view, renderer.cache.read(), {}).irradiance
+        covered = view.read().irradiance
         while not progress.refined:
             view, progress = renderer.refine(cameras[-1], QUALITY, seconds=0.05)
-        return [covered, read(view, renderer.cache.read(), {}).irradiance]
+        return [covered, view.read().irradiance]
 
 
 @pytest.mark.long
