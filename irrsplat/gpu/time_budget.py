@@ -15,7 +15,8 @@ from irrsplat.core.timing.input_waits import input_waits, interruptible
 Result = TypeVar("Result")
 
 _GATHER_SHARE = 0.2  # of a frame: the least share of gathering, so that a view refines even if other stages are slow
-_FIRST_STEP = 64  # items: largest first batch of a frame; each further batch is at most this plus four times the batch before
+_STEP_RAYS = 262_144  # rays of the largest first batch of a frame; each further batch has at most four times as many items more
+_STEP = 64  # items of that batch at least
 _LONGEST = 0.03  # seconds: longest batch while input may arrive
 _DECAY = 0.7  # weight of a measured batch relative to the one after it
 _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
@@ -122,7 +123,7 @@ class Pace:
         The caller processes each batch before it takes the next size; the time in between is the batch's cost. rays: per item,
         for a clock that counts rays.
         """
-        done, last = 0, 0
+        done, last, step = 0, 0, max(_STEP, _STEP_RAYS // max(rays, 1) if rays else 0)
         if not self._sums[0] and rays:
             self._overhead = _FIRST_RAYS / rays
         while done < wanted:
@@ -130,7 +131,7 @@ class Pace:
             if budget.limited and input_waits():
                 return
             if budget.limited:
-                affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + _FIRST_STEP)
+                affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + step)
                 if done and affordable < min(efficient, count):
                     return  # the next frame uses that time better
                 longest = self._affordable(_LONGEST) if interruptible() else affordable
