@@ -86,12 +86,12 @@ class TemporalFilter(Owner):
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
         now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
         stride = splats.pixel_stride
-        before = self._before(shown, splats.sums)
+        before = self._before(shown, self._target(splats.sums.size, _Shown(now, camera, subject, scene, 0)))
         for band in bands(now.size):
             self.program(
                 now,
                 scissor=band,
-                state=DrawState(depth="1") if filling else DrawState(),
+                state=DrawState(depth="1"),  # where nothing is filled, too: each state of a program compiles anew
                 position=gbuffer.position,
                 normal=gbuffer.normal,
                 sums=splats.sums,
@@ -125,11 +125,13 @@ class TemporalFilter(Owner):
         made.append(Target(self.ctx, size, (4, 1), depth=True))
         return made[-1]
 
-    def _before(self, shown: _Shown | None, nothing: moderngl.Texture) -> Uniforms:
-        """The uniforms of the last picture; `nothing` is a texture to bind where there was none."""
+    def _before(self, shown: _Shown | None, unused: Target) -> Uniforms:
+        """Return the uniforms of the last picture. Without one, `unused` has textures of equal formats, so that the program
+        compiles once."""
         if shown is None:
+            nothing, facing = (SampledTexture(texture, self.linear) for texture in unused.textures)
             nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
-            return {"fading": False, "shown": nothing, "shown_facing": nothing, "dimming": (1.0, 1.0, 1.0), **nowhere}
+            return {"fading": False, "shown": nothing, "shown_facing": facing, "dimming": (1.0, 1.0, 1.0), **nowhere}
         camera, (width, height), texels = shown.camera, self.size, np.array(shown.target.size)
         stride = -(-width // shown.target.size[0])
         irradiance, facing = (SampledTexture(texture, self.linear) for texture in shown.target.textures)

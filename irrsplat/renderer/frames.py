@@ -66,6 +66,7 @@ class Frames(Owner):
             self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
             return self.moving(self.state, camera, budget, gather)
         start, other = now(), (camera,) != self.state.view.subject[:1]
+        dark = budget.limited and self.scheduler.gatherer.awaits_light
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:
@@ -78,7 +79,8 @@ class Frames(Owner):
             return shown.view, replace(done.progress, fading=shown.view.fading)
         start = now()
         fading = budget.limited and self.state.settings.placement != "scan"
-        view = self.stages.draw_picture(self.state, done, fading, budget.limited, moving)  # 2.4, 2.5
+        # the first light does not wait for the programs of exact shadows
+        view = self.stages.draw_picture(self.state, done, fading, budget.limited, moving or dark)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
@@ -199,7 +201,8 @@ class Frames(Owner):
             if view.ended(of):
                 return view, NOTHING_ASKED
             return self.scheduler.gather_missing(view, screen, shadows, camera, budget)
-        if view.need.of != of:  # the last round of a stalled view may have covered all
+        # the last round of a stalled view may have covered all; before the first record there is nothing to examine
+        if view.need.of != of and (self.cache.count or not gather):
             view = replace(view, need=self.scheduler.need(screen))
         if gather or view.pixel_stride == 1:
             return view, NOTHING_ASKED

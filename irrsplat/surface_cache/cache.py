@@ -135,6 +135,11 @@ class SurfaceCache(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
+    def hold_light(self, shadows: ShadowMaps) -> None:
+        """Prepare to follow a change of the scene, whose present shadow maps these are."""
+        for level in filter(None, (self._level, self._coarse)):
+            level.hold_light(shadows)
+
     def change(self, settings: Settings, change: SceneChange) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
         level, coarse = self._level, self._coarse

@@ -23,10 +23,10 @@ _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cove
 
 
 class Follower:
-    """Follows the light at the sites `records`, between which `transport` is known. It borrows all of these.
+    """Follows the light at the sites `records`, between which `transport` is known, from `begin` on.
 
-    area: (S,) m² of the surface that each stands for. E_1: (S, 3) W/m², as gathered with the present lights, whose maps are
-    `shadows`; E: (S, 3) of all bounces. made: keeps its pass.
+    area: (S,) m² of the surface that each stands for. E_1, E: (S, 3) W/m², as gathered with the present lights, and of all
+    bounces. made: keeps its pass. Records, transport and workshop belong to others.
     """
 
     def __init__(
@@ -38,14 +38,24 @@ class Follower:
         made: Workshop,
         E_1: np.ndarray,
         E: np.ndarray,
-        shadows: ShadowMaps,
     ) -> None:
         self.world, self.records, self.transport, self.irradiance = world, records, transport, E
-        self._made, self._area = made, area
+        self._made, self._area, self._first = made, area, E_1
         self.change = 0.0  # of E by the last step, relative to it
-        self._lamps = self.light(shadows)  # D of the last step
-        self._beyond = E_1 - transport(self._lamps)  # c
+        self._lamps: np.ndarray | None = None  # D of the last step; None before `begin`
+        self._beyond = E_1  # c, from `begin` on
         self._relit = False  # True if lights have changed since
+
+    def begin(self, shadows: ShadowMaps) -> None:
+        """Measure the direct light before the first change of the scene; a scene without changes does without it."""
+        if self._lamps is None:
+            self._lamps = self.light(shadows)
+            self._beyond = self._first - self.transport(self._lamps)
+
+    @property
+    def begun(self) -> bool:
+        """True if the direct light before the first change is known."""
+        return self._lamps is not None
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
         """(S, 3) D, W/m²."""
@@ -61,7 +71,9 @@ class Follower:
 
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct and indirect light by `factor`, (3,)."""
-        self.irradiance, self._beyond, self._lamps = (x * factor for x in (self.irradiance, self._beyond, self._lamps))
+        self.irradiance, self._beyond, self._first = (x * factor for x in (self.irradiance, self._beyond, self._first))
+        if self._lamps is not None:
+            self._lamps = self._lamps * factor
 
     def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
@@ -78,6 +90,7 @@ class Follower:
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
         """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered with the present lights."""
+        assert self._lamps is not None
         D = self.light(shadows)
         if self._relit:
             self._beyond *= np.where(shines(self.world.scene), 1.0, overlap(self._lamps, D, self._area)).astype(np.float32)

@@ -100,6 +100,11 @@ class SiteLevel(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
+    def hold_light(self, shadows: ShadowMaps) -> None:
+        """Prepare to follow a change of the scene, whose present shadow maps these are."""
+        if self.follower is not None:
+            self.follower.begin(shadows)
+
     def change(self, settings: Settings, change: SceneChange) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
         unlit = unlit_interiors(change.new) if change else self._unlit
@@ -107,6 +112,8 @@ class SiteLevel(Owner):
         other_rays = old.seed != settings.seed
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self._transport = self.follower = None
+        if (moved or relit) and self.follower is not None and not self.follower.begun:  # changed before any shadow map
+            self.follower = None
         if moved and self.follower is not None:
             self.follower.move(change)
             held = self.solution.laid_out
@@ -188,7 +195,7 @@ class SiteLevel(Owner):
                 made = self._bounce(laid_out, budget)
                 if made is None:
                     return False
-                self._use(laid_out, made, shadows)
+                self._use(laid_out, made)
         except BaseException:  # a generator that was interrupted is over
             self._steps.choosing = self._steps.searching = self._steps.bouncing = None
             raise
@@ -302,7 +309,7 @@ class SiteLevel(Owner):
             made = next(self._steps.bouncing)
         return made
 
-    def _use(self, laid_out: LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
+    def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
         """Make these the values that lookups find."""
         laid_out.table.write(made.irradiance)
         before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
@@ -311,7 +318,7 @@ class SiteLevel(Owner):
         if self._transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area
-            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E, shadows)
+            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E)
         if before.laid_out is None:
             before.table.release()
         elif before.laid_out is not laid_out:

@@ -154,10 +154,13 @@ class RecordGatherer(Owner):
         if settings == old.settings and not change and self.world.shows(scene):
             return None
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
+        surface = self._made.find("surface", SurfaceCache)
         # first what may fail
         if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
             unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
             cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
+            if surface is not None:
+                surface.hold_light(shadows)
         try:
             self.world.apply(change)
             self.gathers.of(new)
