@@ -64,8 +64,8 @@ void main()
     vec3 corner[3] = vec3[](triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2));
     ivec3 at = triangle_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
-    bool inner = dot(g, d) > 0.0 && hit.triangle < closed;
-    g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
+    bool behind = dot(g, d) > 0.0, inner = behind && hit.triangle < closed;
+    g = behind ? -g : g;  // turned to the record
     vec3 away = d * hit.t;
     float k = dot(g, away);
     Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
@@ -92,12 +92,12 @@ void main()
     }
 #if HITS
     // HITS goes with SURFACE
-    Look look = surface_look(hit.triangle, receiver.p, g);
+    Look look = surface_look(hit.triangle, hit.share, int(behind));
     bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
     out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
     out_albedo = lit ? vec4(material.albedo, look.weights.y) : vec4(0.0);
 #elif SURFACE
-    E += surface_irradiance(hit.triangle, receiver.p, g);
+    E += surface_irradiance(hit.triangle, hit.share, int(behind));
 #endif
 #if MET
     // MET goes with HITS

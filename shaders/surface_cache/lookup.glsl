@@ -42,23 +42,19 @@ int surface_cell(vec2 uv, int n, out vec3 share)
     return j * (2 * n - j) + 2 * i + int(odd);
 }
 
-// The values at the corners of the cell in which p lies, a point of the triangle, on the side to which the unit vector g points.
-Look surface_look(int triangle, vec3 p, vec3 g)
+// The values at the corners of the cell at a point of the triangle with these barycentric coordinates; side: 0 for the side of the
+// triangle that its winding tells, 1 for the other.
+Look surface_look(int triangle, vec3 share, int side)
 {
-    triangle *= surface_known;
-    vec2 cut = texel_at(surface_triangles, table_texel(triangle)).xy;
-    vec3 corner = triangle_point(triangle, 0), away = p - corner;
-    vec3 right = triangle_point(triangle, 1) - corner, up = triangle_point(triangle, 2) - corner, normal = cross(right, up);
-    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right, away), normal)) / dot(normal, normal), 0.0, 1.0);
-    uv *= cut.x / max(uv.x + uv.y, 1.0);
-    vec3 share;
-    int cell = int(cut.y) + surface_cell(uv, int(cut.x), share), side = int(dot(normal, g) < 0.0);
+    vec2 cut = texel_at(surface_triangles, table_texel(triangle * surface_known)).xy;
+    vec3 weights;
+    int cell = int(cut.y) + surface_cell(share.yz * cut.x, int(cut.x), weights);
     vec4 found = texel_at(surface_cells, table_texel(cell, 2, side));
-    vec3 weights = mix(share, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
+    vec3 known = mix(weights, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
-    if (found.w > 0.0) weights *= surface_corners_seen(int(found.w), share);
-    float sum = weights.x + weights.y + weights.z;
-    return Look(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? weights / sum : vec3(0.0));
+    if (found.w > 0.0) known *= surface_corners_seen(int(found.w), weights);
+    float sum = known.x + known.y + known.z;
+    return Look(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? known / sum : vec3(0.0));
 }
 
 vec3 surface_value(int i)
@@ -66,10 +62,20 @@ vec3 surface_value(int i)
     return texel_at(surface_values, table_texel(i)).rgb;
 }
 
-// Indirect irradiance there, W/m².
-vec3 surface_irradiance(int triangle, vec3 p, vec3 g)
+// Indirect irradiance at such a point, W/m².
+vec3 surface_irradiance(int triangle, vec3 share, int side)
 {
-    Look look = surface_look(triangle, p, g);
+    Look look = surface_look(triangle, share, side);
     return look.weights.x * surface_value(look.values.x) + look.weights.y * surface_value(look.values.y) +
            look.weights.z * surface_value(look.values.z);
+}
+
+// The same at a point p of the triangle, on the side to which the unit vector g points.
+vec3 surface_irradiance_at(int triangle, vec3 p, vec3 g)
+{
+    vec3 corner = triangle_point(triangle, 0), away = p - corner;
+    vec3 right = triangle_point(triangle, 1) - corner, up = triangle_point(triangle, 2) - corner, normal = cross(right, up);
+    vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right, away), normal)) / dot(normal, normal), 0.0, 1.0);
+    uv /= max(uv.x + uv.y, 1.0);
+    return surface_irradiance(triangle, vec3(1.0 - uv.x - uv.y, uv), int(dot(normal, g) < 0.0));
 }
