@@ -12,7 +12,7 @@ from irrsplat.core.buffers import Atlas, HitLight, LightSamples, Uniforms
 from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target, float_texture
+from irrsplat.gpu.target import Target, float_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 from irrsplat.lighting.virtual_lights import VirtualLights, virtual_lights
@@ -92,9 +92,7 @@ class LightSamplePass(Owner):
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx, self.gradients, self.places = ctx, gradients, places
         self._programs: dict[tuple[object, ...], Program] = {}
-        self._ends = [
-            Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of, "PLACES": places}) for of in (0, 1)
-        ]
+        self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
         self._targets = Workshop()
         for virtual in (0, 1):
             self._program({"VIRTUAL": virtual, "SEEN": 0})
@@ -105,7 +103,7 @@ class LightSamplePass(Owner):
 
     def _program(self, defines: Mapping[str, int]) -> Program:
         """Return the program for this kind of samples and these materials."""
-        defines = {"GRADIENTS": int(self.gradients), "PLACES": self.places, **defines}
+        defines = {"GRADIENTS": int(self.gradients), **defines}
         key = (*defines.items(),)
         if key not in self._programs:
             self._programs[key] = Program(self.ctx, "gather/light_samples/sum", "lib/fullscreen", defines)
@@ -133,6 +131,7 @@ class LightSamplePass(Owner):
                 frames=atlas.frames,
                 blocks=blocks,
                 columns=atlas.columns,
+                places=self.places,
                 samples=samples.count,
                 span=(first, min(first + step, samples.count)),
                 **program.declared(samples.uniforms),
@@ -148,10 +147,10 @@ class LightSamplePass(Owner):
         """Return the texture `seen` of shaders/gather/light_samples/sum.frag."""
         across, rows = samples.count, atlas.count
         # one texture for each gather size and power of two of samples: the number of virtual point lights changes often
-        size = 1 << across.bit_length(), atlas.frames.width
+        size = uneven(1 << across.bit_length()), atlas.frames.width
         ends = self._targets.get(f"ends of {size}", (), lambda: Target(self.ctx, size, (4,)))
         program = self._ends[_virtual(samples)]
-        program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **program.declared(samples.uniforms))
+        program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, places=self.places, **program.declared(samples.uniforms))
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
         seen = self._targets.get(f"seen of {size}", (), lambda: float_texture(self.ctx, size, 1))
         bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)

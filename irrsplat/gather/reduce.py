@@ -16,7 +16,7 @@ from irrsplat.core.record_layout import GATHERED
 from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, uneven
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
 
@@ -40,8 +40,8 @@ class ReducePass(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
-        self.ctx = ctx
-        defines = {"GRADIENTS": int(gradients), "PLACES": places}
+        self.ctx, self.places = ctx, places
+        defines = {"GRADIENTS": int(gradients)}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
         self.blocks = {
             kind: Program(
@@ -66,7 +66,7 @@ class ReducePass(Owner):
         """
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if size not in self.targets:
-            self.targets[size] = Target(self.ctx, size, self.components)
+            self.targets[size] = Target(self.ctx, (uneven(size[0]), uneven(size[1])), self.components)
         self.target = self.targets[size]
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
@@ -86,6 +86,7 @@ class ReducePass(Owner):
             cell=atlas.cell,
             block=atlas.block,
             columns=atlas.columns,
+            places=self.places,
             **sky,
             **looks,
         )
@@ -104,6 +105,7 @@ class ReducePass(Owner):
             frames=atlas.frames,
             blocks=per_cell,
             columns=atlas.columns,
+            places=self.places,
             table=records.size,
             radii=radii,
         )
@@ -115,8 +117,12 @@ class ReducePass(Owner):
         """
         assert self.target is not None
         down, across = atlas.cell[1] // atlas.block[1], atlas.cell[0] // atlas.block[0]
+        columns, lines = atlas.columns, -(-atlas.count // atlas.columns)
         light, rest = (
-            self.target.read(i)[::-1].reshape(-1, down, self.target.size[0] // across, across, 4).sum((1, 3)).reshape(-1, 4)
+            self.target.read(i)[::-1][: lines * down, : columns * across]
+            .reshape(lines, down, columns, across, 4)
+            .sum((1, 3))
+            .reshape(-1, 4)
             for i in (_SUMS.index("sums"), _SUMS.index("sums_g_b"))
         )
         Y = light[: atlas.count, :3] @ LUMINANCE

@@ -18,7 +18,7 @@ from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
-from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture
+from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
@@ -29,9 +29,9 @@ class TraceGather(Gather):
     """Tracer of side² rays a record, in the shader through the world's tree, or with `embree` by Embree.
 
     capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: the light of a call includes a surface
-    cache. hits: the pass only notes the surface cache's values at the hits, for the method `hits`; met: also the hit points, for
-    the method `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to
-    emitters.
+    cache. hits: the pass only notes the surface cache's values at the hits, and the hit points, for the methods `hits` and
+    `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to emitters.
+    sampled: False for a pass without these rays; its program is that of a pass with them.
     Raises InputError for more triangles than the GPU's textures hold, and if embreex is required and missing.
     """
 
@@ -43,9 +43,9 @@ class TraceGather(Gather):
         *,
         surface: bool = False,
         hits: bool = False,
-        met: bool = False,
         places: int = 1,
         light_samples: int = 0,
+        sampled: bool = True,
         embree: bool = False,
     ) -> None:
         super().__init__(world, places)
@@ -57,11 +57,11 @@ class TraceGather(Gather):
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
-        self.table = table_texture(ctx, table)
-        self.edges = table_texture(ctx, stratum_edges(self.side))
+        self.table = table_texture(ctx, table, varying=True)
+        self.edges = table_texture(ctx, stratum_edges(self.side), varying=True)
         self.rays = ray_directions(self.side, spread=places > 1 and self.side < _MIDDLES)
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
-        self.looks = table_texture(ctx, looks)
+        self.looks = table_texture(ctx, looks, varying=True)
         self.places_of_texels = places_of_texels(self.cell, places)
         self._by_place = np.argsort(self.places_of_texels, kind="stable")  # each place has as many texels
         self.search = LightSearch(world, light_samples, self.share.size / np.pi, embree=embree)
@@ -75,23 +75,22 @@ class TraceGather(Gather):
                 **self.search.defines,
                 "SURFACE": int(surface),
                 "HITS": int(hits),
-                "MET": int(met),
-                "PLACES": places,
                 "KNOWN_HITS": int(embree),
             },
         )
-        self.outputs = (4,) * (2 + 2 * hits + 2 * met)
+        self.outputs = (4,) * (6 if hits else 2)
+        self.sampled = sampled
         limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
         self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
         self.first_hits: moderngl.Texture | None = None
         if embree:
             self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
-            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * count // TABLE_COLUMNS)))
+            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, uneven(-(-self.capacity * count // TABLE_COLUMNS))))
         # a surface cache has so many sites that the noise of each averages out
         lines = self.capacity // self.columns
         self.sky = None if hits or places > 1 else SkyShares(world, self.side, self.columns, lines, embree)
         self.target: Target | None = None
-        self.frames = float_texture(ctx, (self.capacity * places, 5))
+        self.frames = float_texture(ctx, (uneven(self.capacity * places), 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -101,7 +100,8 @@ class TraceGather(Gather):
         """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
         if self.target is None:
             down = self.capacity // self.columns
-            self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
+            size = uneven(self.columns * self.cell[0]), uneven(down * self.cell[1])
+            self.target = Target(self.ctx, size, self.outputs)
         looks, count = len(sites), len(sites) // self.places
         rows = np.zeros((5, looks, 4), "f4")
         rotations = sites.frame_rotations(numbers)
@@ -123,13 +123,14 @@ class TraceGather(Gather):
                 directions=self.looks,
                 cell=self.cell,
                 columns=self.columns,
+                places=self.places,
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
                 **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms(light)),
             )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
-        samples = self.search.light_samples(rows, light)
+        samples = self.search.light_samples(rows, light) if self.sampled else ()
         return Atlas(
             radiance,
             planes,
@@ -178,9 +179,10 @@ class TraceGather(Gather):
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
         """Return (N, R, 4) each, these outputs of the last call's first `count` records."""
         assert self.target is not None
-        lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
+        lines, (width, height) = -(-count // self.columns), self.cell
+        used = 0, 0, self.columns * width, lines * height
         return [
-            np.frombuffer(self.target.textures[number].read(), "f4")
+            np.frombuffer(self.target.gl.read(used, 4, attachment=number, dtype="f4"), "f4")
             .reshape(lines, height, self.columns, width, 4)
             .swapaxes(1, 2)
             .reshape(-1, width * height, 4)[:count]

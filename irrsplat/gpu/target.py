@@ -8,11 +8,13 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.errors import GLError
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
 
+_LARGE = 8192  # texels along a side: a larger texture may be as large as OpenGL allows
 _BAND = 200_000  # pixels: about 15 ms of a software renderer in the slower passes
 
 
@@ -37,11 +39,25 @@ def integer_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Te
     return texture
 
 
-def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
-    """Return an RGBA32F texture of `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
+def uneven(side: int) -> int:
+    """Return the least number from `side` on that is no power of two; a `side` from _LARGE on stays.
+
+    Mesa's software renderer compiles a program anew for textures with a side that is a power of two. Textures whose sides change
+    from draw to draw avoid these sides.
+    """
+    return side if side & (side - 1) or side >= _LARGE else max(side + 1, 3)
+
+
+def table_texture(ctx: moderngl.Context, rows: np.ndarray, varying: bool = False) -> moderngl.Texture:
+    """Return an RGBA32F texture of `rows` (R, C, 4): texel (c, r) is rows[r, c].
+
+    varying: True for a texture with `uneven` sides, except a width of whole table rows.
+    """
     rows = np.ascontiguousarray(rows, "f4")
-    texture = float_texture(ctx, (rows.shape[1], rows.shape[0]))
-    texture.write(rows)
+    height, width = rows.shape[:2]
+    size = (width if width % TABLE_COLUMNS == 0 else uneven(width), uneven(height)) if varying else (width, height)
+    texture = float_texture(ctx, size)
+    texture.write(rows, viewport=(0, 0, width, height))
     return texture
 
 

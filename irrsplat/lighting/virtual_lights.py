@@ -17,7 +17,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import WORTH
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Target, table_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import across, light_defines, near_plane, parallel_frame
 from irrsplat.scene.model import Light, Scene
@@ -49,8 +49,9 @@ class VirtualLights(Owner):
             spots = self._spots(spots.lamps[spots.worthwhile], samples, rays)
         columns = spots.columns
         self.count, sets = columns.shape[:2]
-        self._places = table_texture(world.ctx, columns.reshape(self.count, -1, 4).swapaxes(0, 1)) if self.count else None
-        self._radiance = Target(world.ctx, (max(self.count, 1), sets), (4,))
+        rows = columns.reshape(self.count, sets * columns.shape[2], 4).swapaxes(0, 1)
+        self._places = table_texture(world.ctx, rows, varying=True) if self.count else None
+        self._radiance = Target(world.ctx, (uneven(max(self.count, 1)), sets), (4,))
         self._lit: ShadowMaps | None = None  # lights that `_radiance` was computed for
         self.reach = np.zeros((max(len(world.scene.lights), 1), 4))
         self.reach[spots.lamps, 0], self.reach[spots.lamps, 1] = spots.density, spots.reach**2

@@ -16,7 +16,7 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.target import Target, float_texture, table_texture, uneven
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
@@ -116,10 +116,10 @@ class _Grid(Owner):
         self.planes = np.concatenate([points.min(0)[None], inner, points.max(0)[None]])
         cell = self.find(points)
         order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])
-        self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None])
-        self.starts = float_texture(ctx, (TABLE_COLUMNS, -(-len(starts) // TABLE_COLUMNS)), 1)
+        self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None], varying=True)
+        self.starts = float_texture(ctx, (TABLE_COLUMNS, uneven(-(-len(starts) // TABLE_COLUMNS))), 1)
         texel_table.write(self.starts, 0, starts[:, None])
-        self.places = float_texture(ctx, (TABLE_COLUMNS, -(-len(order) // TABLE_COLUMNS)))
+        self.places = float_texture(ctx, (TABLE_COLUMNS, uneven(-(-len(order) // TABLE_COLUMNS))))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
 
     def find(self, points: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ class Frames(Owner):
             self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
             return self.moving(self.state, camera, budget, gather)
         start, other = now(), (camera,) != self.state.view.subject[:1]
-        dark = budget.limited and self.scheduler.gatherer.awaits_light
+        dark = budget.limited and self.scheduler.gatherer.awaits_light and not self.cache.count
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         self.state, done = self.round(self.state, camera, budget, gather, picture=shown is None)
         if budget.limited:

@@ -28,9 +28,9 @@ class LookupTable(Owner):
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, count: int, known: bool = True) -> None:
         self._known = known
-        self.values = table_texture(ctx, np.zeros((-(-count // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.cells = table_texture(ctx, table_rows(cells))
-        self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]))
+        self.values = table_texture(ctx, np.zeros((-(-count // TABLE_COLUMNS), TABLE_COLUMNS, 4)), varying=True)
+        self.cells = table_texture(ctx, table_rows(cells), varying=True)
+        self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]), varying=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return all textures."""

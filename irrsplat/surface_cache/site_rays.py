@@ -72,7 +72,6 @@ class SiteRays(Owner):
         """Return rays of this side from the places of sites, with the sites that they meet. survey: from the sites themselves,
         with the places where they meet others."""
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
-        samples = 0 if survey else samples  # how much light there is does not count for that
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             name,
@@ -83,9 +82,9 @@ class SiteRays(Owner):
                 min(max(_BATCH_RAYS // side**2, _BATCH), _MOST_BATCH),
                 surface=True,
                 hits=True,
-                met=survey,
                 places=1 if survey else PLACES,
                 light_samples=samples,
+                sampled=not survey,  # the survey does not count how much light there is
                 embree=embree,
             ),
         )
@@ -144,7 +143,7 @@ class PlaceSearch:
         """Go on as far as the budget goes; the places, once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
-        light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms)
+        light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms, virtual=False)
         for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
             rays.survey(gather, light, records, survey, survey.done + np.arange(count))
         if survey.done < records.count:

@@ -77,7 +77,7 @@ void main()
     for (int y = inside.y; y < inside.y + block.y; ++y)
         for (int x = inside.x; x < inside.x + block.x; ++x)
         {
-#if PLACES > 1
+#if !GRADIENTS
             looks_from(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
 #endif
             vec4 direction = texel_at(table, ivec2(x, y));

@@ -48,9 +48,9 @@ void main()
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
-    vec3 normal = texel_at(frames, ivec2(i * PLACES, 2)).xyz;
+    vec3 normal = texel_at(frames, ivec2(i * places, 2)).xyz;
 #if GRADIENTS
-    mat3 world = mat3(texel_at(frames, ivec2(i * PLACES, 0)).xyz, texel_at(frames, ivec2(i * PLACES, 1)).xyz, normal);
+    mat3 world = mat3(texel_at(frames, ivec2(i * places, 0)).xyz, texel_at(frames, ivec2(i * places, 1)).xyz, normal);
     M = world * M;
     G = world * G;
     // the Hessian's eigenvalues, and the axis of the lesser of them

@@ -10,6 +10,6 @@ flat out int v_index;
 void main()
 {
     v_index = gl_VertexID;
-    int number = int(texelFetch(frames, ivec2(gl_VertexID * PLACES, 3), 0).w);
+    int number = int(texelFetch(frames, ivec2(gl_VertexID * places, 3), 0).w);
     gl_Position = table_point(number, table);
 }

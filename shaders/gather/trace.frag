@@ -39,8 +39,6 @@ layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in th
 #if HITS
 layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
 layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
-#endif
-#if MET
 layout(location = 4) out vec4 out_place;   // where that is, and on which triangle
 layout(location = 5) out vec4 out_normal;  // the shading normal there
 #endif
@@ -96,13 +94,10 @@ void main()
     bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
     out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
     out_albedo = lit ? vec4(material.albedo, look.weights.y) : vec4(0.0);
-#elif SURFACE
-    E += surface_irradiance(hit.triangle, hit.share, int(behind));
-#endif
-#if MET
-    // MET goes with HITS
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
+#elif SURFACE
+    E += surface_irradiance(hit.triangle, hit.share, int(behind));
 #endif
     vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);

@@ -72,7 +72,7 @@ void main()
 #endif
     for (float s = span.x + float(inside.y * blocks.x + inside.x); s < span.y; s += float(blocks.x * blocks.y))
     {
-#if PLACES > 1
+#if !GRADIENTS
         from = viewpoint(place_of_sample(record, int(s)));
 #endif
         LightSample point = light_sample(s, from);
