@@ -101,7 +101,7 @@ def test_a_known_view_is_shown_at_once_without_any_ray(path: Path) -> None:
 
 def test_stale_records_stay_stale(path: Path) -> None:
     """A cache saved during a change of light: stale and unchecked records are recomputed after loading."""
-    fine = {**FAST, "gather_size": 32}  # so that a tick of 0 s is too short for all records
+    fine = {**FAST, "gather_size": 16}  # so that a tick of 0 s is too short for all records
     with Renderer(room(), SIZE, **fine) as first:
         first.render()
         lights = [replace(light, color=(1.0, 2.0, 3.0)) for light in first.scene.lights]
