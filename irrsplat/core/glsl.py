@@ -16,6 +16,7 @@ EYES_BESIDE = 6  # eyes on a circle about a record, for derivatives of next-even
 WORTH = 4.0  # rays per next-event sample of equal value: near an emitter's rim a ray may miss, the sample always hits
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # golden section, whose multiples fill 0..1 evenly
 PLASTIC = 0.7548776662466927  # inverse of the plastic number; its multiples and those of GOLDEN fill a square evenly
+SQUARE_STEPS = PLASTIC, PLASTIC**2  # whose multiples fill a square evenly (Roberts 2018)
 GOLDEN_ANGLE = 2.39996323  # radians between successive points of a spiral
 SHORT = 1e-4  # of the distance: margin of a shadow ray before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: largest distance of a float32 position from its surface

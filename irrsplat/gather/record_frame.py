@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.glsl import GOLDEN, PLASTIC
+from irrsplat.core.glsl import GOLDEN, SQUARE_STEPS
 from irrsplat.scene.model import Scene
 
 _OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
-_LEAST = 1e-5  # of the diagonal: least height, a hundred times the rounding of float32
+_LEAST = 1e-6  # of the diagonal: least height, ten times the rounding of float32
 _TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 MiB for a depth buffer
 
 
@@ -69,8 +69,7 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
     Numbers that follow each other share the unit square evenly (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
     Sequences").
     """
-    steps = np.array([PLASTIC, 0.5698402909980532])
-    offsets: np.ndarray = np.modf((number[:, None] + 1.0) * steps + seed * np.sqrt([2.0, 3.0]))[0]
+    offsets: np.ndarray = np.modf((number[:, None] + 1.0) * np.array(SQUARE_STEPS) + seed * np.sqrt([2.0, 3.0]))[0]
     return offsets
 
 

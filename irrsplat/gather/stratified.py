@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, PLASTIC
+from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, SQUARE_STEPS
+
+_MIDDLES = 16  # from this side on (8 elevations), rays of sites go through the middles of strata
 
 
 def shape(side: int) -> tuple[int, int]:
@@ -29,16 +31,29 @@ def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)], axis=-1)
 
 
-def ray_directions(side: int, spread: bool = False) -> np.ndarray:
-    """Return (M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
+def ray_directions(side: int) -> np.ndarray:
+    """Return (M·N, 3) float64: a direction within each stratum, in a record's frame.
 
-    The strata around the normal meet there, and are 10° long with 64² rays. Their heights in sin²θ advance by the golden ratio,
-    so that rays lie evenly around the normal. spread: the heights of all elevations do. Without it, few elevations would leave
-    the horizon unsampled.
+    The places within strata follow a low-discrepancy sequence. The middles of strata would alias with fine regular openings, such
+    as blinds. The strata around the normal meet there, so that only their heights matter; these advance by the golden ratio.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))
-    height = np.where(spread | (row == 0), np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
+    along, across = (np.modf((row * n + column + 0.5) * step)[0] for step in SQUARE_STEPS)
+    along = np.where(row == 0, np.modf((column + 0.5) * GOLDEN)[0], along)
+    return _directions((row + along) / m, 2.0 * np.pi * (column + across) / n).reshape(-1, 3)
+
+
+def site_directions(side: int) -> np.ndarray:
+    """Return (M·N, 3) float64: directions as from `ray_directions`, but through the middle of each stratum in sin²θ and φ.
+
+    Sites have many places, so that these directions do not alias. The strata around the normal are 10° long with 64² rays: there
+    the heights in sin²θ advance by the golden ratio. With few elevations all heights do, or the horizon would lack rays.
+    """
+    m, n = shape(side)
+    row, column = np.indices((m, n))
+    spread = (side < _MIDDLES) | (row == 0)
+    height = np.where(spread, np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
     return _directions((row + height) / m, 2.0 * np.pi * (column + 0.5) / n).reshape(-1, 3)
 
 
@@ -50,8 +65,9 @@ def closer_rays(side: int, count: int) -> np.ndarray:
     m, n = shape(side)
     row, column, ray = np.indices((m, n, count))
     number = row * n + column
-    square = (row + (ray + np.modf(number * PLASTIC)[0]) / count) / m
-    azimuth = 2.0 * np.pi * (column + np.modf(ray * GOLDEN + number * 0.5698402909980532)[0]) / n
+    along, across = SQUARE_STEPS
+    square = (row + (ray + np.modf(number * along)[0]) / count) / m
+    azimuth = 2.0 * np.pi * (column + np.modf(ray * GOLDEN + number * across)[0]) / n
     return _directions(square, azimuth)
 
 
@@ -66,7 +82,7 @@ def stratum_table(side: int) -> np.ndarray:
     """Return (M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and its cosθ·dω, π/(MN).
 
     The direction is that of ∫ω·dω over the stratum, as in plane_table: ∫sin²θ dθ = (θ - sinθ·cosθ)/2 along the surface,
-    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, a second-order difference.
+    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray has another direction within the stratum.
     """
     theta, phi = _edges(side)
     table = np.empty((len(theta) - 1, len(phi) - 1, 4))

@@ -15,14 +15,12 @@ from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
 from irrsplat.gather.sky_share import SkyShares
-from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
+from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
-
-_MIDDLES = 16  # from this side on (8 elevations), gathers from several eye positions sample the middles of strata
 
 
 class TraceGather(Gather):
@@ -59,7 +57,7 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table, varying=True)
         self.edges = table_texture(ctx, stratum_edges(self.side), varying=True)
-        self.rays = ray_directions(self.side, spread=places > 1 and self.side < _MIDDLES)
+        self.rays = (ray_directions if places == 1 else site_directions)(self.side)
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks, varying=True)
         self.places_of_texels = places_of_texels(self.cell, places)

@@ -85,8 +85,12 @@ class Stages(Owner):
         return self._passes.get("direct", (size, kinds), lambda: DirectPass(self.ctx, size, kinds))
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
-        """Return the world of shadow rays, as `shadow_caster` has it. hurried: None also where their tree is not built yet."""
-        if hurried and not self.world.has_tree and self.scheduler.gatherer.awaits_light:  # its build would delay that light
+        """Return the world of shadow rays, as `shadow_caster` has it; None for a scene without lights.
+
+        hurried: None also where their tree is not built yet.
+        """
+        late = hurried and not self.world.has_tree and self.scheduler.gatherer.awaits_light  # its build would delay that light
+        if late or not state.scene.lights:
             return None
         return shadow_caster(self.world, state.settings, hurried)
 

