@@ -30,6 +30,11 @@ class Places:
 
     sites: Sites
 
+    @staticmethod
+    def own(sites: Sites) -> Places:
+        """Return the places of `sites` (S,) that look from their own positions alone."""
+        return Places(sites[np.repeat(np.arange(len(sites)), PLACES)])
+
     def of(self, numbers: np.ndarray) -> Sites:
         """The places of the sites of these numbers (N,), (N·PLACES,)."""
         rows = _rows(numbers)
