@@ -32,7 +32,7 @@ class Places:
 
     @staticmethod
     def own(sites: Sites) -> Places:
-        """Return the places of `sites` (S,) that look from their own positions alone."""
+        """Return places whose rays start from the `sites` (S,) themselves."""
         return Places(sites[np.repeat(np.arange(len(sites)), PLACES)])
 
     def of(self, numbers: np.ndarray) -> Sites:
