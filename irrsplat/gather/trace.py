@@ -80,7 +80,7 @@ class TraceGather(Gather):
                 "KNOWN_HITS": int(embree),
             },
         )
-        self.outputs = (4,) * (2 + 2 * hits + 2 * met)
+        self.outputs = (4,) * (2 + hits + 2 * met)
         limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
         self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
         self.first_hits: moderngl.Texture | None = None
@@ -158,21 +158,19 @@ class TraceGather(Gather):
         self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
         return hits
 
-    def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the surface cache's values at the hits of the last call's first `count` records, R rays each.
+    def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the last call's first `count` records hit, R rays each in the order of the cell's texels.
 
-        Rays are in the order of the cell's texels. Numbers of three values of the surface cache, their weights (all 0 for a
-        miss or an unknown value), and the reflectance, each (N, R, 3).
+        The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
+        (N, R, 3), 0 there. The value is one of three there, drawn by its weight.
         """
-        first, second = self._read((2, 3), count)
-        weights = np.stack([first[..., 3], second[..., 3], 1.0 - first[..., 3] - second[..., 3]], axis=-1)
-        weights[first[..., 0] < 0.0] = 0.0
-        return np.maximum(first[..., :3], 0.0).astype(np.intp), weights, second[..., :3]
+        (found,) = self._read((2,), count)
+        return found[..., 3].astype(np.intp), found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
         (N, R), for the rays of `hits`; undefined for a miss."""
-        place, normal = self._read((4, 5), count)
+        place, normal = self._read((3, 4), count)
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:

@@ -259,7 +259,7 @@ class SiteLevel(Owner):
         return self.laid_out
 
     def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Find the origins of the rays of sites; True once all are known. Rays of a coarse level start from the sites themselves."""
+        """Find the origins of the rays of sites; True once all are known. Those of a coarse level are the sites themselves."""
         if laid_out.places is None and self.detail.level < 0:
             laid_out.places = Places.own(laid_out.records.sites(slice(0, laid_out.records.count)))
         if laid_out.places is None:
