@@ -162,7 +162,7 @@ class TraceGather(Gather):
         """Return what the last call's first `count` records hit, R rays each in the order of the cell's texels.
 
         The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
-        (N, R, 3), 0 there. The value is one of three there, drawn by its weight.
+        (N, R, 3), 0 there. The value is one of three there, drawn by its weight; with `met`, that of the greatest weight.
         """
         (found,) = self._read((2,), count)
         return found[..., 3].astype(np.intp), found[..., :3]

@@ -90,10 +90,17 @@ void main()
         if (part.r + part.g + part.b > 0.0) E += part * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }
 #if HITS
-    // HITS goes with SURFACE. One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts
-    // of records and rays are those of the R2 sequence and of the golden ratio.
-    float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (inside.y * float(cell.x) + inside.x) * GOLDEN;
-    int value = hit.t < FARTHEST_HIT ? surface_drawn(surface_look(hit.triangle, hit.share, int(behind)), fract(shift)) : -1;
+    // HITS goes with SURFACE
+    Look look = surface_look(hit.triangle, hit.share, int(behind));
+#if MET
+    int value = surface_nearest(look);
+#else
+    // One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts of records and rays
+    // are those of the R2 sequence and of the golden ratio.
+    float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
+    int value = surface_drawn(look, fract(shift));
+#endif
+    value = hit.t < FARTHEST_HIT ? value : -1;
     out_albedo = value < 0 ? vec4(0.0, 0.0, 0.0, -1.0) : vec4(material.albedo, float(value));
 #elif SURFACE
     E += surface_irradiance(hit.triangle, hit.share, int(behind));

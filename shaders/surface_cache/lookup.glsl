@@ -65,6 +65,14 @@ int surface_drawn(Look look, float random)
     return w.x + w.y + w.z > 0.0 ? value : -1;
 }
 
+// The number of the value of the greatest weight; -1 where no value is known.
+int surface_nearest(Look look)
+{
+    vec3 w = look.weights;
+    int value = w.x >= max(w.y, w.z) ? look.values.x : w.y >= w.z ? look.values.y : look.values.z;
+    return w.x + w.y + w.z > 0.0 ? value : -1;
+}
+
 vec3 surface_value(int i)
 {
     return texel_at(surface_values, table_texel(i)).rgb;
