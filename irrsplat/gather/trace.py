@@ -29,7 +29,7 @@ class TraceGather(Gather):
     capacity: greatest number of records in one call (default: a 32 MiB atlas). surface: the light of a call includes a surface
     cache. hits: the pass only notes the surface cache's values at the hits, and the hit points, for the methods `hits` and
     `met`. places: number of eye positions of a record, see Gather.places. light_samples: a record's shadow rays to emitters.
-    sampled: False for a pass without these rays; its program is that of a pass with them.
+    survey: True for a pass without shadow rays, whose hits count for the nearest site; with the program of other `hits`.
     Raises InputError for more triangles than the GPU's textures hold, and if embreex is required and missing.
     """
 
@@ -43,7 +43,7 @@ class TraceGather(Gather):
         hits: bool = False,
         places: int = 1,
         light_samples: int = 0,
-        sampled: bool = True,
+        survey: bool = False,
         embree: bool = False,
     ) -> None:
         super().__init__(world, places)
@@ -76,8 +76,8 @@ class TraceGather(Gather):
                 "KNOWN_HITS": int(embree),
             },
         )
-        self.outputs = (4,) * (6 if hits else 2)
-        self.sampled = sampled
+        self.outputs = (4,) * (5 if hits else 2)
+        self.survey, self.hit_values = survey, hits
         limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
         self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
         self.first_hits: moderngl.Texture | None = None
@@ -113,6 +113,7 @@ class TraceGather(Gather):
         width, height = self.cell
         whole = (0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)
         areas = tuple(area for area in whole if area[2] * area[3])
+        kinds = {"survey": self.survey} if self.hit_values else {}
         for area in areas:
             self.program(
                 self.target,
@@ -124,11 +125,12 @@ class TraceGather(Gather):
                 places=self.places,
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
+                **kinds,
                 **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms(light)),
             )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
-        samples = self.search.light_samples(rows, light) if self.sampled else ()
+        samples = () if self.survey else self.search.light_samples(rows, light)
         return Atlas(
             radiance,
             planes,
@@ -157,21 +159,19 @@ class TraceGather(Gather):
         self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
         return hits
 
-    def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the surface cache's values at the hits of the last call's first `count` records, R rays each.
+    def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what the last call's first `count` records hit, R rays each in the order of the cell's texels.
 
-        Rays are in the order of the cell's texels. Numbers of three values of the surface cache, their weights (all 0 for a
-        miss or an unknown value), and the reflectance, each (N, R, 3).
+        The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
+        (N, R, 3), 0 there. The value is one of three there, drawn by its weight; in a survey, that of the greatest weight.
         """
-        first, second = self._read((2, 3), count)
-        weights = np.stack([first[..., 3], second[..., 3], 1.0 - first[..., 3] - second[..., 3]], axis=-1)
-        weights[first[..., 0] < 0.0] = 0.0
-        return np.maximum(first[..., :3], 0.0).astype(np.intp), weights, second[..., :3]
+        (found,) = self._read((2,), count)
+        return found[..., 3].astype(np.intp), found[..., :3]
 
     def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position and shading normal on the side of the hit, (N, R, 3) each, and the triangle's number in the scene,
         (N, R), for the rays of `hits`; undefined for a miss."""
-        place, normal = self._read((4, 5), count)
+        place, normal = self._read((3, 4), count)
         return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:

@@ -85,13 +85,14 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
         for number, line in enumerate(content.splitlines(), start=1):
-            include = _INCLUDE.match(line) if "#" in line else None
-            compiled = conditions.is_compiled(line)
-            if include and compiled:
-                expand(include[1], f"{name}:{number}: ")
-            elif not include:
-                text.append(line)
-                places.append((name, number))
+            if "#" in line:  # most lines have none, and each Renderer reads thousands of lines
+                include, compiled = _INCLUDE.match(line), conditions.is_compiled(line)
+                if include and compiled:
+                    expand(include[1], f"{name}:{number}: ")
+                if include:
+                    continue
+            text.append(line)
+            places.append((name, number))
 
     expand(name, "")
     whole = "\n".join(text) + "\n"
@@ -108,7 +109,7 @@ class _Conditions:
 
     def is_compiled(self, line: str) -> bool:
         """Advance to the next line; True if it is compiled."""
-        if "#" in line:  # most lines have none, and each Renderer reads thousands of lines
+        if "#" in line:
             self._read_directive(line)
         return self._compiled
 
@@ -136,7 +137,7 @@ def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
     """Return the uniforms that `text` declares in compiled lines, name → type."""
     bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
     conditions = _Conditions(defines)
-    kept = [line for line in bare.splitlines() if conditions.is_compiled(line)]
+    kept = [line for line in bare.splitlines() if ("#" in line or "uniform" in line) and conditions.is_compiled(line)]
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 

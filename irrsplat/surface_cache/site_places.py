@@ -30,6 +30,11 @@ class Places:
 
     sites: Sites
 
+    @staticmethod
+    def own(sites: Sites) -> Places:
+        """Return places whose rays start from the `sites` (S,) themselves."""
+        return Places(sites[np.repeat(np.arange(len(sites)), PLACES)])
+
     def of(self, numbers: np.ndarray) -> Sites:
         """The places of the sites of these numbers (N,), (N·PLACES,)."""
         rows = _rows(numbers)
@@ -56,7 +61,7 @@ def _rows(numbers: np.ndarray) -> np.ndarray:
 class _Hits:
     """N hits of rays from the sites `origin` (N,).
 
-    site: (N,) the one that counts most for the place. share: (N,) how much the ray passes on. position and shading normal:
+    site: (N,) the one that is hit. share: (N,) how much the ray passes on. position and shading normal:
     (N, 3). triangle: (N,).
     """
 
@@ -81,19 +86,16 @@ class Survey:
         self,
         numbers: np.ndarray,
         share: np.ndarray,
-        hits: tuple[np.ndarray, np.ndarray, np.ndarray],
+        hits: tuple[np.ndarray, np.ndarray],
         met: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> None:
         """Store the rays of the sites of these numbers (N,): what they hit, as Transport.fill has it, and where, as
         TraceGather.met has it."""
         self.transport.fill(numbers, share, hits)
-        sites, weights, albedo = hits
-        part = weights * (share * albedo.mean(-1))[..., None]
-        part[sites < FIRST_SITE] = 0.0
-        rays = np.nonzero(part.any(-1))
-        part = part[rays]
-        site = sites[rays][np.arange(len(part)), part.argmax(1)]
-        self._hits.append(_Hits(numbers[rays[0]], site, part.sum(1), *(column[rays] for column in met)))
+        sites, albedo = hits
+        part = np.where(sites < FIRST_SITE, 0.0, share * albedo.mean(-1))
+        rays = np.nonzero(part)
+        self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:

@@ -84,7 +84,7 @@ class SiteRays(Owner):
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,
-                sampled=not survey,  # the survey does not count how much light there is
+                survey=survey,
                 embree=embree,
             ),
         )

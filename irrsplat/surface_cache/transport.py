@@ -9,8 +9,6 @@ import numpy as np
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-# of a row and of a ray, the fractions of low-discrepancy sequences that draw the sites at hits: those of the R2 sequence and of φ
-_ROW_STEP, _RAY_STEP = 0.7548776662466927, 0.6180339887498949
 _FADES = 0.97  # of the light of a bounce that the next one has: below it, the rest after the last bounce is well known
 
 
@@ -18,8 +16,7 @@ class Transport:
     """The operator F of S sites: E_(k+1) = E_1 + F·E_k, for each of red, green and blue.
 
     F has a row for each site that gathers, with an entry for each of its `rays`: a site that lights the hit, times the
-    reflectance. So it depends on geometry and materials alone. Three sites light a hit, by weights. One of them is drawn by its
-    weight, so that the mean over a row's rays is right. known: (S,) the rows that are filled.
+    reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are filled.
     """
 
     def __init__(self, sites: int, rays: int) -> None:
@@ -27,18 +24,15 @@ class Transport:
         self._columns = np.zeros((sites, rays), np.intp)
         self._values = np.zeros((3, sites, rays), np.float32)
 
-    def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R, 3) each of sites, weights and reflectance.
+    def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray]) -> None:
+        """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R) sites and (N, R, 3) reflectance.
 
         share: (N, R) cosθ·dω of each ray, of which there may be fewer than the most; a hit that receives E sends out ρ/π·E.
         """
-        sites, weights, albedo = hits
+        sites, albedo = hits
         rays = sites.shape[1]
-        sums = np.cumsum(weights, axis=-1)
-        at = (rows[:, None] * _ROW_STEP + np.arange(rays) * _RAY_STEP) % 1.0 * sums[..., 2]
-        drawn = (at[..., None] >= sums[..., :2]).sum(-1)
-        self._columns[rows, :rays] = np.take_along_axis(sites, drawn[..., None], -1)[..., 0]
-        part = sums[..., 2] * share / np.pi
+        self._columns[rows, :rays] = np.maximum(sites, 0)
+        part = share / np.pi
         for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
             values[rows, :rays] = part * reflectance
             values[rows, rays:] = 0.0

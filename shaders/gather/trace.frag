@@ -37,10 +37,11 @@ layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in me
 layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
                                              // is the inner side of a closed mesh
 #if HITS
-layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
-layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
-layout(location = 4) out vec4 out_place;   // where that is, and on which triangle
-layout(location = 5) out vec4 out_normal;  // the shading normal there
+uniform bool survey;  // whether a hit counts for the nearest site, and not for one drawn by its weight
+
+layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of a value of the surface cache there, -1: none
+layout(location = 3) out vec4 out_place;   // where that is, and on which triangle
+layout(location = 4) out vec4 out_normal;  // the shading normal there
 #endif
 
 void main()
@@ -91,9 +92,12 @@ void main()
 #if HITS
     // HITS goes with SURFACE
     Look look = surface_look(hit.triangle, hit.share, int(behind));
-    bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
-    out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
-    out_albedo = lit ? vec4(material.albedo, look.weights.y) : vec4(0.0);
+    // One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts of records and rays
+    // are those of the R2 sequence and of the golden ratio.
+    float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
+    int value = survey ? surface_nearest(look) : surface_drawn(look, fract(shift));
+    value = hit.t < FARTHEST_HIT ? value : -1;
+    out_albedo = value < 0 ? vec4(0.0, 0.0, 0.0, -1.0) : vec4(material.albedo, float(value));
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
 #elif SURFACE

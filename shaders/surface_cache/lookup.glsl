@@ -57,6 +57,22 @@ Look surface_look(int triangle, vec3 share, int side)
     return Look(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? known / sum : vec3(0.0));
 }
 
+// The number of one of the values, drawn by its weight by a number in 0..1; -1 where no value is known.
+int surface_drawn(Look look, float random)
+{
+    vec3 w = look.weights;
+    int value = random < w.x ? look.values.x : random < w.x + w.y ? look.values.y : look.values.z;
+    return w.x + w.y + w.z > 0.0 ? value : -1;
+}
+
+// The number of the value of the greatest weight; -1 where no value is known.
+int surface_nearest(Look look)
+{
+    vec3 w = look.weights;
+    int value = w.x >= max(w.y, w.z) ? look.values.x : w.y >= w.z ? look.values.y : look.values.z;
+    return w.x + w.y + w.z > 0.0 ? value : -1;
+}
+
 vec3 surface_value(int i)
 {
     return texel_at(surface_values, table_texel(i)).rgb;

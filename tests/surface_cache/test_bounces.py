@@ -221,10 +221,8 @@ def by_rows(F: np.ndarray) -> Transport:
     """Return a transport equal to F (S, S) in all channels: each site has a ray to each other one."""
     sites = len(F)
     transport = Transport(sites, sites)
-    where = np.broadcast_to(np.arange(sites)[:, None], (sites, sites, 3))
-    transport.fill(
-        np.arange(sites), np.pi * np.ones((sites, sites)), (where, F[..., None] * [1, 0, 0], np.ones((sites, sites, 3)))
-    )
+    where = np.broadcast_to(np.arange(sites), (sites, sites))
+    transport.fill(np.arange(sites), np.pi * F, (where, np.ones((sites, sites, 3))))
     return transport
 
 
