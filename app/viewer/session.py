@@ -227,9 +227,6 @@ class Session(Owner):
             return 0
         return int(x >= round(options.divider * self.size[0])) if options.alone is None else options.alone
 
-    def buffer(self, side: int) -> str:
-        return self.options.buffers[side]
-
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
         """The pixel of a view that the window's pixel (x, y) shows: views of a moving camera may be smaller."""
         return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
@@ -364,10 +361,6 @@ class Session(Owner):
         if not keep_camera:
             self.auto_exposure, self.options.line, self.options.surface = AutoExposure(), None, None
         self._made = []
-
-    def clear(self) -> None:
-        for renderer in self.active:
-            renderer.forget(lights=False)
 
 
 def _filled(progress: Progress) -> bool:

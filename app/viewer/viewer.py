@@ -60,9 +60,9 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.backend = ImguiBackend()
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading)
+        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading, native=not wnd.headless)
         self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
+        self.interface = Interface(self.actions, self.display, self.times)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
         self.canvas = self._canvas(wnd.buffer_size)  # the picture
@@ -74,6 +74,7 @@ class Viewer(Owner):
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # the last tick was ended by input
+        self._stages: dict[str, float] = {}  # milliseconds of the last frame's, without those of the core
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
@@ -121,7 +122,7 @@ class Viewer(Owner):
         self.inspected = self.display.update(self.canvas, cursor)
         self._note("display", drawn)
         self._present(dt, cursor)
-        self.times.add(dt, now() - start)
+        self.times.add(dt, now() - start, session.ms | self._stages)
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
@@ -199,7 +200,7 @@ class Viewer(Owner):
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
         if self.session.renderers[0].about["software"]:
             self.ctx.finish()
-        self.times.stages[stage] = 1e3 * (now() - start)
+        self._stages[stage] = 1e3 * (now() - start)
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
@@ -236,7 +237,7 @@ class Viewer(Owner):
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
         no message comes or goes."""
-        if not self.still or now() < self._awake_until or self.interface.files.answered:
+        if not self.still or now() < self._awake_until:
             return False
         self.actions.collect()
         messages = self.actions.messages

@@ -217,6 +217,12 @@ class Driver:
         pixels = [round(density * n) for n in size]  # the off-screen window does not store it
         self.wnd._buffer_width, self.wnd._buffer_height = pixels
 
+    def seen(self, point: tuple[float, float, float]) -> tuple[float, float]:
+        """Return the place in the window of a point of the scene."""
+        found = self.viewer.interface.layout.seen(self.session.camera, point)
+        assert found is not None
+        return found
+
     # ---- keys ----------------------------------------------------------------------------------------------------
 
     def down(self, name: str) -> None:
@@ -339,14 +345,13 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        actions.pending, actions.editor.saved = None, actions.editor.edit  # without a question
+        actions.prompt, actions.editor.saved = None, actions.editor.edit  # without a question
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, False
+        actions.panels, actions.screenshot_wanted = Panels(controls=False), False
         actions.messages.lines.clear()
-        actions.scale, actions.saved_as = 1.0, ""
-        self.viewer.interface.files.typed = ""
+        actions.saved_as = ""
         session.options, session.path_recorder = ViewOptions(), PathRecorder()
         session.tracing.release()
         actions.quitting = False

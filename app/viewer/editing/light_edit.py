@@ -35,6 +35,10 @@ def blackbody(kelvin: float) -> tuple[float, float, float]:
     return red, green, blue
 
 
+def light_name(light: Light, number: int) -> str:
+    return light.name or f"light {number + 1}"
+
+
 @dataclass(frozen=True)
 class LightEdit:
     """A light of the scene as it is set: `light` with its full colour, brighter by `stops`, or off.

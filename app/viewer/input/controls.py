@@ -138,7 +138,7 @@ class Controls:
             self.pressed.add(key)
         if found is not None:
             self.actions.press(found)
-            if self.actions.typing:
+            if self.actions.prompt is not None:
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
@@ -183,7 +183,7 @@ class Controls:
         if self.backend.wants_mouse:
             return
         if self.session.options.split != "off" and self.pointer is not None:
-            self.actions.side = self.session.side_at(self.pointer[0])
+            self.session.options.side = self.session.side_at(self.pointer[0])
         if button == RIGHT:
             self.actions.stop()
             self._capture(True)
@@ -260,6 +260,6 @@ class Controls:
 
     def restyle(self) -> None:
         """Scale text and widgets by the monitor and by the user's choice; between frames."""
-        scale = self.monitor_scale * self.actions.scale
+        scale = self.monitor_scale * self.actions.panels.scale
         if scale != self.backend.scale:
             self.backend.resize_scale(scale)

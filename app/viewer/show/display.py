@@ -15,6 +15,7 @@ from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
+from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, Texels, clear
@@ -24,6 +25,7 @@ from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
+from irrsplat.scene import ray_caster
 
 _NEAR = 0.02  # depths: a point nearer than this to what its pixel sees is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
@@ -58,7 +60,7 @@ class Display(Owner):
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         cache = source.renderer.cache
         return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
@@ -75,7 +77,7 @@ class Display(Owner):
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
-        buffer, view, markers = self.session.buffer(side), source.view, self.markers
+        buffer, view, markers = self.session.options.buffers[side], source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
         self.buffer_view.draw(screen, buffer, source, region)
         if not BUFFERS[buffer].in_view:
@@ -102,7 +104,7 @@ class Display(Owner):
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
 
@@ -111,18 +113,18 @@ class Display(Owner):
         ends = self.session.options.line
         if ends is None or ends[0] == ends[1]:
             return None
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
     @property
     def shows_scene(self) -> bool:
         """True if a side shows the scene as the camera sees it."""
-        return any(BUFFERS[self.session.buffer(side)].in_view for side, _ in self.session.sides())
+        return any(BUFFERS[self.session.options.buffers[side]].in_view for side, _ in self.session.sides())
 
     def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
         """The source of the view at the cursor, and its pixel there; None where no view is."""
         side = self.session.side_at(cursor[0])
-        if not self.session.views or not BUFFERS[self.session.buffer(side)].in_view:
+        if not self.session.views or not BUFFERS[self.session.options.buffers[side]].in_view:
             return None
         source = self.session.source(side)
         return source, self.session.place(source.view, *cursor)
@@ -149,6 +151,15 @@ class Display(Owner):
         """The world point seen at the cursor; None where there is none."""
         surface = None if cursor is None else self.surface_at(cursor)
         return None if surface is None else surface[0]
+
+    def point_light(self) -> PointLight | None:
+        """Return the direct light of the surface that was clicked on; None without one."""
+        options, renderer = self.session.options, self.session.renderers[0]
+        surface = options.surface
+        if not options.why or surface is None or not self.session.views or not ray_caster.available():
+            return None
+        inputs, scene = (Identity(renderer.scene), surface), renderer.scene
+        return self._memo.get("point light", inputs, lambda: light_at(scene, renderer.world.caster, *surface))
 
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""

@@ -20,8 +20,8 @@ def draw_waiting(text: str) -> None:
 
 def draw_messages(messages: Messages, layout: Layout) -> None:
     """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
-    _, top, right, _ = layout.area
-    place, width = 0.5 * (layout.over + right), right - layout.over - 2.0 * MARGIN
+    left, top, right, _ = layout.area
+    place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
     if messages.errors:
         imgui.push_style_color(imgui.Col_.window_bg, RED)
         imgui.push_style_color(imgui.Col_.text, WHITE)

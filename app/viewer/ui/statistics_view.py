@@ -8,7 +8,7 @@ from collections import deque
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.ui.layout import accent
+from irrsplat.app.viewer.ui.layout import AMBER
 from irrsplat.image.view import Progress
 
 _MEAN = 20  # frames of the mean rate
@@ -17,7 +17,8 @@ _MEAN = 20  # frames of the mean rate
 class FrameTimes:
     """Milliseconds of the last frames.
 
-    frames: from picture to picture. work: of the last one, without waiting. stages: of the last one, without those of the core.
+    frames: from picture to picture. work: of the last one, without waiting. stages: of the last one, in the order of their first
+    runs.
     """
 
     def __init__(self) -> None:
@@ -25,40 +26,33 @@ class FrameTimes:
         self.work = 0.0
         self.stages: dict[str, float] = {}
 
-    def add(self, frame: float, work: float) -> None:
-        """Add a frame, seconds each."""
+    def add(self, frame: float, work: float, stages: dict[str, float]) -> None:
+        """Add a frame, its two times in seconds, its stages in milliseconds."""
         self.frames.append(1e3 * frame)
         self.work = 1e3 * work
+        self.stages = dict.fromkeys(self.stages, 0.0) | stages
 
 
-class StatisticsView:
-    """Draws the statistics, with a line for each stage that has run."""
-
-    def __init__(self, actions: Actions, times: FrameTimes) -> None:
-        self.actions, self.times = actions, times
-        self._rows: dict[str, None] = {}  # in the order of their first runs
-
-    def draw(self) -> None:
-        session, frames = self.actions.session, self.times.frames
-        mean = max(sum(frames) / max(len(frames), 1), 1e-3)  # of fewer frames it is no rate
-        rate = "at rest" if session.at_rest else f"{1e3 / mean:.0f} fps" if len(frames) == _MEAN else "starting"
-        imgui.text_wrapped(f"{rate}, last frame {self.times.work:.0f} ms")
-        present = {**session.ms, **self.times.stages}
-        self._rows |= dict.fromkeys(present)
-        for stage in self._rows:
-            imgui.text_wrapped(f"{stage}: {present.get(stage, 0.0):.1f} ms")
-        imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
-        for renderer, progress in zip(session.active, session.progress, strict=False):
-            imgui.separator()
-            in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
-            imgui.text_wrapped(f"{renderer.preset}: {progress.records} records, {progress.new} new, {in_view} in view")
-            imgui.text_wrapped(coverage_in_words(progress, renderer.settings.fill_holes))
-            if progress.surface < 1.0:
-                imgui.text_colored(accent(), f"surface cache {100.0 * progress.surface:.0f} %")
-            if progress.stale:
-                imgui.text_colored(accent(), f"{progress.stale} stale records")
-            if progress.full:
-                imgui.text_colored(accent(), "max_records is reached: raise it")
+def draw_statistics(actions: Actions, times: FrameTimes) -> None:
+    """Draw the statistics, with a line for each stage that has run."""
+    session = actions.session
+    mean = max(sum(times.frames) / max(len(times.frames), 1), 1e-3)  # of fewer frames it is no rate
+    rate = "at rest" if session.at_rest else f"{1e3 / mean:.0f} fps" if len(times.frames) == _MEAN else "starting"
+    imgui.text_wrapped(f"{rate}, last frame {times.work:.0f} ms")
+    for stage, ms in times.stages.items():
+        imgui.text_wrapped(f"{stage}: {ms:.1f} ms")
+    imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
+    for renderer, progress in zip(session.active, session.progress, strict=False):
+        imgui.separator()
+        in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
+        imgui.text_wrapped(f"{renderer.preset}: {progress.records} records, {progress.new} new, {in_view} in view")
+        imgui.text_wrapped(coverage_in_words(progress, renderer.settings.fill_holes))
+        if progress.surface < 1.0:
+            imgui.text_colored(AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
+        if progress.stale:
+            imgui.text_colored(AMBER, f"{progress.stale} stale records")
+        if progress.full:
+            imgui.text_colored(AMBER, "max_records is reached: raise it")
 
 
 def coverage_in_words(progress: Progress, filled: bool) -> str:
@@ -72,6 +66,6 @@ def draw_tracing(actions: Actions) -> None:
     """Draw the progress of the reference while it is traced."""
     tracing = actions.session.tracing
     if tracing.traced is not None:
-        imgui.push_style_color(imgui.Col_.text, accent())
+        imgui.push_style_color(imgui.Col_.text, AMBER)
         imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
         imgui.pop_style_color()

@@ -35,7 +35,7 @@ def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
         "message": lambda: driver.actions.say("news"),
         "key": lambda: driver.down("W"),
         "camera": lambda: driver.session.free_camera.look(9.0, 0.0, 0.01),
-        "cache": driver.session.clear,
+        "cache": driver.actions.clear,
     }
     for name, act in acts.items():
         assert sleeps(driver, clock), name

@@ -7,10 +7,10 @@ from typing import cast
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.prompts import OF_RENDERS
 from irrsplat.app.viewer.ui.layout import READABLE, Layout
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
-OF_RENDERS = frozenset(("samples", "quality"))  # without effect here
 Value = float | int | bool | str
 
 # ends of sliders whose ranges are far wider than usual values; other values are typed (Ctrl+click)
@@ -43,19 +43,11 @@ class SettingsPanel:
     def __init__(self, actions: Actions, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
         self._draft: tuple[str, float | int] | None = None  # the costly setting whose slider is dragged, and its value there
-        self._sought = ""  # the setting that is scrolled to
-
-    def show(self, name: str) -> None:
-        """Open the settings at the one of this name."""
-        self.actions.panels.settings, self._sought = True, name
 
     def draw(self) -> None:
-        if not self.actions.panels.controls:
-            if self.actions.session.options.split == "presets":
-                self.draw_sides()
-            self.draw_presets()
+        panels = self.actions.panels
         for stage in _STAGES:
-            if self._sought and SETTINGS[self._sought].stage == stage:
+            if panels.sought and SETTINGS[panels.sought].stage == stage:
                 imgui.set_next_item_open(True)
             if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
                 for declaration in SETTINGS.values():
@@ -67,12 +59,12 @@ class SettingsPanel:
         imgui.text("side")
         for side, word in enumerate(("left", "right")):
             imgui.same_line()
-            if imgui.radio_button(word, self.actions.side == side):
-                self.actions.side = side
+            if imgui.radio_button(word, self.actions.session.options.side == side):
+                self.actions.session.options.side = side
 
     def draw_presets(self) -> None:
         actions = self.actions
-        chosen, settings = actions.session.settings(actions.side)
+        chosen, settings = actions.session.settings(actions.session.options.side)
         differs = any(getattr(settings, name) != getattr(preset(chosen), name) for name in SETTINGS)
         if imgui.begin_combo(self.layout.label("preset"), f"{chosen}{' *' if differs else ''}"):
             for name in PRESETS:
@@ -84,12 +76,12 @@ class SettingsPanel:
     def draw_setting(self, declaration: Declaration) -> None:
         """Draw one line: the widget, its name, and an arrow back to the preset's value where it differs."""
         d, actions = declaration, self.actions
-        chosen, settings = actions.session.settings(actions.side)
+        chosen, settings = actions.session.settings(actions.session.options.side)
         value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
         imgui.push_id(d.name)
-        if d.name == self._sought:
+        if d.name == actions.panels.sought:
             imgui.set_scroll_here_y()
-            self._sought = ""
+            actions.panels.sought = ""
         imgui.begin_group()
         new = self._widget(d, value)
         imgui.end_group()
@@ -109,7 +101,7 @@ class SettingsPanel:
         imgui.pop_id()
         if new != value:
             changed = cast(SettingValues, {d.name: new})
-            actions.attempt(lambda: actions.session.change(actions.side, **changed))
+            actions.attempt(lambda: actions.session.change(actions.session.options.side, **changed))
 
     def _widget(self, d: Declaration, value: Value) -> Value:
         """Draw the widget of a setting; return its value afterwards."""
@@ -156,7 +148,7 @@ class SettingsPanel:
 
     def _resolved(self, d: Declaration) -> float:
         """Return the number that the word of a setting stands for now."""
-        session, side = self.actions.session, self.actions.side
+        session, side = self.actions.session, self.actions.session.options.side
         settings = session.settings(side)[1]
         if d.name == "bounces":
             return int(session.renderer(side).scheduler.gatherer.bounces(settings)["bounces"])

@@ -30,3 +30,8 @@ def edit_output(layout: Layout, unit: str, value: float, least: float, most: flo
     changed, output = imgui.slider_float(layout.label(unit), value, least, most, form, imgui.SliderFlags_.logarithmic)
     imgui.set_item_tooltip(described(unit, value))
     return output if changed and output >= 0.0 else None
+
+
+def light_digits(value: float | None) -> str:
+    """Return a value of light with the digits that a light meter has; "" for None."""
+    return "" if value is None else f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"

@@ -12,7 +12,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import ObjectEdit, angles, middle, rotation
-from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.scene.model import Light
 
@@ -20,7 +20,6 @@ _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
 _SIZE = 0.16  # of the handles, share of the picture
 _NOISE = 1e-6  # of the scene's diagonal, and of 1 in rotations: ImGuizmo's float32
-_SHADE = (0.0, 0.0, 0.0, 0.55)
 
 
 class Handles:
@@ -35,7 +34,7 @@ class Handles:
         if not actions.session.views or actions.session.options.inspect:  # then a click is for records
             return
         if editor.mesh is not None:
-            number, edit = editor.mesh, editor.object(editor.mesh)
+            number, edit = editor.mesh, editor.edit.objects[editor.mesh]
             self._box(number)
             origin = middle(editor.loaded.meshes[number])
             place, turn = self._dragged(origin + edit.offset, rotation(edit.turn), True, True)
@@ -64,14 +63,13 @@ class Handles:
         ends = np.stack([positions.min(0), positions.max(0)]).astype(float)
         corners = [self.layout.seen(session.camera, point_of(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
         with self.layout.over_picture() as draw:
-            for (colour, width), i, axis in product(((_SHADE, 3.5), (AMBER, 1.5)), range(8), (1, 2, 4)):
-                start, end = corners[i], corners[i | axis]
-                if not i & axis and start is not None and end is not None:
-                    draw.add_line(start, end, imgui.get_color_u32(colour), width * self.layout.scale)
+            for i, axis in product(range(8), (1, 2, 4)):
+                if not i & axis:
+                    line(draw, corners[i], corners[i | axis], AMBER, 1.5 * self.layout.scale)
 
     def _apply_object(self, number: int, edit: ObjectEdit) -> None:
         editor = self.actions.editor
-        if edit != editor.object(number):
+        if edit != editor.edit.objects[number]:
             self.actions.attempt(lambda: editor.set_object(number, edit))
 
     def _dragged(
