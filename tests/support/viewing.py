@@ -18,15 +18,15 @@ import irrsplat
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.buffers.table import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.show.screen import Programs, Region
 from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -95,10 +95,10 @@ class ShownView(Owner):
 
     source: ViewSource
     frame: Frame
-    buffer_view: BufferView
+    programs: Programs
 
     def owned(self) -> tuple[Resource, ...]:
-        return (self.renderer, self.buffer_view)
+        return (self.renderer, self.programs)
 
     @property
     def renderer(self) -> Renderer:
@@ -111,12 +111,12 @@ class ShownView(Owner):
 
     def draw(self, target: Target, name: str, region: Region | None = None) -> np.ndarray:
         """Return the picture (H, W, 3) of a buffer, top row first."""
-        self.buffer_view.draw(target, name, self.source, region)
+        BUFFERS[name].draw(Canvas(target, self.programs, region), self.source)
         return target.read()[..., :3]
 
     def value(self, name: str, x: int, y: int) -> np.ndarray | None:
         """Return the value of a buffer at a pixel."""
-        return self.buffer_view.value(name, self.source, x, y)
+        return BUFFERS[name].value(self.programs.texels, self.source, x, y)
 
 
 def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
@@ -127,7 +127,7 @@ def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), 
         renderer.frame()
     view, _ = renderer.frame(gather=False)
     frame = read(view, renderer.cache.read(), {})
-    return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, BufferView(renderer.ctx))
+    return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, Programs(renderer.ctx))
 
 
 @dataclass(frozen=True)

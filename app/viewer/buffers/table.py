@@ -1,4 +1,4 @@
-"""The table of all buffers that the viewer can show: its keys, menu, legends, values and help come from here; and their pictures.
+"""The table of all buffers that the viewer can show: its keys, menu, legends, values and help come from here.
 
 A further buffer is one more entry: of a class in texture_buffers.py where it is a texture of the view, else of a class of its own
 (with its shader, where none of those in shaders/viewer/buffers/ will do).
@@ -6,12 +6,9 @@ A further buffer is one more entry: of a class in texture_buffers.py where it is
 
 from __future__ import annotations
 
-import moderngl
-import numpy as np
-
 from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
     DepthBuffer,
     EmissionBuffer,
@@ -25,10 +22,7 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
 )
 from irrsplat.app.viewer.buffers.tiled_buffers import GatherAtlasBuffer, ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
-from irrsplat.app.viewer.show.screen import Programs, Region, TexelReader, colours
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
 
 
 def _channel(name: str, title: str = "") -> tuple[str, str, str, str]:
@@ -70,30 +64,3 @@ BUFFERS: dict[str, ShownBuffer] = {
         ErrorBuffer("error", "error", "W/m²", "irradiance minus the path-traced reference"),
     )
 }
-
-
-class BufferView(Owner):
-    """Draws into targets of any size; best are those of the view's own size, where a pixel is a texel."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.programs = Programs(ctx)
-        self.colours = colours(ctx)
-        self.texels = TexelReader(ctx)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.programs, self.colours, self.texels)
-
-    def draw(self, target: Target, name: str, source: ViewSource, region: Region | None = None) -> None:
-        BUFFERS[name].draw(self.canvas(target, region), source)
-
-    def canvas(self, target: Target, region: Region | None = None) -> Canvas:
-        """Return a target (or a region of it) for buffers to draw on."""
-        return Canvas(target, self.programs, self.colours, region)
-
-    def value(self, name: str, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """The 1 or 3 numbers of the buffer `name` at pixel (x, y) of the view, (0, 0) the upper left one; None for none.
-
-        There are none outside of the view, where nothing is seen, and for buffers that are not of the view. Reads one texel of
-        each texture concerned.
-        """
-        return BUFFERS[name].value(self.texels, source, x, y)

@@ -7,10 +7,9 @@ from dataclasses import dataclass, fields, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.buffers.table import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
 from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
-from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.app.viewer.show.screen import Programs, Texels
 from irrsplat.core.buffers import Records
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
@@ -121,10 +120,10 @@ class InspectedRecord:
 
 
 class RecordInspector(Owner):
-    """Reads records back, and gathers single ones again to show what they see. buffer_view: borrowed, to draw with."""
+    """Reads records back, and gathers single ones again to show what they see. programs: borrowed."""
 
-    def __init__(self, ctx: moderngl.Context, buffer_view: BufferView) -> None:
-        self.ctx, self.buffer_view = ctx, buffer_view
+    def __init__(self, programs: Programs) -> None:
+        self.ctx, self.programs = programs.ctx, programs
         self._made, self._memo = Workshop(), Memo()
         self.gather_pass: Gather | None = None  # the last one used
 
@@ -168,5 +167,5 @@ class RecordInspector(Owner):
         self.gather_pass = gather
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
-        draw_atlas(self.buffer_view.canvas(target), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
+        draw_atlas(Canvas(target, self.programs), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
         return picture

@@ -62,7 +62,7 @@ def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyP
         driver.frame()
         assert np.abs(driver.canvas() / 255.0 - expected).max() < 1.01 / 255.0, name
     for px, py in ((0, 0), (17, 100), (SIZE[0] - 1, SIZE[1] - 1), (160, 7), (161, 120)):
-        value, at = driver.display.buffer_view.value("reference", session.source(0), px, py), (py, px)
+        value, at = BUFFERS["reference"].value(driver.display.programs.texels, session.source(0), px, py), (py, px)
         assert (value is not None and np.allclose(value, found.irradiance[at], rtol=1e-5)) if found.seen[at] else value is None
 
 

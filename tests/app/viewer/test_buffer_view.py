@@ -213,7 +213,7 @@ def test_weights_of_records_add_up_and_the_greatest_is_picked(cornell: ShownView
         w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, renderer.size, renderer.settings)
         sums.append(w.sum())
         found.append(frame.weight[y, x])
-        picked = table.pick(cornell.buffer_view.texels, view, renderer.settings, int(x), int(y))
+        picked = table.pick(cornell.programs.texels, view, renderer.settings, int(x), int(y))
         assert picked == (int(np.argmax(w)) if w.any() else None)
     assert np.isclose(sums, found, rtol=2e-3).mean() > 0.95
     assert 0.4 < np.mean(np.array(found) > 0.0) < 1.0
@@ -224,7 +224,7 @@ def test_a_record_under_a_sky_sees_one_radiance(ctx: moderngl.Context) -> None:
     L = (0.9, 0.3, 0.1)
     with (
         shown_view(worlds.scene(worlds.floor(), sky=L), rounds=1, placement="tiles") as made,
-        RecordInspector(ctx, made.buffer_view) as inspector,
+        RecordInspector(made.programs) as inspector,
     ):
         texture = inspector.hemisphere(3, replace(made.source, exposure=-1.0))
         assert texture is not None

@@ -7,8 +7,8 @@ from weakref import ref
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.show.screen import Programs
 from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -22,18 +22,18 @@ class BrightestLight(Owner):
     """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.programs, self.target = Programs(ctx), Target(ctx, _LATTICE, (4,))
+        self.program, self.target = Program(ctx, "viewer/light_level", "lib/fullscreen"), Target(ctx, _LATTICE, (4,))
         self.found = 0.0  # W/m², weighted as luminance is
         self._view: ref[View] | None = None  # weak: it knows its scene, which may no longer be open
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (self.programs, self.target)
+        return (self.program, self.target)
 
     def look(self, renderer: Renderer, view: View) -> None:
         """Look at the view, where that is another one than before."""
         if self._view is not None and view is self._view():
             return
-        self.programs("viewer/light_level")(
+        self.program(
             self.target,
             position=view.gbuffer.position,
             sums=view.sums,

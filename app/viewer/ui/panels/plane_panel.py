@@ -7,7 +7,6 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
-from irrsplat.app.viewer.show.light.plane_view import scale_of
 from irrsplat.app.viewer.ui.layout import WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.app.viewer.ui.panels.fields import light_digits
@@ -29,7 +28,7 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
         imgui.text_disabled("measuring…" if plane.share == 0.0 else f"measuring: {100.0 * plane.share:.0f} %")
     if (measured := plane.measured) is None:
         return
-    scale = scale_of(measured, session.options.light_scale)
+    scale = measured.scaled(session.options.light_scale)
     found, (low, high) = measured.readings.summary(scale.unit), scale.ends
     if found["mean"] is not None:
         imgui.text(f"mean {light_digits(found['mean'])} {scale.shown_unit}, at {measured.height:.2f} m")
