@@ -13,7 +13,7 @@ import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.viewer import memory, prompts
+from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
@@ -21,6 +21,7 @@ from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
 from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
@@ -63,7 +64,7 @@ class Actions:
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
         self.prompt: prompts.Prompt | None = None  # the question to the user
-        self.saved_as = ""  # the .scene that Save writes; "": it asks for a file
+        self.saved_as = ""  # the .scene that Save writes; "": not saved yet
         self.film = FilmInBackground()
         self._copy = copy
         preferences.opened(source)
@@ -331,7 +332,7 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
-        """Ask for the file of the scene, and save it there."""
+        """Request the file of the scene, and save it there."""
         if self.dialog.native:  # it confirms that a present file is replaced
             name = self.saved_as or os.path.join(prompts.folder(self), self.free_name())
             self.dialog.ask_save(name, lambda path: self.save(path, overwrite=True, then=then))
@@ -339,7 +340,7 @@ class Actions:
             self.prompt = prompts.saving(self, then)
 
     def save_again(self, then: Callable[[], object] | None = None) -> None:
-        """Save the scene where it was saved last; the first time, ask for the file."""
+        """Save the scene where it was saved last; the first time, request its file."""
         if self.saved_as:
             self.save(self.saved_as, overwrite=True, then=then)
         else:
@@ -402,7 +403,7 @@ class Actions:
         """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
         self.editor.pick_light(None)
-        self.panels.close_menus, self.panels.help, self.prompt = True, False, None
+        self.panels.close_menus, self.prompt = True, None
         self.messages.close()
 
     def enlarge(self, step: float) -> None:
@@ -411,8 +412,12 @@ class Actions:
         self.say(f"interface × {self.panels.scale:g}", topic="scale")
 
     def find_command(self) -> None:
-        """Ask for an action, a setting or a scene."""
+        """Open the prompt for an action, a setting or a scene."""
         self.prompt = prompts.command(self)
+
+    def list_keys(self) -> None:
+        """Show all keys; a choice runs its action."""
+        self.prompt = prompts.keys(self)
 
     def show_setting(self, name: str) -> None:
         """Open the settings at the one of this name."""
@@ -449,7 +454,7 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_file(self) -> None:
-        """Ask for a scene or a path, and open it."""
+        """Request a scene or a path, and open it."""
         if self.dialog.native:
             self.dialog.ask_open(prompts.folder(self), self.open)
         else:

@@ -13,8 +13,7 @@ from irrsplat.app.viewer.buffers.background_reference import Reference, Subject,
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
-from irrsplat.app.viewer.show.auto_exposure import AutoExposure
-from irrsplat.app.viewer.show.light.brightest import BrightestLight
+from irrsplat.app.viewer.show.exposure import AutoExposure, BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions

@@ -21,8 +21,8 @@ SPLITS: dict[Split, str] = {  # and their titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
-SECTIONS = ("settings", "lights", "outliner", "hud", "why", "plane")  # parts of the side panel, of both below
+KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # of both below
+SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # parts of the side panel, of both below
 
 
 def point_of(values: np.ndarray | Sequence[float]) -> Point:
@@ -60,8 +60,6 @@ class Panels:
     settings: bool = False
     lights: bool = False
     outliner: bool = False
-    hud: bool = False
-    help: bool = False
     hidden: bool = False
     fullscreen: bool = False
     close_menus: bool = False  # in the next frame

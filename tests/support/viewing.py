@@ -30,6 +30,7 @@ from irrsplat.app.viewer.show.screen import Programs, Region
 from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
+from irrsplat.core.timing import other_process
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -376,7 +377,7 @@ class Driver:
 
 
 _WIDGETS = (
-    *("slider_float", "slider_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
+    *("slider_float", "slider_int", "input_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
     *("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text"),
 )
 
@@ -393,7 +394,7 @@ def watched(driver: Driver) -> Iterator[None]:
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             right, seen = high.x, label.split("##")[0]
-            if seen and name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+            if seen and name in ("slider_float", "slider_int", "input_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
                 right -= imgui.calc_text_size(seen).x + imgui.get_style().item_inner_spacing.x
             driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
             return result
@@ -453,18 +454,20 @@ class Tracer:
         self.calls: list[tuple[Camera, tuple[int, int], int]] = []
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
-        monkeypatch.setattr(worker, "refine", self.refine)
+        monkeypatch.setattr(other_process, "call", self.call)
+        monkeypatch.setattr(worker, "require", lambda: None)
         monkeypatch.setattr(Actions, "missing", lambda self, command: "")
         monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
-    def refine(
+    def call(
         self,
-        scene: Scene,
-        passes: list[worker.Pass],
-        bounces: int,
-        take: Callable[[dict[str, np.ndarray]], object],
+        code: str,
+        arguments: tuple[Scene, list[worker.Pass], int],
         progress: Callable[[float], object],
+        take: Callable[[dict[str, np.ndarray]], object],
+        failure: str,
     ) -> None:
+        _, passes, bounces = arguments
         self.calls.append((passes[-1].camera, passes[-1].size, bounces))
         for one in passes[: self.early]:
             take(self.make(one.size))
@@ -500,7 +503,7 @@ class Tracer:
             driver.frame()
             if (thread := driver.session.tracing._tracing) is not None:
                 with self._change:
-                    assert self._change.wait_for(lambda: thread in self._waiting, SAFETY)
+                    assert self._change.wait_for(lambda: thread.calling in self._waiting, SAFETY)
                 return driver.frame()
         pytest.fail("no tracing after 20 frames")
 
@@ -518,7 +521,7 @@ class Tracer:
         for _ in range(20):
             driver.frame()
             if (thread := driver.session.tracing._tracing) is not None:
-                thread.join(SAFETY)
+                thread.calling.join(SAFETY)
             found = driver.session.source(0).reference
             if found is not None and found.complete and driver.session.tracing.traced is None:
                 return driver.frame()

@@ -130,7 +130,6 @@ _WINDOW = (
     Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
     Command("Window", "All settings", "toggle", "F3", "settings"),
     Command("Window", "Lights", "toggle", "F4", "lights"),
-    Command("Window", "Statistics", "toggle", "F6", "hud"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="all of it; again: show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
     Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
@@ -139,7 +138,7 @@ _WINDOW = (
 )
 _HELP = (
     Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by words"),
-    Command("Help", "Keys", "toggle", "F1", "help"),
+    Command("Help", "Keys", "list_keys", "F1", help="of mouse and keyboard; any key by words"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)

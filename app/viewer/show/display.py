@@ -92,12 +92,11 @@ class Display(Owner):
         """Return the record that weighs most under the cursor, and tint its pixels."""
         session, side = self.session, self.session.side_at(cursor[0])
         source = session.source(side)
-        place, settings = session.place(source.view, *cursor), source.settings
-        number = self.inspector.table(side, source).pick(self.programs.texels, source.view, settings, *place)
+        number = self.inspector.pick(source, *session.place(source.view, *cursor))
         if number is None:
             return None
         region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        served = self.markers.contributes(screen, source.view, records, number, settings, region)
+        served = self.markers.contributes(screen, source.view, records, number, source.settings, region)
         return self.inspector.inspect(number, side, source, served)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:

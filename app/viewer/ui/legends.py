@@ -10,8 +10,7 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, WHITE, Layout, in_unit
-from irrsplat.app.viewer.ui.statistics_view import draw_tracing
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, WHITE, Layout, in_unit
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
 _BAR_WIDTH = 160.0  # of a colour scale
@@ -63,6 +62,15 @@ def _draw_legend(actions: Actions, display: Display, side: int, scale: float, ro
         draw_tracing(actions)
     if options.points or options.discs:
         draw_scale(radius_legend(source.settings, source.scene), scale, room)
+
+
+def draw_tracing(actions: Actions) -> None:
+    """Draw the progress of the reference while it is traced."""
+    tracing = actions.session.tracing
+    if tracing.traced is not None:
+        imgui.push_style_color(imgui.Col_.text, AMBER)
+        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
+        imgui.pop_style_color()
 
 
 def draw_scale(legend: Legend, scale: float, room: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.prompts import Act, Prompt
+from irrsplat.app.viewer.input.prompts import Act, Prompt
 from irrsplat.app.viewer.ui.layout import Layout
 
 _WIDTH, _ROWS = 460.0, 12  # window coordinates at scale 1, and entries in sight; both at most

@@ -10,17 +10,14 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
-from irrsplat.app.viewer.ui.panels.light_scale_panel import draw_light_scale, light_is_shown
-from irrsplat.app.viewer.ui.panels.lights_panel import draw_lights
-from irrsplat.app.viewer.ui.panels.object_panel import draw_object, draw_outliner
-from irrsplat.app.viewer.ui.panels.plane_panel import draw_plane
-from irrsplat.app.viewer.ui.panels.settings_panel import SettingsPanel
-from irrsplat.app.viewer.ui.panels.why_panel import draw_why
-from irrsplat.app.viewer.ui.statistics_view import FrameTimes, draw_statistics, draw_tracing
+from irrsplat.app.viewer.ui.legends import draw_tracing
+from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner
+from irrsplat.app.viewer.ui.panels.light_panels import draw_light_scale, draw_plane, draw_why, light_is_shown
+from irrsplat.app.viewer.ui.panels.settings_panel import draw_presets, draw_setting, draw_settings, draw_sides
 from irrsplat.settings import SETTINGS
 
 FIRST = ("a", "tolerance", "blend", "exposure")  # settings
-_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"), ("Statistics…", "hud"))
+_LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"))
 _FLAGS = (
     imgui.WindowFlags_.no_saved_settings
     | imgui.WindowFlags_.no_title_bar
@@ -33,9 +30,8 @@ _FLAGS = (
 class SidePanel:
     """Draws the panel along the left edge."""
 
-    def __init__(self, actions: Actions, display: Display, layout: Layout, times: FrameTimes) -> None:
+    def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
-        self.settings = SettingsPanel(actions, layout)
         self._open: set[str] | None = None  # titles of the last frame's sections; None at first, when nothing scrolls
         self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: what opens it, and what draws it
             "object": ("mesh", lambda: draw_object(actions, layout)),
@@ -44,8 +40,7 @@ class SidePanel:
             "why dark?": ("why", lambda: draw_why(actions, display)),
             "plane": ("plane", lambda: draw_plane(actions, layout)),
             "scale": ("", lambda: draw_light_scale(actions, layout)),
-            "settings": ("settings", self.settings.draw),
-            "statistics": ("hud", lambda: draw_statistics(actions, times)),
+            "settings": ("settings", lambda: draw_settings(actions, layout)),
         }
 
     @property
@@ -97,11 +92,11 @@ class SidePanel:
         """Draw the buffer, the preset, the first settings and the state."""
         actions = self.actions
         if actions.session.options.split != "off":
-            self.settings.draw_sides()
+            draw_sides(actions)
         self._buffer()
-        self.settings.draw_presets()
+        draw_presets(actions, self.layout)
         for name in FIRST:
-            self.settings.draw_setting(SETTINGS[name])
+            draw_setting(actions, self.layout, SETTINGS[name])
         imgui.separator()
         for title, panel in _LINKS:
             if imgui.selectable(title, actions.is_on(panel))[0]:
@@ -124,7 +119,10 @@ class SidePanel:
         for renderer, progress in zip(session.active, session.progress, strict=False):
             who = f"{renderer.preset}: " if len(session.progress) > 1 else ""
             error = "" if progress.error is None else f", estimated error {100.0 * progress.error:.2g} %"
-            imgui.text_wrapped(f"{who}{progress.records} records{error}")
+            stale = f", {progress.stale} stale" if progress.stale else ""
+            imgui.text_wrapped(f"{who}{progress.records} records{stale}{error}")
+            if progress.full:
+                imgui.text_colored(AMBER, "max_records is reached")
         recorder, done = session.path_recorder, session.at_rest and session.progress
         for true, words in (
             (session.options.frozen, "cache frozen"),

@@ -37,7 +37,7 @@ LIMIT = 200_000  # bytes a picture
 PATIENCE = 900.0  # seconds
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
-    *("slider_float", "slider_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
+    *("slider_float", "slider_int", "input_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
 )
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer

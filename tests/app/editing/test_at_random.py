@@ -28,7 +28,7 @@ SIZES = (96, 64), (128, 72), (64, 96), (80, 60)
 BOX = 2
 QUICK: SettingValues = {"warmup": 20, "a": 0.8, "gather_size": 8, "shadow_size": 64, "exposure": 1.0}
 QUICK |= {"viewer_samples": 0, "viewer_quality": 0.0}
-KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXTI")
+KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "F1", "F2", "F3", "F4"), *"ZXTI")
 
 Draw = np.random.Generator
 Act = Callable[[Driver, Draw], None]

@@ -16,7 +16,7 @@ from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference as module
 from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
-from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
+from irrsplat.app.viewer.buffers.light_buffers import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
@@ -151,8 +151,9 @@ def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder
     pid = int(os.read(begun, 20))
     os.close(begun)
     os.kill(pid, 0)
-    thread = driver.session.tracing._last
-    assert thread is not None
+    tracing = driver.session.tracing._tracing
+    assert tracing is not None
+    thread = tracing.calling
     push(driver, "Y")
     thread.join(SAFETY)
     assert not thread.is_alive() and thread.error is None
@@ -175,7 +176,9 @@ def test_every_pass_has_the_right_mean() -> None:
     def take(found: dict[str, np.ndarray]) -> None:
         made.append(Estimate.after(made[-1] if made else None, plan[len(made)], found))
 
-    worker.refine(scene, plan, 3, take, lambda share: None)
+    calling = worker.refining(scene, plan, 3, take)
+    calling.join()
+    assert calling.error is None
     truth = Traced(**worker.trace(scene, subject.camera, subject.size, 24, 3))
     assert [one.samples for one in made] == [8, 16, 48, 176]
     for one in made:

@@ -208,14 +208,15 @@ def keys(driver: Driver, shown: str) -> None:
     before = covered(driver)
     push(driver, shown)
     assert covered(driver) > before + 0.05 and driver.session.ms == {}
-    push(driver, shown)
+    assert any(one.label.startswith("Ctrl+Z: Undo") for one in driver.widgets)
+    push(driver, "Esc")
     assert covered(driver) == pytest.approx(before, abs=0.01)
 
 
-@case("F3", "F4", "F6")
+@case("F3", "F4")
 def section(driver: Driver, shown: str) -> None:
-    """The side panel opens with the section, and stays open without it; the picture is fitted beside it."""
-    before, panels, titles = driver.session.size, driver.actions.panels, {"F3": "settings", "F4": "lights", "F6": "statistics"}
+    """The side panel opens with the section, and stays open without it; the picture is fitted into the rest."""
+    before, panels, titles = driver.session.size, driver.actions.panels, {"F3": "settings", "F4": "lights"}
     driver.session.options.frozen = True
     for titled in (True, False):
         push(driver, shown)
@@ -270,11 +271,11 @@ def test_escape(driver: Driver) -> None:
         driver.frame(5)
     driver.move(200, 120)
     driver.button(True, 2)
-    driver.actions.panels.help = True
+    push(driver, "F1")
     assert driver.wnd.mouse_exclusivity
     driver.actions.say("something is wrong", error=True)
     for _ in range(3):
         push(driver, "Esc")
-    assert not driver.said and not driver.wnd.mouse_exclusivity and not driver.actions.panels.help and not driver.wnd.is_closing
+    assert not driver.said and not driver.wnd.mouse_exclusivity and driver.actions.prompt is None and not driver.wnd.is_closing
     assert driver.session.path_recorder.playing is None
     driver.button(False, 2)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.prompts import OF_RENDERS
+from irrsplat.app.viewer.input.prompts import OF_RENDERS
 from irrsplat.scene.model import Camera
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import Driver, fresh, push, viewing, write_room

@@ -9,7 +9,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import ImageFont
 
-from irrsplat.app.viewer import prompts
+from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from tests.support.viewing import Driver
 
@@ -60,7 +60,7 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
     options.frozen = panels.controls = True
     driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
-    panels.lights = panels.outliner = panels.hud = panels.settings = options.why = options.plane = True
+    panels.lights = panels.outliner = panels.settings = options.why = options.plane = True
     driver.frame(6)
     with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
         font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)

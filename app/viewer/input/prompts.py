@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import portable_file_dialogs as desktop
 
-from irrsplat.app.viewer.input.commands import COMMANDS
+from irrsplat.app.viewer.input.commands import COMMANDS, FLYING, KEYS
 from irrsplat.scene import FORMATS, bundled
 from irrsplat.settings import SETTINGS
 
@@ -39,7 +39,7 @@ def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
 
 
 def command(actions: Actions) -> Prompt:
-    """Ask for an action that can run, a setting or a known scene."""
+    """Offer the actions that can run, the settings and the known scenes."""
     entries = dict[str, Act]()
     for one in COMMANDS:
         if actions.can(one) and one.action not in ("escape", "find_command"):
@@ -51,6 +51,13 @@ def command(actions: Actions) -> Prompt:
     return Prompt("find a command", lambda text: _having(text, entries))
 
 
+def keys(actions: Actions) -> Prompt:
+    """Show the keys of all actions, below what the mouse and held keys do."""
+    entries: dict[str, Act] = {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
+    held = "\n".join(f"{key}: {words}" for key, words in FLYING)
+    return Prompt(held, lambda text: _having(text, entries))
+
+
 def _scenes(actions: Actions) -> dict[str, Act]:
     """Return an entry for each bundled and each recent scene."""
     sources = dict.fromkeys((*bundled(), *actions.preferences.recent))
@@ -58,7 +65,7 @@ def _scenes(actions: Actions) -> dict[str, Act]:
 
 
 def opening(actions: Actions) -> Prompt:
-    """Ask for a scene: a known one, or a path from the working folder or from the folder of the scene on show."""
+    """Request a scene: a known one, or a path from the working folder or from the folder of the scene on show."""
 
     def entries(text: str) -> dict[str, Act]:
         path = os.path.expanduser(text.strip())
@@ -71,7 +78,7 @@ def opening(actions: Actions) -> Prompt:
 
 
 def saving(actions: Actions, then: Act | None) -> Prompt:
-    """Ask for the file of the scene, and call `then` once it is written."""
+    """Request the file of the scene, and call `then` once it is written."""
 
     def entries(text: str) -> dict[str, Act]:
         name = text.strip()
@@ -85,7 +92,7 @@ def saving(actions: Actions, then: Act | None) -> Prompt:
 
 
 def unsaved(actions: Actions, act: Act) -> Prompt:
-    """Ask what becomes of unsaved changes before `act`."""
+    """Offer the choices for unsaved changes before `act`."""
     answers: dict[str, Act] = {"save…": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
     return Prompt(f"{actions.session.scene.name} has changes that no file has", lambda text: answers, None)
 
@@ -106,13 +113,13 @@ class DesktopDialog:
         self._take: Callable[[str], object] = lambda path: None
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
-        """Ask for a scene or a path; `take` gets the answer."""
+        """Request a scene or a path; `take` gets the answer."""
         patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
         self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
         self._take = take
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
-        """Ask for the name of a file; the dialog confirms that it replaces a present one."""
+        """Request the name of a file; the dialog confirms that it replaces a present one."""
         self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
 
     def update(self) -> None:
