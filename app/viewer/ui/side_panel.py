@@ -119,8 +119,7 @@ class SidePanel:
         for renderer, progress in zip(session.active, session.progress, strict=False):
             who = f"{renderer.preset}: " if len(session.progress) > 1 else ""
             error = "" if progress.error is None else f", estimated error {100.0 * progress.error:.2g} %"
-            stale = f", {progress.stale} stale" if progress.stale else ""
-            imgui.text_wrapped(f"{who}{progress.records} records{stale}{error}")
+            imgui.text_wrapped(f"{who}{progress.records} records{error}")
             if progress.full:
                 imgui.text_colored(AMBER, "max_records is reached")
         recorder, done = session.path_recorder, session.at_rest and session.progress
