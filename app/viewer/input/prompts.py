@@ -114,13 +114,15 @@ class DesktopDialog:
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
         """Request a scene or a path; `take` gets the answer."""
-        patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
-        self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
-        self._take = take
+        if self._asking is None:
+            patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
+            self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
+            self._take = take
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
         """Request the name of a file; the dialog confirms that it replaces a present one."""
-        self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
+        if self._asking is None:
+            self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
 
     def update(self) -> None:
         """Take the answer, if there is one."""
