@@ -18,12 +18,15 @@ from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
+from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
+from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SCALES, SPLITS, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Panels, Split, restore, saved
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -40,7 +43,8 @@ _RING = 12.0  # window coordinates from the middle of a light's ring that a clic
 class Actions:
     """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
 
-    copy: takes text to the clipboard. loading: how scenes are read, this one again and others.
+    copy: takes text to the clipboard. loading: how scenes are read, this one again and others. native: True if the desktop's
+    dialogs may open.
     """
 
     def __init__(
@@ -50,21 +54,19 @@ class Actions:
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+        native: bool = False,
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
-        self._copy = copy
-        self.panels, self.messages = Panels(), Messages()
+        self.panels, self.messages = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1])), Messages()
         restore(preferences.ui, session.options, self.panels)
         self.panels.fullscreen = preferences.fullscreen
-        self.scale = 1.0  # of text and widgets; the monitor has another one
-        self.enlarge(preferences.scale)
-        self.side = 0  # that keys and panels change
         self.editor = Editor(session)
-        self.screenshot_wanted = False
-        self.quitting = False
-        self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
-        self.saved_as = ""  # the .scene that Save writes; "": it opens the dialog
+        self.screenshot_wanted = self.quitting = False
+        self.dialog = prompts.DesktopDialog(native)
+        self.prompt: prompts.Prompt | None = None  # the question to the user
+        self.saved_as = ""  # the .scene that Save writes; "": not saved yet
         self.film = FilmInBackground()
+        self._copy = copy
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -113,7 +115,7 @@ class Actions:
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui, preferences.scale = saved(self.session.options, self.panels), self.scale
+        preferences.ui, preferences.scale = saved(self.session.options, self.panels), self.panels.scale
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -130,7 +132,7 @@ class Actions:
     def frame_selected(self) -> None:
         """Go where the picked object, or the whole scene where none is, is just in the picture, in the same direction."""
         mesh = self.editor.mesh
-        if mesh is None or self.editor.object(mesh).hidden:
+        if mesh is None or self.editor.edit.objects[mesh].hidden:
             self.frame_all()
             return
         self.stop()
@@ -173,23 +175,30 @@ class Actions:
 
     # ---- buffers and sides -----------------------------------------------------------------------------------------------
 
+    @property
+    def shown_buffer(self) -> str:
+        """The buffer on the side that keys change."""
+        options = self.session.options
+        return options.buffers[options.side if options.split != "off" else 0]
+
     def show(self, name: str) -> None:
         """Show a buffer on the side that keys change."""
         options = self.session.options
-        options.buffers[self.side if options.split in ("buffers", "presets") else 0] = name
+        options.buffers[options.side if options.split != "off" else 0] = name
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
+        """Return True if an option or a part of the interface is on; a section of the side panel, while that is open."""
+        on = bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name, False))
+        return on and (self.panels.controls or name not in SECTIONS)
 
     def is_active(self, command: Command) -> bool:
         """Return True if what an action chooses or switches on is so now."""
         session, argument = self.session, command.argument
-        options = session.options
         now = {
-            "show": options.buffers[self.side if options.split != "off" else 0],
-            "use_preset": session.settings(self.side)[0],
-            "use_split": options.split,
+            "show": self.shown_buffer,
+            "use_preset": session.settings(session.options.side)[0],
+            "use_split": session.options.split,
         }
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
@@ -205,7 +214,9 @@ class Actions:
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
     def toggle(self, name: str) -> None:
-        setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
+        on = not self.is_on(name)
+        setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, on)
+        self.panels.controls |= on and name in SECTIONS
 
     def use_split(self, way: Split) -> None:
         self.session.split(way)
@@ -221,18 +232,18 @@ class Actions:
         options = self.session.options
         if options.split == "off":
             self.session.split("presets")
-        self.side = options.alone = 0 if options.alone == 1 else 1
-        self.say(("left", "right")[self.side] + " side alone; Space: the other one", topic="split")
+        options.side = options.alone = 0 if options.alone == 1 else 1
+        self.say(("left", "right")[options.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
-        self.session.use_preset(self.side, name)
+        self.session.use_preset(self.session.options.side, name)
         self.say(f"preset {name}", topic="preset")
 
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends; from 0, which means no refinement, begin at the default."""
-        now = self.session.settings(self.side)[1].viewer_quality
+        now = self.session.settings(self.session.options.side)[1].viewer_quality
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
-        self.session.change(self.side, viewer_quality=aim)
+        self.session.change(self.session.options.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def trace(self) -> None:
@@ -240,7 +251,8 @@ class Actions:
         self.say(self.session.tracing.toggle(self._subject), topic="reference")
 
     def collect(self) -> None:
-        """Take what was traced and filmed meanwhile; measure the plane, if it is shown."""
+        """Take what was chosen, traced and filmed meanwhile; measure the plane, if it is shown."""
+        self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
         self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
@@ -248,20 +260,21 @@ class Actions:
     @property
     def _subject(self) -> Subject:
         """The view whose reference would be traced."""
-        return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
+        return self.session.subject(self.session.camera, self.session.settings(self.session.options.side)[1])
 
     def expose(self, step: float) -> None:
         """Expose by so many stops more."""
         now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
-        self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
-        self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
+        self.session.change(self.session.options.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
+        self.say(f"exposure {self.session.settings(self.session.options.side)[1].exposure:+.1f} stops", topic="exposure")
 
     def auto_exposure(self) -> None:
-        self.session.change(self.side, exposure="auto")
+        self.session.change(self.session.options.side, exposure="auto")
         self.say("exposure auto", topic="exposure")
 
     def clear(self) -> None:
-        self.session.clear()
+        for renderer in self.session.active:
+            renderer.forget(lights=False)
 
     # ---- lights and objects ------------------------------------------------------------------------------------------
 
@@ -275,36 +288,26 @@ class Actions:
         if light is not None:
             editor.pick_light(light)
         else:
-            editor.pick_mesh(mesh)
-            if mesh is None:
-                editor.pick_light(None)
+            editor.mesh = mesh
+            editor.light = None if mesh is None else editor.light
 
     def delete(self) -> None:
         """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
-        number = self.editor.light
-        if self.editor.mesh is None and number is not None and self.panels.lights:
-            name = self.editor.lights[number].light.name or f"light {number + 1}"
-            self.editor.delete_light(number)
+        editor, light, mesh = self.editor, self.editor.light, self.editor.mesh
+        if mesh is not None:
+            editor.hide(mesh)
+            self.say(f"{object_name(editor.loaded, mesh)} is hidden; the list of objects shows it again", topic="pick")
+        elif light is not None and self.panels.lights:
+            name = light_name(editor.lights[light].light, light)
+            editor.delete_light(light)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
         else:
-            self.hide_object()
-
-    def hide_object(self) -> None:
-        editor = self.editor
-        if editor.mesh is None:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
-            return
-        name = editor.name(editor.mesh)
-        editor.hide(editor.mesh)
-        self.say(f"{name} is hidden; the list of objects shows it again", topic="pick")
-
-    def show_hidden(self, number: int) -> None:
-        self.attempt(lambda: self.editor.hide(number, False))
 
     def add_light(self, kind: Kind) -> None:
         """Add a light where the camera looks, and show it in its panel."""
-        if self.attempt(lambda: self.editor.add_light(kind)):
-            self.panels.lights = True
+        self.editor.add_light(kind)
+        self.panels.lights = self.panels.controls = True
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
@@ -328,16 +331,20 @@ class Actions:
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
-    def save_dialog(self) -> None:
-        """Open the dialog that names the file of the scene."""
-        self.panels.save = True
-
-    def save_again(self) -> None:
-        """Save the scene where it was saved last; the first time, open the dialog."""
-        if self.saved_as:
-            self.save(self.saved_as, overwrite=True)
+    def save_as(self, then: Callable[[], object] | None = None) -> None:
+        """Request the file of the scene, and save it there."""
+        if self.dialog.native:  # it confirms that a present file is replaced
+            name = self.saved_as or os.path.join(prompts.folder(self), self.free_name())
+            self.dialog.ask_save(name, lambda path: self.save(path, overwrite=True, then=then))
         else:
-            self.save_dialog()
+            self.prompt = prompts.saving(self, then)
+
+    def save_again(self, then: Callable[[], object] | None = None) -> None:
+        """Save the scene where it was saved last; the first time, request its file."""
+        if self.saved_as:
+            self.save(self.saved_as, overwrite=True, then=then)
+        else:
+            self.save_as(then)
 
     def saved_path(self, name: str) -> Path:
         """The path of a scene that is saved under this name, with its ending."""
@@ -348,19 +355,19 @@ class Actions:
         names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
-    def save(self, name: str, overwrite: bool = False) -> None:
-        """Save the scene as it is now under a name, a `.scene` and a folder of its parts. Raises InputError where there is such a
-        file, and it may not be overwritten."""
+    def save(self, name: str, overwrite: bool = False, then: Callable[[], object] | None = None) -> None:
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, and call `then`. Raises InputError
+        where there is such a file, and it may not be overwritten."""
         path = self.saved_path(name)
         lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite)
         self.editor.saved = self.editor.edit
-        self.panels.save, self.saved_as = False, str(path)
+        self.saved_as = str(path)
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
             self.say(lost)
-        if self.pending is not None:
-            self.discard()
+        if then is not None:
+            then()
 
     def save_film(self) -> None:
         """Begin a film of the path as the scene looks now, in pictures of the present size, in the videos folder."""
@@ -384,22 +391,11 @@ class Actions:
     # ---- unsaved changes ---------------------------------------------------------------------------------------------
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
-        """Call `act`, or keep it until the user has answered what becomes of unsaved changes."""
+        """Call `act`, or ask first what becomes of unsaved changes."""
         if self.editor.unsaved:
-            self.pending = act
+            self.prompt = prompts.unsaved(self, act)
         else:
             act()
-
-    def discard(self) -> None:
-        """Continue with what waits for the answer; unsaved changes are lost."""
-        act, self.pending = self.pending, None
-        if act is not None:
-            self.attempt(act)
-
-    @property
-    def typing(self) -> bool:
-        """True if a dialog is open, which gets the keyboard."""
-        return self.panels.open or self.panels.save or self.panels.palette or self.pending is not None
 
     # ---- the window --------------------------------------------------------------------------------------------------
 
@@ -407,15 +403,26 @@ class Actions:
         """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
         self.editor.pick_light(None)
-        panels = self.panels
-        panels.close_menus = True
-        panels.help = panels.open = panels.save = panels.palette = False
-        self.pending = None
+        self.panels.close_menus, self.prompt = True, None
         self.messages.close()
 
-    def enlarge(self, scale: float) -> None:
-        """Make text and widgets `scale` times as large, within SCALES."""
-        self.scale = min(max(scale, SCALES[0]), SCALES[1])
+    def enlarge(self, step: float) -> None:
+        """Make text and widgets larger by a step, within SCALES."""
+        self.panels.scale = min(max(self.panels.scale + step, SCALES[0]), SCALES[1])
+        self.say(f"interface × {self.panels.scale:g}", topic="scale")
+
+    def find_command(self) -> None:
+        """Open the prompt for an action, a setting or a scene."""
+        self.prompt = prompts.command(self)
+
+    def list_keys(self) -> None:
+        """Show all keys; a choice runs its action."""
+        self.prompt = prompts.keys(self)
+
+    def show_setting(self, name: str) -> None:
+        """Open the settings at the one of this name."""
+        self.panels.controls = self.panels.settings = True
+        self.panels.sought = name
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or given up."""
@@ -446,6 +453,13 @@ class Actions:
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
+    def open_file(self) -> None:
+        """Request a scene or a path, and open it."""
+        if self.dialog.native:
+            self.dialog.ask_open(prompts.folder(self), self.open)
+        else:
+            self.prompt = prompts.opening(self)
+
     def open(self, source: str) -> None:
         """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""
         if Path(source).suffix == ".path":
@@ -460,7 +474,6 @@ class Actions:
         self._load(source, keep_camera=False)
         self.source, self.saved_as = source, ""
         self.preferences.opened(source)
-        self.panels.open = False
 
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))

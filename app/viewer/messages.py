@@ -24,14 +24,10 @@ class Message:
 
 
 class Messages:
-    """The lines on show, the newest last.
-
-    version: a number that is another one whenever what is on show is.
-    """
+    """The lines on show, the newest last."""
 
     def __init__(self) -> None:
         self.lines: list[Message] = []
-        self.version = 0
 
     @property
     def errors(self) -> list[Message]:
@@ -42,7 +38,6 @@ class Messages:
         line = " ".join(str(text).split())
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
         self.lines = [*others[1 - _MOST :], Message(line, clock.now() + _SECONDS, error, topic)]
-        self.version += 1
 
     def renew(self) -> None:
         """Show all notices for their full time from now on."""
@@ -50,9 +45,7 @@ class Messages:
 
     def expire(self) -> None:
         """Drop the notices whose time is over."""
-        left = [m for m in self.lines if m.error or m.until > clock.now()]
-        self.version += left != self.lines
-        self.lines = left
+        self.lines = [m for m in self.lines if m.error or m.until > clock.now()]
 
     @property
     def rests(self) -> float:
@@ -62,11 +55,9 @@ class Messages:
 
     def close_errors(self) -> None:
         self.lines = [m for m in self.lines if not m.error]
-        self.version += 1
 
     def close(self) -> None:
         self.lines = []
-        self.version += 1
 
     def attempt(self, act: Callable[[], object]) -> bool:
         """Call `act`; whether it succeeded. What goes wrong is shown as an error."""

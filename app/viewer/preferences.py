@@ -86,24 +86,31 @@ def load() -> tuple[Preferences, list[str]]:
         return Preferences(), []
     except (IrrsplatError, OSError, ValueError, RecursionError) as error:
         return Preferences(), [_line(f"{_FILE} cannot be used ({error}); defaults replace it")]
-    wrong = [quote(name) for name, good in _GOOD.items() if name in data and not good(data[name])]
-    given: dict[str, Any] = {name: data[name] for name, good in _GOOD.items() if name in data and good(data[name])}
+    found, wrong = Preferences(), list[str]()
+    for name, good in _GOOD.items():
+        if name in data and good(data[name]):
+            setattr(found, name, data[name])
+        elif name in data:
+            wrong.append(quote(name))
+    found.size = None if found.size is None else (found.size[0], found.size[1])
+    found.recent = list(dict.fromkeys(s for s in found.recent if isinstance(s, str) and (os.path.isabs(s) or s in bundled())))
     values: dict[str, object] = {}
-    for name, value in given.pop("values", {}).items():
+    for name, value in found.values.items():
         try:
             check_name(name)
             values[name] = SETTINGS[name].check(value)
         except (InputError, OverflowError):
             wrong.append(f"setting {quote(name)}")
-    known = [s for s in given.pop("recent", []) if isinstance(s, str) and (os.path.isabs(s) or s in bundled())]
-    size = given.pop("size", None)
-    found = Preferences(size and tuple(size), **given)
-    found.values, found.recent = cast(SettingValues, values), list(dict.fromkeys(known))[:RECENT]
+    found.values = cast(SettingValues, values)
     return found, [f"{_FILE}: left out: {', '.join(wrong)}"] if wrong else []
 
 
+def _is_size(it: Any) -> bool:
+    return it is None or (isinstance(it, list) and len(it) == 2 and all(type(n) is int and 1 <= n <= SIDE for n in it))
+
+
 _GOOD: dict[str, Callable[[Any], bool]] = {
-    "size": lambda it: it is None or (isinstance(it, list) and [type(n) is int and 1 <= n <= SIDE for n in it] == [True] * 2),
+    "size": _is_size,
     "fullscreen": lambda it: isinstance(it, bool),
     "preset": lambda it: isinstance(it, str) and it in PRESETS,
     "values": lambda it: isinstance(it, dict),

@@ -13,8 +13,7 @@ from irrsplat.app.viewer.buffers.background_reference import Reference, Subject,
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
-from irrsplat.app.viewer.show.auto_exposure import AutoExposure
-from irrsplat.app.viewer.show.light.brightest import BrightestLight
+from irrsplat.app.viewer.show.exposure import AutoExposure, BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import Split, ViewOptions
@@ -227,9 +226,6 @@ class Session(Owner):
             return 0
         return int(x >= round(options.divider * self.size[0])) if options.alone is None else options.alone
 
-    def buffer(self, side: int) -> str:
-        return self.options.buffers[side]
-
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
         """The pixel of a view that the window's pixel (x, y) shows: views of a moving camera may be smaller."""
         return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
@@ -364,10 +360,6 @@ class Session(Owner):
         if not keep_camera:
             self.auto_exposure, self.options.line, self.options.surface = AutoExposure(), None, None
         self._made = []
-
-    def clear(self) -> None:
-        for renderer in self.active:
-            renderer.forget(lights=False)
 
 
 def _filled(progress: Progress) -> bool:

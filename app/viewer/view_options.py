@@ -21,7 +21,8 @@ SPLITS: dict[Split, str] = {  # and their titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner", "hud")  # of both below
+KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # of both below
+SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # parts of the side panel, of both below
 
 
 def point_of(values: np.ndarray | Sequence[float]) -> Point:
@@ -35,6 +36,7 @@ class ViewOptions:
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
+    side: int = 0  # that keys and panels change
     alone: int | None = None  # the side that fills the picture; None: both, with a divider
     divider: float = 0.5  # of the window's width
     points: bool = False
@@ -58,15 +60,12 @@ class Panels:
     settings: bool = False
     lights: bool = False
     outliner: bool = False
-    hud: bool = False
-    help: bool = False
-    open: bool = False
-    save: bool = False
-    palette: bool = False
     hidden: bool = False
     fullscreen: bool = False
     close_menus: bool = False  # in the next frame
     context_menu: bool = False  # opens in the next frame
+    sought: str = ""  # the setting that its list scrolls to
+    scale: float = 1.0  # of text and widgets; the monitor has another one
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

@@ -13,6 +13,7 @@ from moderngl_window.timers import Timer
 
 from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
@@ -21,9 +22,7 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
-from irrsplat.app.viewer.ui.interface import Interface
-from irrsplat.app.viewer.ui.messages_view import draw_waiting
-from irrsplat.app.viewer.ui.statistics_view import FrameTimes
+from irrsplat.app.viewer.ui.interface import Interface, draw_waiting
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
@@ -60,9 +59,8 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.backend = ImguiBackend()
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading)
-        self.times = FrameTimes()
-        self.interface = Interface(self.actions, self.display, self.times, native=not wnd.headless)
+        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading, native=not wnd.headless)
+        self.interface = Interface(self.actions, self.display)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self.controls.scale_changed(self.desktop.scale)
         self.canvas = self._canvas(wnd.buffer_size)  # the picture
@@ -74,11 +72,11 @@ class Viewer(Owner):
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # the last tick was ended by input
+        self.stages: dict[str, float] = {}  # milliseconds of the last frame's, without those of the core
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
-        self.desktop.watch()
         self.wake()
         for _ in range(_PASSES):  # so that the first picture has the size that panels leave
             self._draw_interface(_INSTANT, None)
@@ -121,7 +119,6 @@ class Viewer(Owner):
         self.inspected = self.display.update(self.canvas, cursor)
         self._note("display", drawn)
         self._present(dt, cursor)
-        self.times.add(dt, now() - start)
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
@@ -199,7 +196,7 @@ class Viewer(Owner):
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
         if self.session.renderers[0].about["software"]:
             self.ctx.finish()
-        self.times.stages[stage] = 1e3 * (now() - start)
+        self.stages[stage] = 1e3 * (now() - start)
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
@@ -236,15 +233,15 @@ class Viewer(Owner):
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
         no message comes or goes."""
-        if not self.still or now() < self._awake_until or self.interface.files.answered:
+        if not self.still or now() < self._awake_until:
             return False
         self.actions.collect()
         messages = self.actions.messages
         messages.expire()
         tracing = self.session.tracing
-        traced = tracing.version, None if tracing.traced is None else round(100.0 * tracing.traced)
+        traced = Identity(tracing.shown), None if tracing.traced is None else round(100.0 * tracing.traced)
         plane = self.session.plane.share if self.session.options.plane else None
-        shown = messages.version, traced, plane, self.wnd.buffer_size
+        shown = messages.lines, traced, plane, self.wnd.buffer_size
         before, self._shown = self._shown, shown
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 

@@ -10,8 +10,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import glfw
 import moderngl_window
 from moderngl_window.context.base import BaseWindow
+from moderngl_window.context.glfw.keys import Keys
+from PIL import Image
 
 from irrsplat.app.common.icon import icon
 from irrsplat.core.errors import GLError, InputError
@@ -56,8 +59,6 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
         raise GLError(context.advice(" ".join(str(error).split()))) from None
     wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and fullscreen is the viewer's own key
     if headless:
-        from moderngl_window.context.glfw.keys import Keys
-
         wnd.keys = Keys  # the headless window has none of its own
     else:
         _set_icon(wnd)
@@ -69,9 +70,6 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
 
 def _set_icon(wnd: BaseWindow) -> None:
     """Give a glfw window the icon, where the system takes one of a window: macOS and Wayland have it from elsewhere."""
-    import glfw
-    from PIL import Image
-
     pictures = [Image.fromarray(eight_bits(icon(side))) for side in _ICONS]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -80,8 +78,6 @@ def _set_icon(wnd: BaseWindow) -> None:
 
 def screen_size() -> tuple[int, int] | None:
     """The size of the main screen; None where there is none to be found."""
-    import glfw
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         monitor = glfw.get_primary_monitor() if glfw.init() else None
@@ -117,53 +113,38 @@ class Desktop:
     def copy(self, text: str) -> None:
         self.text = text
         if self._window is not None:
-            import glfw
-
             glfw.set_clipboard_string(self._window, text)
 
     def listen(
         self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None], scaled: Callable[[float], None]
     ) -> None:
-        """Set what is called when files are dropped, the keyboard focus changes, or the monitor's scale does."""
+        """Set the calls for dropped files, the keyboard focus and the monitor's scale, and keep every event until `take`.
+
+        An event that comes while a frame is drawn changes nothing that the frame is drawn from. A callback is wrapped as glfw
+        returns it. For dropped files glfw returns an adapter with another signature (C's).
+        """
         if self._window is None:
             return
-        import glfw
-
         drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
         glfw.set_drop_callback(self._window, drop)  # its stubs have C's signature
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
         glfw.set_window_content_scale_callback(self._window, lambda _, x, y: scaled(float(x)))
+        for kind in _EVENTS:
+            set_callback = getattr(glfw, f"set_{kind}_callback")
+            plain = set_callback(self._window, None)
+            set_callback(self._window, self._keeping(kind, plain or (lambda *_: None)))
 
     @property
     def scale(self) -> float:
         """The scale of text and widgets on this monitor, 1 or more."""
         if self._window is None:
             return 1.0
-        import glfw
-
         return max(1.0, float(glfw.get_window_content_scale(self._window)[0]))
 
     def wait(self, seconds: float) -> None:
         """Sleep until the window gets an event, at most so many seconds."""
         if self._window is not None and not self._events:
-            import glfw
-
             glfw.wait_events_timeout(seconds)
-
-    def watch(self) -> None:
-        """Keep every event of the window, its being uncovered included, until `take` is called; after `listen`.
-
-        An event that comes while a frame is drawn changes nothing that the frame is drawn from. A callback is wrapped as glfw
-        returns it. For dropped files glfw returns an adapter with another signature (C's), so that `listen` wraps theirs.
-        """
-        if self._window is None:
-            return
-        import glfw
-
-        for kind in _EVENTS:
-            set_callback = getattr(glfw, f"set_{kind}_callback")
-            plain = set_callback(self._window, None)
-            set_callback(self._window, self._keeping(kind, plain or _nothing))
 
     def _keeping(self, kind: str, call: Callable[..., None]) -> Callable[..., None]:
         """Return a callback that keeps its event, for `call` to be called by `take`."""
@@ -177,8 +158,6 @@ class Desktop:
     def waits(self, flowing: bool) -> bool:
         """Return True if an event waits. flowing: events count that come many times a second, as those of a moving mouse."""
         if self._window is not None:
-            import glfw
-
             glfw.poll_events()
         return any(flowing or not event.flows for event in self._events)
 
@@ -192,10 +171,6 @@ class Desktop:
             taken.append(self._events.popleft())
             taken[-1].handle()
         return [event.flows for event in taken]
-
-
-def _nothing(*_: object) -> None:
-    """Do nothing: the callback of events that only wake the window."""
 
 
 @contextmanager

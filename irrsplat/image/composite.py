@@ -61,13 +61,12 @@ class CompositePass(Owner):
         self.fill_target: Target | None = None
         self.meter_block = -(-size[0] // _METER), -(-size[1] // _METER)
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
-        self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         programs = *self.fills, *self.blends.values(), self.meter, self.display
         targets = self.target, self.fill_target, self.meter_target
-        return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
+        return (*programs, *targets, self.mipmapped, self.no_filters)
 
     def __call__(
         self,
@@ -114,17 +113,8 @@ class CompositePass(Owner):
 
     def exposure(self, image: moderngl.Texture, gbuffer: GBuffer) -> float:
         """Return the stops of image.tonemap.exposure_of for the image."""
-        self.measure(image, gbuffer)
-        return self.metered()
-
-    def measure(self, image: moderngl.Texture, gbuffer: GBuffer) -> None:
-        """Start the exposure metering; `metered` one frame later reads it without waiting for the GPU."""
         self.meter(self.meter_target, image=image, position=gbuffer.position, block=self.meter_block, **gbuffer.material_uniforms)
-        self.meter_target.textures[0].read_into(self.reading)
-
-    def metered(self) -> float:
-        """Return the exposure of the last measured image."""
-        total, lit, _, _ = np.frombuffer(self.reading.read(), "f4").reshape(-1, 4).sum(0, dtype=float).tolist()
+        total, lit, _, _ = self.meter_target.read().reshape(-1, 4).sum(0, dtype=float).tolist()
         return automatic_exposure(total, lit)
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:

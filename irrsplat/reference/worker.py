@@ -67,14 +67,15 @@ def trace(
     return cast("dict[str, np.ndarray]", call(_MAIN, (scene, camera, size, side, bounces), progress))
 
 
-def refine(
-    scene: Scene, passes: Sequence[Pass], bounces: int, take: Callable[[dict[str, np.ndarray]], object], progress: OnShare
-) -> None:
-    """Trace a view pass by pass in another process by `irrsplat.reference.trace_view.refine`; see `call`.
+def refining(
+    scene: Scene, passes: Sequence[Pass], bounces: int, take: Callable[[dict[str, np.ndarray]], object]
+) -> other_process.Calling:
+    """Trace a view pass by pass in another process and the background by `irrsplat.reference.trace_view.refine`.
 
     take: called with the arrays of each pass in turn.
     """
-    call(_REFINE, (scene, list(passes), bounces), progress, take)
+    require()
+    return other_process.Calling(_REFINE, (scene, list(passes), bounces), _FAILURE, take)
 
 
 def at_points(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.record_inspector import read
+from irrsplat.app.viewer.show.record_inspector import reach, read
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
 from tests.support.worlds import Gathered, Lit, floor, material, polygon_vector, quad, scene, sites
@@ -94,8 +94,9 @@ def test_under_a_sky_alone_records_have_the_greatest_radius() -> None:
     bare = scene(floor(), sky=1.0)
     for world, E in ((bare, np.pi), (replace(bare, sky=(0.0, 0.0, 0.0)), 0.0)):
         with irrsplat.Renderer(world, (40, 40), bounces=1, gather=KIND, gather_size=16) as renderer:
-            frame, table = renderer.render(), read(renderer.cache.records)
-            reach = table.reach(world.cameras[0], renderer.size, replace(renderer.settings, radius_max=0.0))
+            frame, records = renderer.render(), renderer.cache.records
+            settings = replace(renderer.settings, radius_max=0.0)
+            radii = reach(read(records), records.luminance_floor, world.cameras[0], renderer.size, settings)
         seen = np.isfinite(frame.depth)
         assert np.allclose(frame.irradiance[seen], E, rtol=1e-3)
-        assert len(table) and np.allclose(reach, renderer.settings.a * world.diagonal, rtol=1e-3)
+        assert len(radii) and np.allclose(radii, renderer.settings.a * world.diagonal, rtol=1e-3)

@@ -18,18 +18,19 @@ import irrsplat
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.buffers.table import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.show.screen import Programs, Region
 from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
+from irrsplat.core.timing import other_process
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -94,10 +95,10 @@ class ShownView(Owner):
 
     source: ViewSource
     frame: Frame
-    buffer_view: BufferView
+    programs: Programs
 
     def owned(self) -> tuple[Resource, ...]:
-        return (self.renderer, self.buffer_view)
+        return (self.renderer, self.programs)
 
     @property
     def renderer(self) -> Renderer:
@@ -110,12 +111,12 @@ class ShownView(Owner):
 
     def draw(self, target: Target, name: str, region: Region | None = None) -> np.ndarray:
         """Return the picture (H, W, 3) of a buffer, top row first."""
-        self.buffer_view.draw(target, name, self.source, region)
+        BUFFERS[name].draw(Canvas(target, self.programs, region), self.source)
         return target.read()[..., :3]
 
     def value(self, name: str, x: int, y: int) -> np.ndarray | None:
         """Return the value of a buffer at a pixel."""
-        return self.buffer_view.value(name, self.source, x, y)
+        return BUFFERS[name].value(self.programs.texels, self.source, x, y)
 
 
 def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
@@ -126,7 +127,7 @@ def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), 
         renderer.frame()
     view, _ = renderer.frame(gather=False)
     frame = view.read()
-    return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, BufferView(renderer.ctx))
+    return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, Programs(renderer.ctx))
 
 
 @dataclass(frozen=True)
@@ -215,6 +216,12 @@ class Driver:
             self.wnd.use()
         pixels = [round(density * n) for n in size]  # the off-screen window does not store it
         self.wnd._buffer_width, self.wnd._buffer_height = pixels
+
+    def seen(self, point: tuple[float, float, float]) -> tuple[float, float]:
+        """Return the place in the window of a point of the scene."""
+        found = self.viewer.interface.layout.seen(self.session.camera, point)
+        assert found is not None
+        return found
 
     # ---- keys ----------------------------------------------------------------------------------------------------
 
@@ -338,14 +345,13 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        actions.pending, actions.editor.saved = None, actions.editor.edit  # without a question
+        actions.prompt, actions.editor.saved = None, actions.editor.edit  # without a question
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.side, actions.screenshot_wanted = Panels(controls=False), 0, False
+        actions.panels, actions.screenshot_wanted = Panels(controls=False), False
         actions.messages.lines.clear()
-        actions.scale, actions.saved_as = 1.0, ""
-        self.viewer.interface.files.typed = ""
+        actions.saved_as = ""
         session.options, session.path_recorder = ViewOptions(), PathRecorder()
         session.tracing.release()
         actions.quitting = False
@@ -370,7 +376,7 @@ class Driver:
 
 
 _WIDGETS = (
-    *("slider_float", "slider_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
+    *("slider_float", "slider_int", "input_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
     *("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text"),
 )
 
@@ -387,7 +393,7 @@ def watched(driver: Driver) -> Iterator[None]:
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             right, seen = high.x, label.split("##")[0]
-            if seen and name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+            if seen and name in ("slider_float", "slider_int", "input_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
                 right -= imgui.calc_text_size(seen).x + imgui.get_style().item_inner_spacing.x
             driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
             return result
@@ -447,18 +453,20 @@ class Tracer:
         self.calls: list[tuple[Camera, tuple[int, int], int]] = []
         self._waiting: set[Thread] = set()  # threads that made their early passes
         self._change = Condition()
-        monkeypatch.setattr(worker, "refine", self.refine)
+        monkeypatch.setattr(other_process, "call", self.call)
+        monkeypatch.setattr(worker, "require", lambda: None)
         monkeypatch.setattr(Actions, "missing", lambda self, command: "")
         monkeypatch.setattr(background_reference, "SIDES", (2, 2))
 
-    def refine(
+    def call(
         self,
-        scene: Scene,
-        passes: list[worker.Pass],
-        bounces: int,
-        take: Callable[[dict[str, np.ndarray]], object],
+        code: str,
+        arguments: tuple[Scene, list[worker.Pass], int],
         progress: Callable[[float], object],
+        take: Callable[[dict[str, np.ndarray]], object],
+        failure: str,
     ) -> None:
+        _, passes, bounces = arguments
         self.calls.append((passes[-1].camera, passes[-1].size, bounces))
         for one in passes[: self.early]:
             take(self.make(one.size))
@@ -494,7 +502,7 @@ class Tracer:
             driver.frame()
             if (thread := driver.session.tracing._tracing) is not None:
                 with self._change:
-                    assert self._change.wait_for(lambda: thread in self._waiting, SAFETY)
+                    assert self._change.wait_for(lambda: thread.calling in self._waiting, SAFETY)
                 return driver.frame()
         pytest.fail("no tracing after 20 frames")
 
@@ -512,7 +520,7 @@ class Tracer:
         for _ in range(20):
             driver.frame()
             if (thread := driver.session.tracing._tracing) is not None:
-                thread.join(SAFETY)
+                thread.calling.join(SAFETY)
             found = driver.session.source(0).reference
             if found is not None and found.complete and driver.session.tracing.traced is None:
                 return driver.frame()

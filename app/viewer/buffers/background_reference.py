@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Event, Thread
 
 import moderngl
 import numpy as np
@@ -19,7 +18,6 @@ from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
 SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # of the passes: side² samples of each kind, twice; 2048 in all
-_JOIN = 2.0  # seconds that closing waits for a stopped thread
 
 
 @dataclass(frozen=True)
@@ -103,52 +101,27 @@ class TracedReference:
         return f"{in_words(self.subject.bounces)}, {self.estimate.progress}"
 
 
-class _Stopped(Exception):
-    """Tracing was stopped."""
-
-
-class _Tracing(Thread):
-    """Traces one view pass by pass, on from an estimate. `latest`: the result of all passes so far. `error`: of a failure."""
+class _Tracing:
+    """The tracing of one view pass by pass, on from an estimate. latest: the result of all passes so far."""
 
     def __init__(self, subject: Subject, known: Estimate | None) -> None:
-        super().__init__(name="reference", daemon=True)
+        if not subject.scene.triangles:
+            raise InputError("the scene has no surfaces, so there is nothing to trace")
         self.subject, self.latest = subject, known
-        self.traced = 0.0  # the fraction of the passes here that is made
-        self.error: Exception | None = None
-        self.stopped = Event()
-        self.start()
+        plan = subject.plan()[0 if known is None else known.passes :]
+        self._left = iter(plan)
+        self.calling = worker.refining(subject.scene, plan, vertices(subject.bounces), self._take)
 
-    def run(self) -> None:
-        """Trace; `Reference.update` raises in the main thread what goes wrong here."""
-        try:
-            subject = self.subject
-            if not subject.scene.triangles:
-                raise InputError("the scene has no surfaces, so there is nothing to trace")
-            plan = subject.plan()[0 if self.latest is None else self.latest.passes :]
-            left = iter(plan)
-
-            def take(found: dict[str, np.ndarray]) -> None:
-                self.latest = Estimate.after(self.latest, next(left), found)
-
-            worker.refine(subject.scene, plan, vertices(subject.bounces), take, self._progress)
-        except _Stopped:
-            pass
-        except Exception as error:
-            self.error = error
-
-    def _progress(self, traced: float) -> None:
-        if self.stopped.is_set():
-            raise _Stopped
-        self.traced = traced
+    def _take(self, found: dict[str, np.ndarray]) -> None:
+        self.latest = Estimate.after(self.latest, next(self._left), found)
 
 
 class Reference(Owner):
-    """The reference of the view that was traced last; nothing waits for it. version: another number with every pass."""
+    """The reference of the view that was traced last; nothing waits for it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.shown: TracedReference | None = None
-        self.version = 0
         self._tracing: _Tracing | None = None
         self._last: _Tracing | None = None  # which may be about to end
 
@@ -158,7 +131,7 @@ class Reference(Owner):
     @property
     def traced(self) -> float | None:
         """The traced fraction, 0..1; None while no view is being traced."""
-        return None if self._tracing is None else self._tracing.traced
+        return None if self._tracing is None else self._tracing.calling.share
 
     @property
     def progress(self) -> str:
@@ -184,9 +157,9 @@ class Reference(Owner):
 
     def stop(self) -> None:
         """Stop tracing; the path tracer's process ends a moment later."""
-        if self._tracing is not None:
-            self._tracing.stopped.set()
-            self._tracing = None
+        tracing, self._tracing = self._tracing, None
+        if tracing is not None:
+            tracing.calling.stop()
 
     def update(self, subject: Subject, say: Callable[[str], object]) -> None:
         """Take what was traced meanwhile; stop if `subject`, the view on show, is another one. Raises IrrsplatError if tracing
@@ -200,14 +173,14 @@ class Reference(Owner):
             self.stop()
             say("tracing is stopped, since the view is another one; Y traces it")
             return
-        ended = not tracing.is_alive()  # a thread that has ended has all its results
+        ended = not tracing.calling.is_alive()  # a thread that has ended has all its results
         latest = tracing.latest
         if latest is not None and (self.shown is None or self.shown.estimate is not latest):
             self._show(self._upload(tracing.subject, latest))
         if ended:
             self._tracing = None
-            if tracing.error is not None:
-                raise tracing.error
+            if tracing.calling.error is not None:
+                raise tracing.calling.error
             assert latest is not None
             say(f"the reference is traced: {latest.progress}; see the buffers reference and error")
 
@@ -215,7 +188,7 @@ class Reference(Owner):
         """Keep a reference in place of the one before, which is freed."""
         if self.shown is not None:
             self.shown.values.release()
-        self.shown, self.version = reference, self.version + 1
+        self.shown = reference
 
     def _upload(self, subject: Subject, found: Estimate) -> TracedReference:
         texels = np.concatenate([found.irradiance, found.seen[..., None]], axis=-1, dtype=np.float32)[::-1]
@@ -228,5 +201,5 @@ class Reference(Owner):
         """Stop tracing, and free the reference."""
         self.stop()
         if self._last is not None:
-            self._last.join(_JOIN)
+            self._last.calling.release()
         self._show(None)

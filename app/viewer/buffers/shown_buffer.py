@@ -96,11 +96,10 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """A target or a `region` of it for a buffer, with programs and the table of colours."""
+    """A target or a `region` of it for a buffer, with programs."""
 
     target: Target
     programs: Programs
-    colours: moderngl.Texture
     region: Region | None = None
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
@@ -110,7 +109,7 @@ class Canvas:
         given: dict[str, Any] = {
             "position": gbuffer.position,
             "scale": scale(self.target, gbuffer),
-            "colours": self.colours,
+            "colours": self.programs.colours,
             "values": values,
             **uniforms,
         }

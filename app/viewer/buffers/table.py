@@ -1,4 +1,4 @@
-"""The table of all buffers that the viewer can show: its keys, menu, legends, values and help come from here; and their pictures.
+"""The table of all buffers that the viewer can show: its keys, menu, legends, values and help come from here.
 
 A further buffer is one more entry: of a class in texture_buffers.py where it is a texture of the view, else of a class of its own
 (with its shader, where none of those in shaders/viewer/buffers/ will do).
@@ -6,34 +6,29 @@ A further buffer is one more entry: of a class in texture_buffers.py where it is
 
 from __future__ import annotations
 
-import moderngl
-import numpy as np
-
-from irrsplat.app.viewer.buffers.light import LightBuffer
-from irrsplat.app.viewer.buffers.reference import ErrorBuffer, ReferenceBuffer
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, ViewSource
+from irrsplat.app.viewer.buffers.light_buffers import NO_REFERENCE, AskingBuffer, ErrorBuffer, LightBuffer, WeightBuffer
+from irrsplat.app.viewer.buffers.shown_buffer import Identity, ShownBuffer, ViewSource
 from irrsplat.app.viewer.buffers.texture_buffers import (
     DepthBuffer,
-    EmissionBuffer,
     ImageBuffer,
     IndirectBuffer,
     IrradianceBuffer,
     RadianceBuffer,
     ShareBuffer,
-    SurfaceCacheBuffer,
     VectorBuffer,
 )
 from irrsplat.app.viewer.buffers.tiled_buffers import GatherAtlasBuffer, ShadowMapsBuffer
-from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
-from irrsplat.app.viewer.show.screen import Programs, Region, TexelReader, colours
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
 
 
 def _channel(name: str, title: str = "") -> tuple[str, str, str, str]:
     """Name, title (default: the name), unit and help of an image channel, which files hold too."""
     return name, title or name, CHANNELS[name].unit, CHANNELS[name].help
+
+
+def _surface_cache(source: ViewSource) -> object:
+    surface = source.renderer.scheduler.gatherer.surface_now
+    return None if surface is None else Identity(surface.result)
 
 
 # In the order of the menu; the first twelve have the keys 1 to 9, 0, - and =.
@@ -43,7 +38,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         ImageBuffer(*_channel("image"), texture=lambda view: view.image, everywhere=True),
         RadianceBuffer(*_channel("direct"), texture=lambda view: view.direct),
         IndirectBuffer(*_channel("indirect"), texture=lambda view: view.indirect or view.sums),
-        IrradianceBuffer(*_channel("irradiance"), texture=lambda view: view.sums),
+        IrradianceBuffer(*_channel("irradiance")),
         WeightBuffer(*_channel("weight"), texture=lambda view: view.splats.weight, components=1),
         VectorBuffer(
             *_channel("position"),
@@ -62,38 +57,33 @@ BUFFERS: dict[str, ShownBuffer] = {
         ),
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
         LightBuffer("light", "light (false colours)", "lux", "all light that falls on surfaces, in lux or W/m², with isolines"),
-        EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
+        RadianceBuffer(  # the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's
+            *_channel("emission"),
+            texture=lambda view: view.emission or view.gbuffer.emission,
+            covers_unseen=lambda view: view.emission is not None,
+        ),
         VectorBuffer(*_channel("smooth_normal", "smooth normal"), texture=lambda view: view.gbuffer.normal),
-        SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
+        IrradianceBuffer(
+            "surface",
+            "surface cache",
+            "W/m²",
+            "irradiance of all bounces but the last, as gathers look it up",
+            texture=lambda source: source.renderer.scheduler.gatherer.surface_at(source.view.gbuffer),
+            missing="no surface cache: it is made for more than one bounce",
+            state=_surface_cache,
+        ),
         ShareBuffer(*_channel("alpha"), texture=lambda view: view.alpha, components=1, everywhere=True),
-        ReferenceBuffer("reference", "reference", "W/m²", "path-traced irradiance"),
+        IrradianceBuffer(
+            "reference",
+            "reference",
+            "W/m²",
+            "path-traced irradiance",
+            texture=lambda source: None if source.reference is None else source.reference.values,
+            missing=NO_REFERENCE,
+            state=lambda source: Identity(source.reference),
+            about=lambda source: "" if source.reference is None else f"; {source.reference.about}",
+            needs_reference=True,
+        ),
         ErrorBuffer("error", "error", "W/m²", "irradiance minus the path-traced reference"),
     )
 }
-
-
-class BufferView(Owner):
-    """Draws into targets of any size; best are those of the view's own size, where a pixel is a texel."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.programs = Programs(ctx)
-        self.colours = colours(ctx)
-        self.texels = TexelReader(ctx)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.programs, self.colours, self.texels)
-
-    def draw(self, target: Target, name: str, source: ViewSource, region: Region | None = None) -> None:
-        BUFFERS[name].draw(self.canvas(target, region), source)
-
-    def canvas(self, target: Target, region: Region | None = None) -> Canvas:
-        """Return a target (or a region of it) for buffers to draw on."""
-        return Canvas(target, self.programs, self.colours, region)
-
-    def value(self, name: str, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """The 1 or 3 numbers of the buffer `name` at pixel (x, y) of the view, (0, 0) the upper left one; None for none.
-
-        There are none outside of the view, where nothing is seen, and for buffers that are not of the view. Reads one texel of
-        each texture concerned.
-        """
-        return BUFFERS[name].value(self.texels, source, x, y)

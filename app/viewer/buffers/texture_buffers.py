@@ -10,7 +10,6 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import (
     Canvas,
-    Identity,
     Legend,
     ShownBuffer,
     ViewSource,
@@ -21,7 +20,7 @@ from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
-NO_SURFACE_CACHE = "no surface cache: it is made for more than one bounce"
+NO_TOLERANCE = -1.0  # which no weight is below
 
 
 @dataclass(frozen=True)
@@ -44,16 +43,15 @@ class TextureBuffer(ShownBuffer):
 
 @dataclass(frozen=True)
 class RadianceBuffer(TextureBuffer):
-    """Radiance, exposed and tone-mapped as the picture is."""
+    """Radiance, exposed and tone-mapped as the picture is; the backdrop's where the texture does not cover unseen pixels."""
+
+    covers_unseen: Callable[[View], bool] = lambda view: True
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=True)
-
-    def draw_radiance(self, canvas: Canvas, source: ViewSource, radiance: moderngl.Texture, covers_unseen: bool) -> None:
-        """Draw a texture of radiance; where it does not cover what the camera does not see, the backdrop's stands there."""
         view = source.view
         behind = view.backdrop.uniforms(view.camera, view.image.size)
-        canvas.picture(source, "radiance", radiance, covers_unseen=covers_unseen, gain=source.gain, **behind)
+        covers = self.covers_unseen(view)
+        canvas.picture(source, "radiance", self.texture(view), covers_unseen=covers, gain=source.gain, **behind)
 
     def legend(self, source: ViewSource) -> Legend:
         return Legend(exposed(self.unit, source), unit=self.unit)
@@ -67,13 +65,6 @@ class ImageBuffer(RadianceBuffer):
         lower, upper = view.backdrop.ends
         plain = view.backdrop.kind == "sky"
         canvas.picture(source, "image", view.image, alpha=view.alpha, plain=plain, lower=lower, upper=upper, gain=source.gain)
-
-
-class EmissionBuffer(RadianceBuffer):
-    """Emitted radiance: the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's."""
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=source.view.emission is not None)
 
 
 class IndirectBuffer(RadianceBuffer):
@@ -96,17 +87,39 @@ class IndirectBuffer(RadianceBuffer):
         return indirect
 
 
-class IrradianceBuffer(TextureBuffer):
-    """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k."""
+@dataclass(frozen=True)
+class IrradianceBuffer(ShownBuffer):
+    """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k.
+
+    texture: of a view; None before it is made, when the legend is `missing`. state: what the texture is made of, for a memo.
+    about: further words for the legend.
+    """
+
+    texture: Callable[[ViewSource], moderngl.Texture | None] = lambda source: source.view.sums
+    missing: str = ""
+    state: Callable[[ViewSource], object] = lambda source: None
+    about: Callable[[ViewSource], str] = lambda source: ""
+    needs_reference: bool = False
+
+    def inputs(self, source: ViewSource) -> object:
+        return self.state(source)
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        draw_irradiance(canvas, source, self.texture(source.view))
+        found = self.texture(source)
+        if found is None:
+            draw_requests(canvas, source, NO_TOLERANCE)  # the dim picture
+        else:
+            canvas.picture(source, "irradiance", found, gain=source.gain)
 
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        return irradiance_at(texels, source.view, x, y) if depth_at(texels, source, x, y) else None
+        found = self.texture(source) if depth_at(texels, source, x, y) else None
+        sums = None if found is None else texels(found, x, y)
+        return None if sums is None or (sums[3] == 0.0 and self.missing) else mean_of(sums)
 
     def legend(self, source: ViewSource) -> Legend:
-        return Legend(exposed_white(self.unit, source), unit=self.unit)
+        if self.texture(source) is None:
+            return Legend(self.missing)
+        return Legend(f"{exposed(self.unit, source)}, as a white surface sends it out{self.about(source)}", unit=self.unit)
 
 
 @dataclass(frozen=True)
@@ -157,52 +170,35 @@ class DepthBuffer(TextureBuffer):
         return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", self.unit, colour_map())
 
 
-class SurfaceCacheBuffer(ShownBuffer):
-    """The cache's irradiance as a white surface reflects it."""
-
-    def inputs(self, source: ViewSource) -> object:
-        surface = source.renderer.scheduler.gatherer.surface_now
-        return None if surface is None else Identity(surface.result)
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        found = looked_up(source)
-        if found is None:
-            canvas.blank()
-        else:
-            draw_irradiance(canvas, source, found)
-
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        found = looked_up(source)
-        return texels(found, x, y)[:3] if found is not None and depth_at(texels, source, x, y) else None
-
-    def legend(self, source: ViewSource) -> Legend:
-        if looked_up(source) is None:
-            return Legend(NO_SURFACE_CACHE)
-        return Legend(exposed_white(self.unit, source), unit=self.unit)
-
-
-def looked_up(source: ViewSource) -> moderngl.Texture | None:
-    """The texture of a lookup at every pixel of the view; None where there is no cache."""
-    return source.renderer.scheduler.gatherer.surface_at(source.view.gbuffer)
-
-
-def draw_irradiance(canvas: Canvas, source: ViewSource, sums: moderngl.Texture) -> None:
-    canvas.picture(source, "irradiance", sums, gain=source.gain)
+def draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None:
+    """Draw the picture dim and grey, and orange over it the pixels that request a record at this tolerance."""
+    splats = source.view.splats
+    canvas.picture(
+        source,
+        "asking",
+        splats.weight,
+        image=source.view.image,
+        gain=source.gain,
+        sums=splats.sums,
+        tolerance=tolerance,
+        spread=source.settings.spread,
+        luminance_floor=splats.luminance_floor,
+    )
 
 
 def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
-    """(3,) irradiance in W/m² that the picture shows at pixel (x, y) of the view; 0 where no record contributes."""
-    sums = texels(view.sums, x, y)
-    irradiance: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
-    return irradiance
+    """Return (3,) irradiance in W/m² that the picture shows at pixel (x, y) of the view; 0 where no record contributes."""
+    return mean_of(texels(view.sums, x, y))
+
+
+def mean_of(sums: np.ndarray) -> np.ndarray:
+    """Return (3,) Σ k·E / Σ k of a texel; 0 for Σ k = 0."""
+    mean: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
+    return mean
 
 
 def exposed(unit: str, source: ViewSource) -> str:
     return f"{unit}, exposed by {source.exposure:+.1f} stops"
-
-
-def exposed_white(unit: str, source: ViewSource) -> str:
-    return exposed(unit, source) + ", as a white surface sends it out"
 
 
 def depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:

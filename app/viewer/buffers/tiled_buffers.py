@@ -81,7 +81,7 @@ class ShadowMapsBuffer(ShownBuffer):
             canvas.target,
             scissor=canvas.region,
             shadow_depth=shadows.depth,
-            colours=canvas.colours,
+            colours=canvas.programs.colours,
             **tile_uniforms(canvas.target.size, count, (side, side), int(columns)),
         )
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, object_name
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.view_options import point_of
 from irrsplat.scene.model import Light
@@ -118,30 +118,14 @@ class Editor:
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 
-    def object(self, number: int) -> ObjectEdit:
-        return self.edit.objects[number]
-
     def set_object(self, number: int, edit: ObjectEdit) -> None:
         """Change a mesh. Raises InputError for a material by which it would be drawn otherwise."""
         self.apply(self.edit.with_object(number, edit))
 
     def hide(self, number: int, hidden: bool = True) -> None:
-        self.set_object(number, replace(self.object(number), hidden=hidden))
+        self.set_object(number, replace(self.edit.objects[number], hidden=hidden))
         if hidden and self.mesh == number:
             self.mesh = None
-
-    def name(self, number: int) -> str:
-        return object_name(self.loaded, number)
-
-    @property
-    def hidden(self) -> list[int]:
-        return [i for i, one in enumerate(self.edit.objects) if one.hidden]
-
-    # ---- what is picked --------------------------------------------------------------------------------------------
-
-    def pick_mesh(self, number: int | None) -> None:
-        """Pick an object, or let go of all."""
-        self.mesh = number
 
     def pick_light(self, number: int | None) -> None:
         """Pick a light, in place of an object."""

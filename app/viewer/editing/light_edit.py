@@ -1,15 +1,17 @@
-"""Changes of lights: place, brightness, colour by the temperature of a black body, on and off."""
+"""Changes of lights, and lights in the units of lighting design."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from irrsplat.app.viewer.view_options import Point
-from irrsplat.core.color import LUMINANCE
-from irrsplat.scene.model import Light
+from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
+from irrsplat.core.vectors import triangle_areas
+from irrsplat.scene.model import Light, Mesh
 
 COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin, the range of the slider
 _REC_709 = np.array(  # from CIE XYZ, white D65 (IEC 61966-2-1)
@@ -33,6 +35,10 @@ def blackbody(kelvin: float) -> tuple[float, float, float]:
     color = np.maximum(_REC_709 @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
     red, green, blue = (color / float(LUMINANCE @ color)).tolist()
     return red, green, blue
+
+
+def light_name(light: Light, number: int) -> str:
+    return light.name or f"light {number + 1}"
 
 
 @dataclass(frozen=True)
@@ -85,3 +91,40 @@ class LightEdit:
     def coned(self, cutoff: float, inner: float) -> LightEdit:
         """The spot with another cone: half angles in degrees, the inner one at most the outer one."""
         return replace(self, light=replace(self.light, spot_cutoff=cutoff, spot_inner=min(inner, cutoff)))
+
+
+WORDS = {  # of each unit: the quantity, and its radiometric unit
+    "lumen": ("luminous flux", "W"),
+    "candela": ("luminous intensity; of a spot on its axis, of a luminaire the greatest", "W/sr"),
+    "lux": ("illuminance of a surface that faces the light", "W/m²"),
+    "lux at 1 m": ("illuminance at 1 m, as the light falls off by OpenGL's attenuation", "W/m²"),
+    "cd/m²": ("emitted luminance", "W/(m² sr)"),
+    "lumen per side": ("luminous flux from each side of the surface", "W"),
+}
+
+
+def light_units(light: Light) -> dict[str, float]:
+    """Return the output of a light in the units of its kind."""
+    shine = float(photometric(np.asarray(light.color, float)))
+    if light.photometry is not None:
+        return dict(zip(("lumen", "candela"), light.output, strict=True))
+    if light.directional:
+        return {"lux": math.pi * shine}
+    constant, linear, quadratic = light.attenuation
+    if not light.physical and (constant or linear):
+        return {"lux at 1 m": math.pi * shine / (constant + linear + quadratic)}
+    candela = shine if light.physical else math.pi * shine / quadratic
+    return {"candela": candela} if light.has_cone else {"lumen": 4.0 * math.pi * candela, "candela": candela}
+
+
+def surface_units(mesh: Mesh, emission: tuple[float, float, float]) -> dict[str, float]:
+    """Return the output of a surface with emitted radiance `emission` in W/(m² sr)."""
+    luminance = float(photometric(np.asarray(emission, float)))
+    area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
+    return {"cd/m²": luminance, "lumen per side": math.pi * area * luminance}
+
+
+def described(unit: str, value: float) -> str:
+    """Return the quantity of a value in words, and the value in its radiometric unit."""
+    quantity, other = WORDS[unit]
+    return f"{quantity}; {value / LUMINOUS_EFFICACY:.4g} {other}"

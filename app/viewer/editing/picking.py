@@ -31,6 +31,13 @@ def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, flo
     return 0.5 * size[0] + x * per_metre, 0.5 * size[1] - y * per_metre
 
 
+def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, float]) -> tuple[int, int] | None:
+    """Return the pixel of a picture that a world point lies in; None outside."""
+    place = on_screen(camera, size, point)
+    inside = place is not None and all(0.0 <= at < most for at, most in zip(place, size, strict=True))
+    return (int(place[0]), int(place[1])) if place is not None and inside else None
+
+
 def nearest_on_screen(
     camera: Camera,
     size: tuple[float, float],

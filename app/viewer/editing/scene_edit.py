@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit
-from irrsplat.app.viewer.view_options import Point
+from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
-
-_POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
 
 
 @dataclass(frozen=True)
@@ -64,24 +63,16 @@ class SceneEdit:
 
 
 def rotation(turn: Point) -> np.ndarray:
-    """(3, 3) that turns by degrees about x, then y, then z."""
-    (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
-    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
-    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-    matrix: np.ndarray = about_z @ about_y @ about_x
+    """Return (3, 3) that turns by degrees about x, then y, then z."""
+    matrix: np.ndarray = Rotation.from_euler("xyz", turn, degrees=True).as_matrix()
     return matrix
 
 
 def angles(matrix: np.ndarray) -> Point:
-    """The degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
-    level = math.hypot(matrix[0, 0], matrix[1, 0])
-    y = math.atan2(-matrix[2, 0], level)
-    if level < _POLE:
-        x, z = math.atan2(-matrix[1, 2], matrix[1, 1]), 0.0
-    else:
-        x, z = math.atan2(matrix[2, 1], matrix[2, 2]), math.atan2(matrix[1, 0], matrix[0, 0])
-    return math.degrees(x), math.degrees(y), math.degrees(z)
+    """Return the degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # at a tilt of 90 degrees one of two angles is free
+        return point_of(Rotation.from_matrix(matrix).as_euler("xyz", degrees=True))
 
 
 def middle(mesh: Mesh) -> np.ndarray:
@@ -98,39 +89,27 @@ class EditedScene:
     def __init__(self, loaded: Scene) -> None:
         self.loaded = loaded
         self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
-        self._last: tuple[tuple[ObjectEdit, ...], tuple[Mesh, ...]] = (AS_LOADED,) * len(loaded.meshes), loaded.meshes
+        self._meshes = loaded.meshes  # of the last scene
 
     def scene(self, edit: SceneEdit) -> Scene:
         """Return the scene after an edit. Raises InputError where a mesh would go beyond what 32-bit floats hold."""
-        if edit.objects != self._last[0]:
-            self._last = edit.objects, self._meshes(edit.objects)
-        return replace(self.loaded, lights=tuple(edited.emitted for edited in edit.lights), meshes=self._last[1])
-
-    def _meshes(self, edits: tuple[ObjectEdit, ...]) -> tuple[Mesh, ...]:
-        meshes = [self._mesh(i, replace(one, hidden=False)) for i, one in enumerate(edits)]
-        shown = [mesh for mesh, one in zip(meshes, edits, strict=True) if not one.hidden and len(mesh.positions)]
-        # where others are, so that what is hidden makes no scene larger
-        point = shown[0].positions[0] if shown else self.loaded.bounds.mean(0)
-        found: list[Mesh] = []
-        for i, (mesh, one) in enumerate(zip(meshes, edits, strict=True)):
-            if not one.hidden:
-                found.append(mesh)
-                continue
-            last, vanished = self._last[1][i], hidden(mesh, point)
-            same = self._last[0][i] == one and np.array_equal(last.positions, vanished.positions)
-            found.append(last if same else vanished)
-        untouched = all(a is b for a, b in zip(found, self.loaded.meshes, strict=True))
-        return self.loaded.meshes if untouched else tuple(found)
+        meshes = tuple(self._mesh(i, one) for i, one in enumerate(edit.objects))
+        if all(a is b for a, b in zip(meshes, self._meshes, strict=True)):
+            meshes = self._meshes
+        if all(a is b for a, b in zip(meshes, self.loaded.meshes, strict=True)):
+            meshes = self.loaded.meshes
+        self._meshes = meshes
+        return replace(self.loaded, lights=tuple(edited.emitted for edited in edit.lights), meshes=meshes)
 
     def _mesh(self, number: int, edit: ObjectEdit) -> Mesh:
-        """The mesh of this number, moved and painted."""
+        """Return the mesh of this number, moved, painted or hidden."""
         loaded = self.loaded.meshes[number]
         if edit == AS_LOADED:
             return loaded
         before, mesh = self._made.get(number, (AS_LOADED, loaded))
         if before == edit:
             return mesh
-        if (before.offset, before.turn) != (edit.offset, edit.turn):
+        if (before.offset, before.turn, before.hidden) != (edit.offset, edit.turn, edit.hidden):
             mesh = loaded if edit.stays else transformed(loaded, edit.matrix(middle(loaded)))
         material = loaded.material
         if edit.albedo is not None:
@@ -139,6 +118,8 @@ class EditedScene:
             material = replace(material, emission=edit.emission)
         if mesh.material != material:
             mesh = replace(mesh, material=material)
+        if edit.hidden:  # in the middle of the scene, which becomes no larger
+            mesh = hidden(mesh, self.loaded.bounds.mean(0))
         self._made[number] = edit, mesh
         return mesh
 

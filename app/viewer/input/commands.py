@@ -60,10 +60,10 @@ _WORDS = {
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
-    Command("File", "Open…", "toggle", "O", "open", ctrl=True, help="a scene or a path"),
+    Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene or a path"),
     Command("File", "Reload", "reload", "F5", help="the scene from its files"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
-    Command("File", "Save as…", "save_dialog", "S", ctrl=True, shift=True),
+    Command("File", "Save as…", "save_as", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot", "F12", help="a PNG in the pictures folder", section=True),
     Command("File", "Save film", "save_film", help="of the path, in the videos folder", enabled="film_possible", extra="video"),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
@@ -82,7 +82,6 @@ _EDIT = (
         enabled="selected",
         section=True,
     ),
-    Command("Edit", "Hide", "hide_object", "BACKSPACE", help="the selected object", enabled="selected"),
     Command("Edit", "Add a point light", "add_light", argument="point", section=True),
     Command("Edit", "Add a spot light", "add_light", argument="spot"),
     Command("Edit", "Add a directional light", "add_light", argument="directional"),
@@ -131,14 +130,15 @@ _WINDOW = (
     Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
     Command("Window", "All settings", "toggle", "F3", "settings"),
     Command("Window", "Lights", "toggle", "F4", "lights"),
-    Command("Window", "Statistics", "toggle", "F6", "hud"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="all of it; again: show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
     Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
+    Command("Window", "Larger text", "enlarge", "EQUAL", 0.25, ctrl=True),
+    Command("Window", "Smaller text", "enlarge", "MINUS", -0.25, ctrl=True),
 )
 _HELP = (
-    Command("Help", "Find a command…", "toggle", "P", "palette", ctrl=True, help="any action or setting, by words"),
-    Command("Help", "Keys", "toggle", "F1", "help"),
+    Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by words"),
+    Command("Help", "Keys", "list_keys", "F1", help="of mouse and keyboard; any key by words"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 from moderngl_window.context.base import BaseWindow, KeyModifiers
@@ -14,6 +15,7 @@ from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 
+Dragged = Literal["", "view", "divider", "line", "orbit"]
 LEFT, RIGHT = 1, 2  # mouse buttons, as moderngl-window numbers them
 _GRIP = 6.0  # window coordinates on both sides of the divider that grab it
 _CLICK = 3.0  # window coordinates that the mouse may move in a click
@@ -43,10 +45,8 @@ class Controls:
         self.pace = 1.0  # a factor on the speed
         self.mouse = _NOWHERE
         self.monitor_scale = 1.0  # of text and widgets, by the monitor
-        self.looking = False  # with the right mouse button down: the mouse is captured
-        self.drawing = False  # while the line to measure along is dragged
-        self.dividing = False  # while the divider is dragged
-        self.pivot: tuple[float, float, float] | None = None  # of an orbit under way
+        self.dragged: Dragged = ""  # by a mouse button that is down
+        self.pivot = (0.0, 0.0, 0.0)  # of an orbit
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
         self._skip = False  # the next motion is none: the mouse was just captured
         wnd.key_event_func = self.key
@@ -55,6 +55,11 @@ class Controls:
         wnd.mouse_press_event_func = self.mouse_pressed
         wnd.mouse_release_event_func = self.mouse_released
         wnd.mouse_scroll_event_func = self.wheel
+
+    @property
+    def looking(self) -> bool:
+        """True while the right mouse button is down: the mouse is captured."""
+        return self.dragged == "view"
 
     @property
     def session(self) -> Session:
@@ -100,7 +105,7 @@ class Controls:
 
     def _capture(self, on: bool) -> None:
         if self.looking != on:
-            self.looking = self._skip = on
+            self.dragged, self._skip = "view" if on else "", on
             self.wnd.mouse_exclusivity = on
 
     def _on_divider(self, x: float) -> bool:
@@ -138,11 +143,11 @@ class Controls:
             self.pressed.add(key)
         if found is not None:
             self.actions.press(found)
-            if self.actions.typing:
+            if self.actions.prompt is not None:
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
-        self.backend.char(char)
+        self.backend.io.add_input_characters_utf8(char)
 
     # ---- mouse -----------------------------------------------------------------------------------------------------
 
@@ -156,14 +161,14 @@ class Controls:
         self.mouse = (x, y)
         self.backend.mouse_position(x, y)
         self.travelled += abs(dx) + abs(dy)
-        if self.dividing:
+        if self.dragged == "divider":
             left, _, width, _ = self.picture()
             self.session.options.divider = float(np.clip((x * self.wnd.pixel_ratio - left) / width, 0.02, 0.98))
-        elif self.drawing and self.travelled > _CLICK:
+        elif self.dragged == "line" and self.travelled > _CLICK:
             self._draw_line()
-        elif self.pivot is not None and self.actions.editor.dragging:
-            self.pivot = None  # the handles have it
-        elif self.pivot is not None and self.travelled > _CLICK:
+        elif self.dragged == "orbit" and self.actions.editor.dragging:
+            self.dragged = ""  # the handles have it
+        elif self.dragged == "orbit" and self.travelled > _CLICK:
             self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
@@ -178,41 +183,39 @@ class Controls:
             self.mouse = (x, y)
             self.backend.mouse_position(x, y)
         x = self.mouse[0]
-        self.backend.mouse_button(button, True)
+        self.backend.io.add_mouse_button_event(button - 1, True)
         self.travelled = 0.0
         if self.backend.wants_mouse:
             return
         if self.session.options.split != "off" and self.pointer is not None:
-            self.actions.side = self.session.side_at(self.pointer[0])
+            self.session.options.side = self.session.side_at(self.pointer[0])
         if button == RIGHT:
             self.actions.stop()
             self._capture(True)
         elif button == LEFT and self._on_divider(x):
-            self.dividing = True
+            self.dragged = "divider"
         elif button == LEFT and self.session.options.profile and not self.actions.editor.handles_used:
-            self.drawing = True
+            self.dragged = "line"
             self._draw_line(begin=True)
-        elif button == LEFT:
+        elif button == LEFT and not self.actions.editor.handles_used:
             self.actions.stop()
-            found = self.display.point_at(self.pointer)
-            self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
+            self.dragged = "orbit"
+            self.pivot = self.display.point_at(self.pointer) or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
-        self.backend.mouse_button(button, False)
+        self.backend.io.add_mouse_button_event(button - 1, False)
         if button == RIGHT and self.looking:
             self._capture(False)
             if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
                 self._pick(self.pointer)
                 self.actions.panels.context_menu = self.actions.selected
         if button == LEFT:
-            clicked = self.pivot is not None and self.travelled <= _CLICK and self.pointer is not None
-            if clicked and self.pointer is not None:
+            if self.dragged == "orbit" and self.travelled <= _CLICK and self.pointer is not None:
                 if self.session.options.why:
                     self.session.options.surface = self.display.surface_at(self.pointer)
                 elif not self.session.options.inspect:
                     self._pick(self.pointer)
-            self.pivot, self.dividing = None, False
-            self.drawing = False
+            self.dragged = "" if not self.looking else self.dragged
 
     def _pick(self, pixel: tuple[int, int]) -> None:
         self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
@@ -224,7 +227,7 @@ class Controls:
         if point is not None:
             options.line = (point if begin or options.line is None else options.line[0]), point
         elif begin:
-            self.drawing = False
+            self.dragged = ""
             self.actions.say("no surface is there to measure on", topic="line")
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
@@ -233,7 +236,7 @@ class Controls:
             camera.change_speed(y_offset)
             self.actions.say(f"speed {camera.speed:.3g} m/s", topic="speed")
         elif self.backend.wants_mouse:
-            self.backend.scroll(x_offset, y_offset)
+            self.backend.io.add_mouse_wheel_event(x_offset, y_offset)
         else:
             self.actions.stop()
             camera.dolly(y_offset, self.display.point_at(self.pointer))
@@ -248,10 +251,9 @@ class Controls:
     def focus_changed(self, focused: bool) -> None:
         """The window gained or lost the keyboard: no key or button counts as down any more, for its release is never seen."""
         self.pressed.clear()
-        self.pace, self.pivot, self.dividing, self.drawing = 1.0, None, False, False
+        self._capture(False)
+        self.pace, self.dragged = 1.0, ""
         self.backend.focus(focused)
-        if not focused:
-            self._capture(False)
 
     def scale_changed(self, scale: float) -> None:
         """The window is on a monitor of another scale."""
@@ -260,6 +262,6 @@ class Controls:
 
     def restyle(self) -> None:
         """Scale text and widgets by the monitor and by the user's choice; between frames."""
-        scale = self.monitor_scale * self.actions.scale
+        scale = self.monitor_scale * self.actions.panels.scale
         if scale != self.backend.scale:
             self.backend.resize_scale(scale)

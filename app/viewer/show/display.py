@@ -8,22 +8,23 @@ from typing import cast
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
-from irrsplat.app.viewer.buffers.table import BUFFERS, BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
-from irrsplat.app.viewer.editing.picking import mesh_of, on_screen
+from irrsplat.app.viewer.editing.picking import mesh_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
-from irrsplat.app.viewer.show.light.plane_view import PlaneView, scale_of
+from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
-from irrsplat.app.viewer.show.screen import Region, Texels, clear
+from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear
 from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
+from irrsplat.scene import ray_caster
 
 _NEAR = 0.02  # depths: a point nearer than this to what its pixel sees is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
@@ -34,14 +35,13 @@ class Display(Owner):
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
-        self.inspector = RecordInspector(session.ctx, self.buffer_view)
-        self.plane_view = PlaneView(session.ctx)
+        self.programs = Programs(session.ctx)
+        self.markers, self.inspector = Markers(self.programs), RecordInspector(self.programs)
         self._memo = Memo()
         self._renderers: list[Renderer] = []  # those on show at the last update
 
     def owned(self) -> tuple[Resource, ...]:
-        return (self.buffer_view, self.markers, self.inspector, self.plane_view)
+        return (self.programs, self.markers, self.inspector)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw as `draw` does, unless the screen already holds that picture."""
@@ -49,7 +49,7 @@ class Display(Owner):
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
             # their data of a scene that is no longer open
-            for known in (self.inspector, self.markers, self._memo):
+            for known in (self.inspector, self.programs, self._memo):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
         plane = Identity(session.plane.measured)
@@ -58,7 +58,7 @@ class Display(Owner):
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         cache = source.renderer.cache
         return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
 
@@ -75,15 +75,15 @@ class Display(Owner):
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
-        buffer, view, markers = self.session.buffer(side), source.view, self.markers
+        buffer, view, markers = self.session.options.buffers[side], source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
-        self.buffer_view.draw(screen, buffer, source, region)
+        BUFFERS[buffer].draw(Canvas(screen, self.programs, region), source)
         if not BUFFERS[buffer].in_view:
             return
         if options.wire:
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
         if options.plane and (measured := self.session.plane.measured) is not None:
-            self.plane_view.draw(screen, view, measured, scale_of(measured, options.light_scale), region)
+            markers.plane(screen, view, measured, measured.scaled(options.light_scale), region)
         for kind in ("discs", "points"):
             if getattr(options, kind):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
@@ -92,37 +92,36 @@ class Display(Owner):
         """Return the record that weighs most under the cursor, and tint its pixels."""
         session, side = self.session, self.session.side_at(cursor[0])
         source = session.source(side)
-        place, settings = session.place(source.view, *cursor), source.settings
-        number = self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, settings, *place)
+        number = self.inspector.pick(source, *session.place(source.view, *cursor))
         if number is None:
             return None
         region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        served = self.markers.contributes(screen, source.view, records, number, settings, region)
+        served = self.markers.contributes(screen, source.view, records, number, source.settings, region)
         return self.inspector.inspect(number, side, source, served)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
-        return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
+        return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(self.programs.texels, source, *place))
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
         ends = self.session.options.line
         if ends is None or ends[0] == ends[1]:
             return None
-        name, source = self.session.buffer(side), self.session.source(side)
+        name, source = self.session.options.buffers[side], self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
     @property
     def shows_scene(self) -> bool:
         """True if a side shows the scene as the camera sees it."""
-        return any(BUFFERS[self.session.buffer(side)].in_view for side, _ in self.session.sides())
+        return any(BUFFERS[self.session.options.buffers[side]].in_view for side, _ in self.session.sides())
 
     def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
         """The source of the view at the cursor, and its pixel there; None where no view is."""
         side = self.session.side_at(cursor[0])
-        if not self.session.views or not BUFFERS[self.session.buffer(side)].in_view:
+        if not self.session.views or not BUFFERS[self.session.options.buffers[side]].in_view:
             return None
         source = self.session.source(side)
         return source, self.session.place(source.view, *cursor)
@@ -131,7 +130,7 @@ class Display(Owner):
         """The number of the mesh that is seen at the cursor; None where there is none."""
         if (seen := self._seen(cursor)) is None:
             return None
-        (source, place), texels = seen, self.buffer_view.texels
+        (source, place), texels = seen, self.programs.texels
         if texels(source.view.gbuffer.position, *place)[3] <= 0.0:
             return None
         return mesh_of(source.scene, int(texels(source.view.gbuffer.emission, *place)[3]))
@@ -140,7 +139,7 @@ class Display(Owner):
         """Return the surface point seen at the cursor, with its normal; None for no surface."""
         if (seen := self._seen(cursor)) is None:
             return None
-        (source, place), texels = seen, self.buffer_view.texels
+        (source, place), texels = seen, self.programs.texels
         *point, depth = texels(source.view.gbuffer.position, *place).tolist()
         normal = texels(source.view.gbuffer.normal, *place)[:3].tolist()
         return (cast(Point, tuple(point)), cast(Point, tuple(normal))) if depth > 0.0 else None
@@ -150,14 +149,21 @@ class Display(Owner):
         surface = None if cursor is None else self.surface_at(cursor)
         return None if surface is None else surface[0]
 
+    def point_light(self) -> PointLight | None:
+        """Return the direct light of the surface that was clicked on; None without one."""
+        options, renderer = self.session.options, self.session.renderers[0]
+        surface = options.surface
+        if not options.why or surface is None or not self.session.views or not ray_caster.available():
+            return None
+        inputs, scene = (Identity(renderer.scene), surface), renderer.scene
+        return self._memo.get("point light", inputs, lambda: light_at(scene, renderer.world.caster, *surface))
+
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""
         source = self.session.source(0)
-        (width, height), camera = source.view.gbuffer.position.size, source.view.camera
-        place = None if camera is None else on_screen(camera, (width, height), point)
-        if place is None or not (0.0 <= place[0] < width and 0.0 <= place[1] < height):
+        pixel, texels = pixel_of(source.view.camera, source.view.gbuffer.position.size, point), self.programs.texels
+        if pixel is None:
             return None
-        pixel, texels = (int(place[0]), int(place[1])), self.buffer_view.texels
         x, y, z, depth = texels(source.view.gbuffer.position, *pixel).tolist()
         if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
             return None

@@ -9,13 +9,15 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Legend, colour_map
-from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_uniforms
+from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
+from irrsplat.app.viewer.show.screen import Programs, Region, view_uniforms
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.view import View
+from irrsplat.meter.light_scale import STEPS, LightScale, false_colours
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
@@ -25,24 +27,21 @@ _RADIUS = 4.0  # of a dot, pixels
 _WIDTH = 1.75  # half a line's, pixels
 _EDGE = (1.0, 0.55, 0.15, 0.55)  # of the wireframe
 _TINT = (0.1, 0.85, 1.0)
+_OPACITY = 0.8  # of the measuring plane
 _SPAN = 0.01, 0.5  # of a·diagonal: the radii that the colours go from and to
 
 
 class Markers(Owner):
-    """Draws over what is in a target already, in `region` of it alone where one is given; what surfaces hide is left out."""
+    """Draws over the content of a target, in `region` of it alone if one is given, without the parts that surfaces hide."""
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.ctx = ctx
-        self.programs = Programs(ctx)
-        self.colours = colours(ctx)
+    def __init__(self, programs: Programs) -> None:
+        ctx = self.ctx = programs.ctx
+        self.programs = programs
         self.query = ctx.query(samples=True)
         self.number = ctx.buffer(reserve=4)  # of the one record that `contributes` draws
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (self.programs, self.colours, self.number)
-
-    def forget(self) -> None:
-        self.programs.forget()
+        return (self.number,)
 
     def records(
         self,
@@ -64,7 +63,7 @@ class Markers(Owner):
         low, high = np.log(radius_range(settings, scene))
         uniforms = {
             **self._of_records(target, view, records, settings),
-            "colours": self.colours,
+            "colours": self.programs.colours,
             "size": target.size,
             "span": (low, 1.0 / (high - low)),
             "radius": _RADIUS,
@@ -92,6 +91,27 @@ class Markers(Owner):
         uniforms = view_uniforms(target, view.gbuffer, view.camera)
         program(target, geometry=geometry, state=state, scissor=region, **uniforms, tint=_EDGE)
         self.ctx.wireframe = False  # imgui's draws do not set it
+
+    def plane(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:
+        """Draw the measuring plane in false colours with isolines, by a scale with an upper end."""
+        readings, plane = measured.readings, measured.plane
+        places = np.zeros((len(readings.counts), 4), np.float32)
+        places[:, 0], places[:, 1] = scale.place(readings.total @ scale.weights), readings.counts
+        texture = table_texture(self.ctx, places.reshape(measured.rows, measured.columns, 4))
+        uniforms = {
+            **view_uniforms(target, view.gbuffer, view.camera),
+            "corner": plane.corner,
+            "u": plane.u,
+            "v": plane.v,
+            "places": texture,
+            "steps": float(STEPS) if scale.lines else 0.0,
+            "opacity": _OPACITY,
+            "palette": false_colours(),
+        }
+        try:
+            self._draw(self.programs("viewer/markers/plane", "viewer/markers/plane"), target, uniforms, region)
+        finally:
+            texture.release()
 
     def contributes(
         self, target: Target, view: View, records: Records, number: int, settings: Settings, region: Region | None = None

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
-from irrsplat.app.viewer.buffers.table import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
-from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.app.viewer.show.screen import Programs
 from irrsplat.core.buffers import Records
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
-from irrsplat.core.record_layout import COLUMNS
 from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -26,86 +24,32 @@ from irrsplat.records.weight import own_radii, record_distance, record_weight, v
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
+Columns = dict[str, np.ndarray]  # all records on the CPU: record_layout.COLUMNS describes them
+_NAMES = ("position", "normal", "irradiance", "radius", "gradient", "axis", "curvature", "max_radius", "limit")
 
-@dataclass(frozen=True)
-class RecordTable:
-    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS describes the columns.
 
-    luminance_floor: as buffers.Records has it.
+def read(records: Records) -> Columns:
+    """Return the records of the GPU; wait until it has done all that is drawn."""
+    return records.read(*_NAMES)
+
+
+def reach(columns: Columns, floor: float, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
+    """Return (N, 2) the radii a·R in metres along `axis` and across it, with all limits of a view of `size` and the settings.
+
+    floor: the luminance floor of the records. The formula is that of shaders/records/view_radius.glsl.
     """
-
-    position: np.ndarray
-    normal: np.ndarray
-    irradiance: np.ndarray
-    radius: np.ndarray
-    gradient: np.ndarray
-    axis: np.ndarray
-    curvature: np.ndarray
-    max_radius: np.ndarray
-    limit: np.ndarray
-    luminance_floor: float = 0.0
-
-    def __len__(self) -> int:
-        return len(self.radius)
-
-    def slope(self) -> np.ndarray:
-        """(N,) |∇E| of luminance in W/m³."""
-        slope: np.ndarray = np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
-        return slope
-
-    def reach(self, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
-        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of a view of `size` (width, height) and the
-        settings, as shaders/records/view_radius.glsl has them."""
-        radii = own_radii(vars(self), self.luminance_floor, settings)
-        distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
-        return view_radius(radii * self.limit[:, None], distance[:, None], camera, size, settings)
-
-    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
-        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
-        radii, apart = self.reach(camera, size, settings) / settings.a, p - self.position
-        distance = record_distance(apart, self.axis, radii)
-        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.hessian)
-        counts = w > 1.0 / settings.a
-        return np.where(counts, w, 0.0)
-
-    def pick(self, texels: Texels, view: View, settings: Settings, x: int, y: int) -> int | None:
-        """The number of the record that weighs most at pixel (x, y) of the view, (0, 0) the upper left one; None for none."""
-        position = view.gbuffer.position
-        if not len(self) or not (0 <= x < position.width and 0 <= y < position.height):
-            return None
-        here = texels(position, x, y)
-        if here[3] == 0.0:
-            return None
-        w = self.weights(here[:3], texels(view.gbuffer.normal, x, y)[:3], view.camera, view.gbuffer.position.size, settings)
-        best = int(np.argmax(w))
-        return best if w[best] > 0.0 else None
-
-    def describe(
-        self, number: int, view: View, settings: Settings, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ) -> list[tuple[str, str]]:
-        """Return the values of record `number`, a label and a text with unit each. origin: of the positions, world space."""
-        E, R = self.irradiance[number], float(self.radius[number])
-        along, across = self.reach(view.camera, view.gbuffer.position.size, settings)[number]
-        lines = [
-            ("record", f"{number} of {len(self)}"),
-            ("position", " ".join(f"{v:.3f}" for v in self.position[number].astype(float) + origin) + " m"),
-            ("normal", " ".join(f"{v:.3f}" for v in self.normal[number])),
-            ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
-            ("luminance", f"{float(E @ LUMINANCE):.3g} W/m²"),
-            ("R", f"{R:.3g} m"),
-            ("a·R", f"{settings.a * R:.3g} m, here {along:.3g} by {across:.3g} m"),
-        ]
-        if settings.gradients:
-            lines.append(("|grad E|", f"{float(self.slope()[number]):.3g} W/m³"))
-        if self.axis[number].any():
-            lines.append(("curvature", " and ".join(f"{v:.3g}" for v in self.curvature[number]) + " of E per m²"))
-        return lines
+    radii = own_radii(columns, floor, settings)
+    distance = np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
+    return view_radius(radii * columns["limit"][:, None], distance[:, None], camera, size, settings)
 
 
-def read(records: Records) -> RecordTable:
-    """The records of the GPU. Waits until what is being drawn is done, so it is for a click, or for a cache that has changed."""
-    names = [field.name for field in fields(RecordTable) if field.name in COLUMNS]
-    return RecordTable(**records.read(*names), luminance_floor=records.luminance_floor)
+def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: View, settings: Settings) -> np.ndarray:
+    """Return (N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
+    radii = reach(columns, floor, view.camera, view.gbuffer.position.size, settings) / settings.a
+    apart = p - columns["position"]
+    distance = record_distance(apart, columns["axis"], radii)
+    w = record_weight(distance, apart, n, columns["normal"], radii[:, 1], settings.hessian)
+    return np.where(w > 1.0 / settings.a, w, 0.0)
 
 
 @dataclass(frozen=True)
@@ -121,10 +65,10 @@ class InspectedRecord:
 
 
 class RecordInspector(Owner):
-    """Reads records back, and gathers single ones again to show what they see. buffer_view: borrowed, to draw with."""
+    """Reads records back, and gathers single ones again to show what they see. programs: borrowed."""
 
-    def __init__(self, ctx: moderngl.Context, buffer_view: BufferView) -> None:
-        self.ctx, self.buffer_view = ctx, buffer_view
+    def __init__(self, programs: Programs) -> None:
+        self.ctx, self.programs = programs.ctx, programs
         self._made, self._memo = Workshop(), Memo()
         self.gather_pass: Gather | None = None  # the last one used
 
@@ -136,19 +80,46 @@ class RecordInspector(Owner):
         self._memo.forget()
         self.gather_pass = None
 
-    def table(self, side: int, source: ViewSource) -> RecordTable:
-        """The records of a side on the CPU, read again once they have changed."""
+    def columns(self, source: ViewSource) -> Columns:
+        """Return the records of a side on the CPU, read again once they have changed."""
         cache = source.renderer.cache
-        state = source.renderer, cache.count, cache.revision
-        return self._memo.get(f"records of side {side}", state, lambda: read(cache.records))
+        state = cache.count, cache.revision
+        return self._memo.get(f"records of {id(source.renderer)}", state, lambda: read(cache.records))
+
+    def pick(self, source: ViewSource, x: int, y: int) -> int | None:
+        """Return the number of the record that weighs most at pixel (x, y) of the view; None for none."""
+        records, view, texels = source.renderer.cache.records, source.view, self.programs.texels
+        if not records.count or not depth_at(texels, source, x, y):
+            return None
+        p, n = texels(view.gbuffer.position, x, y)[:3], texels(view.gbuffer.normal, x, y)[:3]
+        w = weights(self.columns(source), records.luminance_floor, p, n, view, source.settings)
+        return int(np.argmax(w)) if w.any() else None
 
     def inspect(self, number: int, side: int, source: ViewSource, served: int) -> InspectedRecord | None:
         """Record `number` of a side, which serves so many pixels; None before anything is lit."""
         picture = self.hemisphere(number, source)
-        if picture is None:
-            return None
-        lines = self.table(side, source).describe(number, source.view, source.settings, source.origin)
-        return InspectedRecord(number, side, lines, picture, served)
+        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture, served)
+
+    def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
+        """Return the values of record `number`, a label and a text with unit each."""
+        columns, settings, records = self.columns(source), source.settings, source.renderer.cache.records
+        one = {name: column[number] for name, column in columns.items()}
+        size = source.view.gbuffer.position.size
+        along, across = reach(columns, records.luminance_floor, source.view.camera, size, settings)[number]
+        lines = [
+            ("record", f"{number} of {records.count}"),
+            ("position", " ".join(f"{v:.3f}" for v in one["position"].astype(float) + source.origin) + " m"),
+            ("normal", " ".join(f"{v:.3f}" for v in one["normal"])),
+            ("irradiance", " ".join(f"{v:.3g}" for v in one["irradiance"]) + " W/m²"),
+            ("luminance", f"{float(one['irradiance'] @ LUMINANCE):.3g} W/m²"),
+            ("R", f"{float(one['radius']):.3g} m"),
+            ("a·R", f"{settings.a * float(one['radius']):.3g} m, here {along:.3g} by {across:.3g} m"),
+        ]
+        if settings.gradients:
+            lines.append(("|grad E|", f"{float(np.linalg.norm(LUMINANCE @ one['gradient'])):.3g} W/m³"))
+        if one["axis"].any():
+            lines.append(("curvature", " and ".join(f"{v:.3g}" for v in one["curvature"]) + " of E per m²"))
+        return lines
 
     def hemisphere(self, number: int, source: ViewSource) -> moderngl.Texture | None:
         """Return the hemisphere of record `number` as a texture, exposed as the source is; None before anything is lit.
@@ -168,5 +139,5 @@ class RecordInspector(Owner):
         self.gather_pass = gather
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
-        draw_atlas(self.buffer_view.canvas(target), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
+        draw_atlas(Canvas(target, self.programs), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
         return picture

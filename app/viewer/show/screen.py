@@ -15,35 +15,55 @@ from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
-__all__ = ["Programs", "Region", "Screen", "TexelReader", "Texels", "clear", "colours", "scale", "view_uniforms"]
+__all__ = ["Programs", "Region", "Screen", "Texels", "clear", "scale", "view_uniforms"]
 
 _COLOURS = 1024  # of each table
 
 
-class Programs(Owner):
-    """Programs, each made on first use and kept."""
+Texels = Callable[[moderngl.Texture, int, int], np.ndarray]  # the components of a texel, float32; (0, 0) is the upper left one
+
+
+class TexelReader(Owner):
+    """Reads single texels through a target of one pixel, so that no whole texture is copied from the GPU."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.ctx = ctx
+        self.program = Program(ctx, "viewer/texel", "lib/fullscreen")
+        self.target = Target(ctx, (1, 1), (4,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        return (self.program, self.target)
+
+    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+        """Return the components of one texel. Raises ValueError outside of the texture."""
+        if not (0 <= x < texture.width and 0 <= y < texture.height):
+            raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
+        self.program(self.target, values=texture, place=(x, texture.height - 1 - y))
+        return self.target.read()[0, 0, : texture.components]
+
+
+class Programs(Owner):
+    """The shared tools of all drawing: programs, each made on first use and kept.
+
+    colours: the table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1. texels: reads single texels.
+    """
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx, self.texels = ctx, TexelReader(ctx)
+        t = np.linspace(0.0, 1.0, _COLOURS)
+        rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
+        self.colours = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource, ...]:
-        return (self._made,)
+        return (self.texels, self.colours, self._made)
 
     def forget(self) -> None:
         self._made.clear()
 
     def __call__(self, fragment: str, vertex: str = "lib/fullscreen", defines: Mapping[str, object] | None = None) -> Program:
-        """The program of these shaders and defines."""
+        """Return the program of these shaders and defines."""
         key = f"{fragment} {vertex} {sorted((defines or {}).items())}"
         return self._made.get(key, None, lambda: Program(self.ctx, fragment, vertex, defines))
-
-
-def colours(ctx: moderngl.Context) -> moderngl.Texture:
-    """The table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1."""
-    t = np.linspace(0.0, 1.0, _COLOURS)
-    rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
-    return ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
 
 
 def scale(target: Target, gbuffer: GBuffer) -> tuple[float, float]:
@@ -69,24 +89,3 @@ def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> Uniforms:
         "scale": scale(target, gbuffer),
         "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
     }
-
-
-Texels = Callable[[moderngl.Texture, int, int], np.ndarray]  # the components of a texel, float32; (0, 0) is the upper left one
-
-
-class TexelReader(Owner):
-    """Reads single texels through a target of one pixel, so that no whole texture is copied from the GPU."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.program = Program(ctx, "viewer/texel", "lib/fullscreen")
-        self.target = Target(ctx, (1, 1), (4,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.target)
-
-    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-        """Return the components of one texel. Raises ValueError outside of the texture."""
-        if not (0 <= x < texture.width and 0 <= y < texture.height):
-            raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
-        self.program(self.target, values=texture, place=(x, texture.height - 1 - y))
-        return self.target.read()[0, 0, : texture.components]

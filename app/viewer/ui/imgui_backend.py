@@ -48,7 +48,8 @@ GLFW_KEYS |= dict(enumerate((f"{side}_{name}" for side in ("left", "right") for 
 class ImguiBackend(Owner):
     """An imgui context in the current OpenGL context. It is imgui's current one between `begin` and `draw`.
 
-    scale: of text and widgets, 1 on a plain monitor. Events may come at any time, whichever context is current.
+    scale: of text and widgets, 1 on a plain monitor. io: takes events at any time, whichever context is
+    current.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
@@ -56,16 +57,16 @@ class ImguiBackend(Owner):
         self._pressed: set[imgui.Key] = set()
         self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
-        self._io = imgui.get_io()  # its methods work on its own context, whichever is current
-        self._io.set_ini_filename(None)
-        self._io.config_input_text_cursor_blink = False  # a window that rests is not drawn
-        self._io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
+        self.io = imgui.get_io()  # its methods work on its own context, whichever is current
+        self.io.set_ini_filename(None)
+        self.io.config_input_text_cursor_blink = False  # a window that rests is not drawn
+        self.io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
         imgui.backends.opengl3_init("#version 330")
         for i, name in enumerate(FONTS):  # a glyph comes from the first font that has it
             config = imgui.ImFontConfig()
             config.merge_mode = i > 0
             with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / name) as path:
-                self._io.fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
+                self.io.fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
         self._style = imgui.get_style()
         imgui.style_colors_dark(self._style)
         for color, names in COLORS:
@@ -91,10 +92,10 @@ class ImguiBackend(Owner):
         imgui.set_current_context(self._context)
         implot.set_current_context(self._plots)
         self._pixels = framebuffer
-        self._io.display_size = imgui.ImVec2(*size)
+        self.io.display_size = imgui.ImVec2(*size)
         if all(size) and all(framebuffer):  # not minimised
-            self._io.display_framebuffer_scale = imgui.ImVec2(framebuffer[0] / size[0], framebuffer[1] / size[1])
-        self._io.delta_time = max(dt, 1e-6)  # imgui takes no 0
+            self.io.display_framebuffer_scale = imgui.ImVec2(framebuffer[0] / size[0], framebuffer[1] / size[1])
+        self.io.delta_time = max(dt, 1e-6)  # imgui takes no 0
         imgui.backends.opengl3_new_frame()
         imgui.new_frame()
 
@@ -125,43 +126,32 @@ class ImguiBackend(Owner):
             return
         if found is not None:
             (self._pressed.add if pressed else self._pressed.discard)(found)
-            self._io.add_key_event(found, pressed)
+            self.io.add_key_event(found, pressed)
             for name in MODIFIERS:
                 held = {imgui.Key[f"left_{name}"], imgui.Key[f"right_{name}"]} & self._pressed
-                self._io.add_key_event(imgui.Key[f"mod_{name}"], bool(held))
-
-    def char(self, text: str) -> None:
-        self._io.add_input_characters_utf8(text)
+                self.io.add_key_event(imgui.Key[f"mod_{name}"], bool(held))
 
     def mouse_position(self, x: float, y: float) -> None:
         """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` is updated at once."""
-        self._io.add_mouse_pos_event(x, y)
+        self.io.add_mouse_pos_event(x, y)
         imgui.set_current_context(self._context)
         if imgui.get_frame_count():  # before the first frame there is nothing to point at
             imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(x, y))
 
-    def mouse_button(self, button: int, pressed: bool) -> None:
-        """A mouse button went down or up: 1 left, 2 right, 3 middle, as moderngl-window numbers them."""
-        self._io.add_mouse_button_event(button - 1, pressed)
-
-    def scroll(self, dx: float, dy: float) -> None:
-        """The wheel turned, in its notches; dy > 0 is away from the user."""
-        self._io.add_mouse_wheel_event(dx, dy)
-
     def focus(self, focused: bool) -> None:
         """The window gained or lost the keyboard: keys held while it goes are let go of, for their release is never seen."""
         self._pressed.clear()
-        self._io.add_focus_event(focused)
+        self.io.add_focus_event(focused)
 
     @property
     def wants_mouse(self) -> bool:
         """True if the mouse is for the interface, with the windows of the last `begin`."""
-        return self._io.want_capture_mouse
+        return self.io.want_capture_mouse
 
     @property
     def wants_keyboard(self) -> bool:
         """True if the keyboard is for the interface, as of the last `begin`."""
-        return self._io.want_capture_keyboard
+        return self.io.want_capture_keyboard
 
     def owned(self) -> tuple[Resource, ...]:
         return ()

@@ -1,4 +1,4 @@
-"""The interface over the picture: all its parts, in their order."""
+"""The interface over the picture: all its parts in their order, and messages at the top."""
 
 from __future__ import annotations
 
@@ -7,62 +7,66 @@ from collections.abc import Callable
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.messages import Message, Messages
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.editing.handles import Handles
-from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel, draw_outliner
-from irrsplat.app.viewer.ui.layout import Box, Layout
-from irrsplat.app.viewer.ui.legends import Legends
-from irrsplat.app.viewer.ui.lights_panel import LightsPanel
-from irrsplat.app.viewer.ui.menus import Menus
-from irrsplat.app.viewer.ui.messages_view import draw_messages
-from irrsplat.app.viewer.ui.record_view import draw_record
-from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
-from irrsplat.app.viewer.ui.side_panel import Section, SidePanel
-from irrsplat.app.viewer.ui.statistics_view import FrameTimes, StatisticsView
-from irrsplat.app.viewer.ui.windows.file_dialogs import FileDialogs, draw_unsaved
-from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
-from irrsplat.app.viewer.ui.windows.light_scale_panel import LightScalePanel
-from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
-from irrsplat.app.viewer.ui.windows.palette import Palette
-from irrsplat.app.viewer.ui.windows.plane_panel import PlanePanel
-from irrsplat.app.viewer.ui.windows.why_panel import WhyPanel
+from irrsplat.app.viewer.ui.handles import draw_handles
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Box, Layout
+from irrsplat.app.viewer.ui.legends import draw_legends, draw_record
+from irrsplat.app.viewer.ui.line_plot import draw_line, draw_plot
+from irrsplat.app.viewer.ui.menus import draw_context_menu, draw_menus
+from irrsplat.app.viewer.ui.panels.editing_panels import draw_rings
+from irrsplat.app.viewer.ui.panels.light_panels import draw_sight_lines, draw_values
+from irrsplat.app.viewer.ui.prompt_view import PromptView
+from irrsplat.app.viewer.ui.side_panel import SidePanel
+
+
+def draw_waiting(text: str) -> None:
+    """Draw a line in the middle of the window."""
+    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
+    imgui.begin("waiting", None, PLAIN | imgui.WindowFlags_.no_inputs)
+    imgui.text_unformatted(text)
+    imgui.end()
+
+
+def draw_messages(messages: Messages, layout: Layout) -> None:
+    """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
+    left, top, right, _ = layout.area
+    place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
+    if messages.errors:
+        imgui.push_style_color(imgui.Col_.window_bg, RED)
+        imgui.push_style_color(imgui.Col_.text, WHITE)
+        top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
+        imgui.pop_style_color(2)
+    if notices := [line for line in messages.lines if not line.error]:
+        _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
+
+
+def _lines(
+    name: str, lines: list[Message], place: tuple[float, float], width: float, flags: int, close: Callable[[], None] | None = None
+) -> float:
+    """Draw lines in a window of their own, centred at a place; return its height. close: what its button does."""
+    imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_size_constraints((0.0, 0.0), (max(width, 1.0), imgui.get_main_viewport().size.y))
+    imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
+    imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
+    for line in lines:
+        imgui.text_wrapped(line.text)
+    imgui.pop_text_wrap_pos()
+    if close is not None and imgui.small_button("close"):
+        close()
+    height = imgui.get_window_height()
+    imgui.end()
+    return height
 
 
 class Interface:
-    """The windows that are open; call `draw` between the backend's `begin` and `draw`. native: the desktop's dialogs may open."""
+    """The windows that are open; call `draw` between the backend's `begin` and `draw`."""
 
-    def __init__(self, actions: Actions, display: Display, times: FrameTimes, native: bool) -> None:
+    def __init__(self, actions: Actions, display: Display) -> None:
         self.actions, self.display, self.layout = actions, display, Layout()
-        self.menus, self.files = Menus(actions), FileDialogs(actions, native)
-        self.lights_panel, settings = LightsPanel(actions, self.layout), SettingsPanel(actions, self.layout)
-        scale_panel, statistics = LightScalePanel(actions, self.layout), StatisticsView(actions, times)
-        self.plane_panel, self.why_panel = PlanePanel(actions, self.layout), WhyPanel(actions, display, self.layout)
-        sections = (
-            Section(
-                "object",
-                lambda: actions.editor.mesh is not None,
-                ObjectPanel(actions, self.layout).draw,
-                lambda: actions.editor.pick_mesh(None),
-            ),
-            self._switched("lights", "lights", self.lights_panel.draw),
-            self._switched("objects", "outliner", lambda: draw_outliner(actions)),
-            self._switched("why dark?", "why", self.why_panel.draw),
-            self._switched("plane", "plane", self.plane_panel.draw),
-            Section("scale", lambda: scale_panel.is_open, scale_panel.draw),
-            self._switched("settings", "settings", settings.draw),
-            self._switched("statistics", "hud", statistics.draw),
-        )
-        self.side_panel = SidePanel(actions, settings, self.layout, sections)
-        self.palette = Palette(actions, settings.show)
-        self.handles = Handles(actions, self.layout)
-        self.legends = Legends(actions, display, self.layout)
-        self.line_plot = LinePlot(actions, display, self.layout)
-
-    def _switched(self, title: str, panel: str, draw: Callable[[], None]) -> Section:
-        """Return the section that an action opens and closes."""
-        actions = self.actions
-        return Section(title, lambda: actions.is_on(panel), draw, lambda: actions.toggle(panel))
+        self.prompt = PromptView()
+        self.side_panel = SidePanel(actions, display, self.layout)
 
     def draw(
         self,
@@ -74,33 +78,30 @@ class Interface:
     ) -> None:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         paint: puts the picture below all else."""
-        actions, panels = self.actions, self.actions.panels
-        self.layout.start(scale, panels.controls and not panels.hidden)
+        actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
+        layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
-            paint(self.layout.picture)
+            paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
         if not panels.hidden:
-            if self.display.shows_scene:
-                self.lights_panel.draw_positions()
-                self.plane_panel.draw_values()
-                self.why_panel.draw_lines()
-                self.handles.draw()
-                self.line_plot.draw_line()
-            self.menus.draw()
-            self.menus.draw_context()
+            if display.shows_scene:
+                draw_rings(actions, layout)
+                draw_values(actions, layout)
+                draw_sight_lines(actions, display, layout)
+                draw_handles(actions, layout)
+                draw_line(actions, layout)
+            draw_menus(actions)
+            draw_context_menu(actions)
             self.side_panel.draw()
-            self.legends.draw(cursor)
+            draw_legends(actions, display, layout, cursor)
             if inspected is not None:
-                draw_record(inspected, self.layout)
-            self.line_plot.draw()
-            draw_key_sheet(actions, scale)
-            self.files.draw()
-            self.palette.draw(scale)
-        draw_unsaved(actions)
+                draw_record(inspected, layout)
+            draw_plot(actions, display, layout)
+        self.prompt.draw(actions, layout)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
-            draw_messages(actions.messages, self.layout)
+            draw_messages(actions.messages, layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

@@ -18,6 +18,7 @@ _NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets th
 READABLE = 40.0  # window coordinates at scale 1: the number in a narrower slider cannot be read
 _LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
+SHADE = (0.0, 0.0, 0.0, 0.55)  # around bright marks over the picture
 PLAIN = (  # a window without a frame that cannot be moved and never takes the keyboard
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.always_auto_resize
@@ -26,7 +27,6 @@ PLAIN = (  # a window without a frame that cannot be moved and never takes the k
     | imgui.WindowFlags_.no_nav
     | imgui.WindowFlags_.no_move
 )
-DIALOG = int(imgui.WindowFlags_.no_collapse)  # a window that is soon closed
 Box = tuple[float, float, float, float]  # left, top, right, bottom; window coordinates
 
 
@@ -35,14 +35,13 @@ class Layout:
     """The parts of the window in this frame. scale: of text and widgets.
 
     area: what the menu bar and the side panel leave. picture: the area, or all of the window without the side panel.
-    panel: width of the side panel. over: right end of a side panel that covers the picture, else the left end of the area.
+    panel: width of the side panel.
     """
 
     scale: float = 1.0
     area: Box = (0.0, 0.0, 0.0, 0.0)
     picture: Box = (0.0, 0.0, 0.0, 0.0)
     panel: float = 0.0
-    over: float = 0.0
     legend_height: float = 0.0
     legend_right: float = 0.0  # the right end of the last legend
 
@@ -52,7 +51,6 @@ class Layout:
         (x, y), (width, height) = view.work_pos, view.work_size
         self.scale, self.panel = scale, float(round(min(_PANEL * scale, _SHARE * view.size.x)))
         self.area = (x, y, x + max(width, 0.0), y + max(height, 0.0))
-        self.over = x
         self.picture = self.area if fitted and min(width, height) >= _LEAST_PICTURE else (0.0, 0.0, view.size.x, view.size.y)
 
     @property
@@ -116,8 +114,23 @@ class Layout:
         return left, top, max(min(right, size[0]) - left, 1), max(min(bottom, size[1]) - top, 1)
 
 
-def accent() -> tuple[float, float, float, float]:
-    return AMBER
+def dot(draw: imgui.ImDrawList, place: tuple[float, float], colour: tuple[float, float, float, float]) -> None:
+    """Draw a dot with a dark ring around it."""
+    draw.add_circle_filled(place, 6.0, imgui.get_color_u32(SHADE))
+    draw.add_circle_filled(place, 4.0, imgui.get_color_u32(colour))
+
+
+def line(
+    draw: imgui.ImDrawList,
+    start: tuple[float, float] | None,
+    end: tuple[float, float] | None,
+    colour: tuple[float, float, float, float],
+    width: float = 1.5,
+) -> None:
+    """Draw a line on a darker one; nothing if an end is behind the eye."""
+    if start is not None and end is not None:
+        draw.add_line(start, end, imgui.get_color_u32(SHADE), width + 2.0)
+        draw.add_line(start, end, imgui.get_color_u32(colour), width)
 
 
 def in_unit(text: str, unit: str) -> str:

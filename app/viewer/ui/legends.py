@@ -1,4 +1,4 @@
-"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor."""
+"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor; and a record's."""
 
 from __future__ import annotations
 
@@ -9,64 +9,68 @@ from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.markers import radius_legend
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout, in_unit
-from irrsplat.app.viewer.ui.statistics_view import draw_tracing
+from irrsplat.app.viewer.show.record_inspector import InspectedRecord
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, WHITE, Layout, in_unit
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
 _BAR_WIDTH = 160.0  # of a colour scale
-_MOST = 0.4  # of the picture's height
+_PICTURE_WIDTH = 170.0  # of a record's hemisphere
 
 
-class Legends:
-    def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
-        self.actions, self.display, self.layout = actions, display, layout
-
-    def draw(self, cursor: tuple[int, int] | None) -> None:
-        session, layout = self.actions.session, self.layout
-        layout.legend_height = 0.0
-        if not session.views:
-            return
-        density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
-        first, top, last, bottom = layout.area
-        for side, region in session.sides():
-            x, width = (region[0] / density, region[2] / density) if region else (0.0, layout.picture_size[0])
-            left, right = (min(max(end + layout.picture[0], first), last) for end in (x, x + width))
-            imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
-            imgui.set_next_window_bg_alpha(0.72)
-            imgui.set_next_window_size_constraints((0.0, 0.0), (last - first, max(_MOST * (bottom - top), imgui.get_font_size())))
-            imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
-            room = min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale)
-            imgui.push_text_wrap_pos(room)
-            self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None, room)
-            imgui.pop_text_wrap_pos()
-            layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
-            layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
-            imgui.end()
-
-    def _value(self, side: int, cursor: tuple[int, int]) -> str:
-        """Return the value at a pixel in its unit; "" if there is none."""
-        session, value = self.actions.session, self.display.value(side, cursor)
-        buffer = BUFFERS[session.buffer(side)]
-        unit = buffer.unit_shown(session.source(side))
-        if value is not None and buffer.name == "position" and any(session.origin):
-            return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
-        return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
-
-    def _legend(self, side: int, cursor: tuple[int, int] | None, room: float) -> None:
-        session, scale = self.actions.session, self.layout.scale
-        options, source = session.options, session.source(side)
-        buffer = BUFFERS[session.buffer(side)]
-        who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
-        preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
-        imgui.text(who + buffer.title + preset)
-        draw_scale(buffer.legend(source), scale, room)
-        if buffer.needs_reference:
-            draw_tracing(self.actions)
-        if options.points or options.discs:
-            draw_scale(radius_legend(source.settings, source.scene), scale, room)
-        value = self._value(side, cursor) if cursor is not None else ""
-        if value:
+def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> None:
+    session = actions.session
+    layout.legend_height = 0.0
+    if not session.views:
+        return
+    density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
+    first, _, last, bottom = layout.area
+    for side, region in session.sides():
+        x, width = (region[0] / density, region[2] / density) if region else (0.0, layout.picture_size[0])
+        left, right = (min(max(end + layout.picture[0], first), last) for end in (x, x + width))
+        imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
+        imgui.set_next_window_bg_alpha(0.72)
+        imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
+        room = min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale)
+        imgui.push_text_wrap_pos(room)
+        _draw_legend(actions, display, side, layout.scale, room)
+        if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
             imgui.text(value)
+        imgui.pop_text_wrap_pos()
+        layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
+        layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
+        imgui.end()
+
+
+def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int]) -> str:
+    """Return the value at a pixel in its unit; "" if there is none."""
+    session, value = actions.session, display.value(side, cursor)
+    buffer = BUFFERS[session.options.buffers[side]]
+    unit = buffer.unit_shown(session.source(side))
+    if value is not None and buffer.name == "position" and any(session.origin):
+        return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
+    return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
+
+
+def _draw_legend(actions: Actions, display: Display, side: int, scale: float, room: float) -> None:
+    options, source = actions.session.options, actions.session.source(side)
+    buffer = BUFFERS[options.buffers[side]]
+    who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
+    preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
+    imgui.text(who + buffer.title + preset)
+    draw_scale(buffer.legend(source), scale, room)
+    if buffer.needs_reference:
+        draw_tracing(actions)
+    if options.points or options.discs:
+        draw_scale(radius_legend(source.settings, source.scene), scale, room)
+
+
+def draw_tracing(actions: Actions) -> None:
+    """Draw the progress of the reference while it is traced."""
+    tracing = actions.session.tracing
+    if tracing.traced is not None:
+        imgui.push_style_color(imgui.Col_.text, AMBER)
+        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
+        imgui.pop_style_color()
 
 
 def draw_scale(legend: Legend, scale: float, room: float) -> None:
@@ -84,7 +88,7 @@ def draw_scale(legend: Legend, scale: float, room: float) -> None:
             draw.add_rect_filled((place.x + i * step, place.y), (place.x + (i + 1) * step + 0.5, place.y + height), colour)
         if legend.mark is not None and 0.0 <= legend.mark <= 1.0:
             x = place.x + legend.mark * width
-            draw.add_line((x, place.y - 2.0), (x, place.y + height + 2.0), imgui.get_color_u32((1.0, 1.0, 1.0, 1.0)), 2.0)
+            draw.add_line((x, place.y - 2.0), (x, place.y + height + 2.0), imgui.get_color_u32(WHITE), 2.0)
         imgui.dummy((width, height))
         imgui.same_line()
         imgui.text(in_unit(legend.high, legend.unit))
@@ -93,3 +97,22 @@ def draw_scale(legend: Legend, scale: float, room: float) -> None:
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
     imgui.text_wrapped(legend.text)
     imgui.pop_style_color()
+
+
+def draw_record(record: InspectedRecord, layout: Layout) -> None:
+    """Draw the inspected record in the lower right corner: its numbers, and the hemisphere around it."""
+    _, _, right, bottom = layout.area
+    imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
+    imgui.set_next_window_bg_alpha(0.8)
+    imgui.begin("record", None, PLAIN | imgui.WindowFlags_.no_inputs)
+    if imgui.begin_table("numbers of the record", 2, imgui.TableFlags_.sizing_fixed_fit):
+        for label, text in (*record.lines, ("contributes to", f"{record.served} pixels")):
+            imgui.table_next_column()
+            imgui.text_disabled(label)
+            imgui.table_next_column()
+            imgui.text(text)
+        imgui.end_table()
+    width, picture = _PICTURE_WIDTH * layout.scale, record.picture
+    imgui.image(imgui.ImTextureRef(picture.glo), (width, width * picture.height / picture.width), (0, 1), (1, 0))
+    imgui.text_disabled("hemisphere")
+    imgui.end()

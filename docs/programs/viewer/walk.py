@@ -37,7 +37,7 @@ LIMIT = 200_000  # bytes a picture
 PATIENCE = 900.0  # seconds
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
-    *("slider_float", "slider_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
+    *("slider_float", "slider_int", "input_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
 )
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
@@ -322,8 +322,7 @@ def truth(walker: Walker) -> None:
 
 @task("Save what was made of the scene")
 def save(walker: Walker) -> None:
-    walker.key("1", "ctrl+s")
-    walker.click("save")
+    walker.key("1", "ctrl+s", "Return")
     walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
 
@@ -390,7 +389,7 @@ def main() -> None:
         wnd = open_window(SIZE)
         wnd.position = (0, 0)
         viewer = Viewer(wnd, irrsplat.load("cornell"), "cornell", Preferences())
-        viewer.interface.files.native = False  # the desktop's dialogs differ from one desktop to the next
+        viewer.actions.dialog.native = False  # the desktop's dialogs differ from one desktop to the next
         walker = Walker(viewer, labels)
         walker.rest()
         for number, (title, do) in enumerate(TASKS, start=1):

@@ -90,14 +90,20 @@ class _Stopped(Exception):
 
 class Calling(threading.Thread):
     """A call in the background, begun at once; see `call`. share: finished so far, 0..1. Once the thread has ended, `error` has
-    the exception of a call that failed, and `result` the result of any other."""
+    the exception of a call that failed, and `result` the result of any other. take: called in this thread."""
 
-    def __init__(self, code: str, arguments: tuple[object, ...], failure: str) -> None:
+    def __init__(
+        self,
+        code: str,
+        arguments: tuple[object, ...],
+        failure: str,
+        take: Callable[[dict[str, np.ndarray]], object] | None = None,
+    ) -> None:
         super().__init__(name="calling", daemon=True)
         self.share, self.result = 0.0, cast(object, None)
         self.error: Exception | None = None
         self._stopped = threading.Event()
-        self._call = partial(call, code, arguments, self._note, failure=failure)
+        self._call = partial(call, code, arguments, self._note, take, failure=failure)
         self.start()
 
     def run(self) -> None:
@@ -114,9 +120,13 @@ class Calling(threading.Thread):
             raise _Stopped
         self.share = share
 
-    def release(self) -> None:
-        """End the other process."""
+    def stop(self) -> None:
+        """End the other process a moment later."""
         self._stopped.set()
+
+    def release(self) -> None:
+        """End the other process, and wait for its end."""
+        self.stop()
         self.join(_JOIN)
 
 

@@ -28,7 +28,7 @@ SIZES = (96, 64), (128, 72), (64, 96), (80, 60)
 BOX = 2
 QUICK: SettingValues = {"warmup": 20, "a": 0.8, "gather_size": 8, "shadow_size": 64, "exposure": 1.0}
 QUICK |= {"viewer_samples": 0, "viewer_quality": 0.0}
-KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "Backspace", "F1", "F2", "F3", "F4", "F6"), *"ZXTI")
+KEYS = (*("Home", "Home", "End", "F", "Delete", "Shift+F", "Esc", "F1", "F2", "F3", "F4"), *"ZXTI")
 
 Draw = np.random.Generator
 Act = Callable[[Driver, Draw], None]
@@ -45,10 +45,10 @@ def triple(draw: Draw, high: float, low: float | None = None) -> Point:
 def set_object(driver: Driver, draw: Draw) -> None:
     """Move or turn the box; paint, light or hide any object."""
     made, number = editor(driver), int(draw.integers(3))
-    one = made.object(number)
+    one = made.edit.objects[number]
     made.set_object(*[
-        (BOX, replace(made.object(BOX), offset=triple(draw, 0.3))),
-        (BOX, replace(made.object(BOX), turn=triple(draw, 90.0))),
+        (BOX, replace(made.edit.objects[BOX], offset=triple(draw, 0.3))),
+        (BOX, replace(made.edit.objects[BOX], turn=triple(draw, 90.0))),
         (number, replace(one, albedo=triple(draw, 0.9, 0.0))),
         (number, replace(one, emission=triple(draw, float(draw.choice([0.0, 3.0])), 0.0))),
         (number, replace(one, hidden=not one.hidden)),
@@ -85,7 +85,7 @@ def press(driver: Driver, draw: Draw) -> None:
     """A key: cameras, overlays, panels, the cache's state, or another preset."""
     if draw.random() < 0.3:
         driver.actions.use_preset(str(draw.choice(("paper", "default"))))
-        driver.session.change(driver.actions.side, **QUICK)
+        driver.session.change(driver.session.options.side, **QUICK)
     else:
         push(driver, str(draw.choice(KEYS)))
 
@@ -122,7 +122,7 @@ def check(driver: Driver, done: list[str]) -> None:
 def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver) -> None:
     """Edits, undone and done again, equal those of a list. After all of them are undone, the scene is the loaded one."""
     driver.resize(SIZES[0])
-    driver.actions.scale = 0.75
+    driver.actions.panels.scale = 0.75
     driver.session.change(0, **QUICK)
     draw, states, at, edits, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])

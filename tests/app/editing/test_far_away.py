@@ -56,15 +56,15 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
 
     said: list[str] = []
     monkeypatch.setattr(imgui, "text_disabled", said.append)
-    driver.resize((640, 480), density=0.25)
-    driver.actions.panels.lights = True
+    driver.resize((640, 900), density=0.25)
+    driver.actions.toggle("lights")
     driver.frame(3)
     x = scene.lights[0].position[0]
     driver.drag(driver.find("position").at(0.15), driver.find("position").at(0.3))
     now = session.scene.lights[0].position[0] + session.origin[0]
     assert x + 0.01 < now < x + 2.0 and any(one.startswith(f"in the file: {now:.3f} ") for one in said)
     driver.actions.undo()
-    driver.actions.panels.lights = False
+    driver.actions.panels.lights = driver.actions.panels.controls = False
     driver.resize((160, 120))
     driver.frame(2)
 

@@ -12,19 +12,11 @@ import pytest
 
 from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import KINDS, Editor
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
-from irrsplat.app.viewer.ui.side_panel import SidePanel
 from irrsplat.core.color import LUMINANCE
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
 
 WALLS, _, BOX = range(3)
-
-
-@pytest.fixture(autouse=True)
-def panels_beside_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Place panels outside of this small window, where they cover nothing that is clicked."""
-    monkeypatch.setattr(SidePanel, "left", 360.0)
 
 
 @pytest.fixture
@@ -37,29 +29,31 @@ def editor(driver: Driver) -> Editor:
 def box_at(driver: Driver) -> tuple[float, float]:
     """Return the place of the middle of the box in the window."""
     x, y, z = middle(driver.session.scene.meshes[BOX]).tolist()
-    found = on_screen(driver.session.camera, SIZE, (x, y, z))
-    assert found is not None
-    return found
+    return driver.seen((x, y, z))
+
+
+def hidden(editor: Editor) -> list[int]:
+    return [number for number, one in enumerate(editor.edit.objects) if one.hidden]
 
 
 def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) -> None:
     """The wall behind it is seen then, and the converged view is covered."""
     editor = driver.actions.editor
-    push(driver, "Backspace")
+    push(driver, "Delete")
     assert "nothing is selected" in driver.said and not editor.changed
-    editor.pick_mesh(BOX)
+    editor.mesh = BOX
     driver.resize(SIZE, density=0.25)
     driver.frame()
     here = int(0.25 * box_at(driver)[0]), int(0.25 * box_at(driver)[1])
     assert driver.display.mesh_at(here) == BOX
-    push(driver, "Backspace")
-    assert editor.hidden == [BOX] and editor.mesh is None and "box is hidden" in driver.said
+    push(driver, "Delete")
+    assert hidden(editor) == [BOX] and editor.mesh is None and "box is hidden" in driver.said
     driver.settle()
     assert driver.display.mesh_at(here) == WALLS and driver.session.progress[0].coverage == 1.0
     driver.session.options.frozen = True
-    for item, hidden in (("Undo", []), ("Redo", [BOX])):
+    for item, expected in (("Undo", []), ("Redo", [BOX])):
         driver.choose("Edit", item)
-        assert editor.hidden == hidden
+        assert hidden(editor) == expected
 
 
 def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None:
@@ -86,19 +80,18 @@ def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> N
     """And overwritten only when asked. It is the newest of the recent scenes, and F5 reads its file."""
     push(driver, "Ctrl+S")
     driver.frame(2)
-    assert driver.viewer.interface.files.typed == "room-2.scene"
-    driver.choose("save")
-    assert not driver.actions.panels.save and "room-2.scene is written" in driver.said
+    driver.choose("save room-2.scene")
+    assert driver.actions.prompt is None and "room-2.scene is written" in driver.said
     editor.set_light(0, replace(editor.lights[0], stops=1.0))
     bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
-    assert not driver.actions.panels.save, "saved where it was saved"
+    assert driver.actions.prompt is None, "saved where it was saved"
     push(driver, "F5")
     assert driver.session.scene.lights == bright and driver.actions.title == "room-2"
     assert driver.actions.preferences.recent[0] == os.path.abspath("room-2.scene")
     push(driver, "Ctrl+Shift+S")
     driver.frame(2)
-    assert driver.find("overwrite").kind == "button"
+    assert driver.find("overwrite room-2.scene").kind == "selectable"
     push(driver, "Esc")
 
 
@@ -111,7 +104,7 @@ def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Edit
     for corner in product(*zip(positions.min(0).tolist(), positions.max(0).tolist(), strict=True)):
         place = layout.seen(driver.session.camera, corner)
         assert place is not None
-        if place[0] < layout.over + 3.0:  # below the panel of the object
+        if place[1] > 150.0:  # below the legend
             continue
         around = window[int(place[1]) - 2 : int(place[1]) + 3, int(place[0]) - 2 : int(place[0]) + 3].astype(int)
         assert (around[..., 0] - around[..., 2] > 80).any(), "amber"
@@ -137,14 +130,14 @@ def test_a_right_click_opens_a_menu_and_the_list_selects(driver: Driver, editor:
     driver.frame(3)
     driver.click(x, y, RIGHT)
     assert editor.mesh == BOX
-    driver.choose("Hide")
-    assert editor.hidden == [BOX] and editor.mesh is None
-    driver.actions.panels.outliner = True
+    driver.choose("Delete")
+    assert hidden(editor) == [BOX] and editor.mesh is None
+    driver.actions.toggle("outliner")
     driver.resize((760, 640), density=0.125)
     driver.frame(3)
     driver.choose("show")
-    assert editor.hidden == []
-    driver.choose(editor.name(WALLS))
+    assert hidden(editor) == []
+    driver.choose(editor.loaded.meshes[WALLS].name)
     assert editor.mesh == WALLS
 
 
@@ -152,12 +145,12 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     """The arrow along x points to the right; the camera stays, and there is no hole after it."""
     editor = driver.actions.editor
     camera, edit = driver.session.camera, editor.edit
-    editor.pick_mesh(BOX)
+    editor.mesh = BOX
     driver.resize(SIZE, density=0.5)
     driver.frame(2)
     x, y = box_at(driver)
     driver.drag((x + 25.0, y), (x + 65.0, y))
-    offset = editor.object(BOX).offset
+    offset = editor.edit.objects[BOX].offset
     assert offset[0] > 0.1 and offset[1:] == pytest.approx((0.0, 0.0), abs=1e-5) and driver.session.camera == camera
     assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "it goes with the mouse"
     assert editor.mesh == BOX and len(editor.past) == 1
@@ -168,24 +161,24 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
 
 
 def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor) -> None:
-    editor.pick_mesh(BOX)
+    editor.mesh, driver.actions.panels.controls = BOX, True
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
-    assert editor.object(BOX).offset[0] > 0.0 and len(editor.past) == 1
+    assert editor.edit.objects[BOX].offset[0] > 0.0 and len(editor.past) == 1
     driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
-    assert editor.object(BOX).turn[1] > 0.0
+    assert editor.edit.objects[BOX].turn[1] > 0.0
     driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     driver.choose("reset")
-    assert editor.object(BOX) == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
+    assert editor.edit.objects[BOX] == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
     assert len(editor.past) == 4
 
 
 def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Editor) -> None:
     """Lit by four lights of all kinds, and by none, the picture is covered."""
-    driver.actions.panels.lights = True
-    driver.resize((760, 640), density=0.125)
+    driver.actions.toggle("lights")
+    driver.resize((760, 900), density=0.125)
     driver.frame(3)
     for count, kind in enumerate(KINDS, 2):
         driver.choose("new light", kind)
@@ -217,13 +210,13 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
 def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -> None:
     """128 of 255 is a linear 0.2159 (IEC 61966-2-1), for objects and for lights, relative to the brightest component."""
     driver.resize((760, 640), density=0.125)
-    editor.pick_mesh(1)
+    editor.mesh, driver.actions.panels.controls = 1, True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
-    albedo = editor.object(1).albedo
+    albedo = editor.edit.objects[1].albedo
     assert albedo is not None and albedo[0] == pytest.approx(0.2159, abs=1e-4)
-    editor.pick_mesh(None)
-    driver.actions.panels.lights = True
+    editor.mesh = None
+    driver.actions.toggle("lights")
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
     (light,) = editor.lights
@@ -252,12 +245,12 @@ def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_pat
     driver.frame(2)
     assert not driver.actions.quitting
     driver.choose("cancel")
-    assert driver.actions.pending is None and editor.unsaved
+    assert driver.actions.prompt is None and editor.unsaved
     push(driver, "Ctrl+Q")
     driver.frame(2)
     driver.choose("save…")
     driver.frame(2)
-    driver.choose("save")
+    driver.choose("save room-2.scene")
     assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
     driver.actions.quitting = driver.wnd.is_closing = False
     driver.actions.editor.set_light(0, replace(editor.lights[0], stops=2.0))

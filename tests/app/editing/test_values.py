@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody
-from irrsplat.app.viewer.editing.photometry import light_units
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, light_units
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
 from irrsplat.core.color import LUMINANCE
 from irrsplat.meter.light_meter import LightMeter

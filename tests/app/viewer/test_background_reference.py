@@ -16,7 +16,7 @@ from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference as module
 from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
-from irrsplat.app.viewer.buffers.reference import NO_REFERENCE
+from irrsplat.app.viewer.buffers.light_buffers import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
@@ -62,7 +62,7 @@ def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyP
         driver.frame()
         assert np.abs(driver.canvas() / 255.0 - expected).max() < 1.01 / 255.0, name
     for px, py in ((0, 0), (17, 100), (SIZE[0] - 1, SIZE[1] - 1), (160, 7), (161, 120)):
-        value, at = driver.display.buffer_view.value("reference", session.source(0), px, py), (py, px)
+        value, at = BUFFERS["reference"].value(driver.display.programs.texels, session.source(0), px, py), (py, px)
         assert (value is not None and np.allclose(value, found.irradiance[at], rtol=1e-5)) if found.seen[at] else value is None
 
 
@@ -133,7 +133,7 @@ def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
     (command,) = (one for one in COMMANDS if one.extra == extra)
     driver.actions.press(command)
     (said,) = [m.text for m in driver.actions.messages.lines if not m.error]
-    assert EXTRAS[extra][1] in said and not driver.actions.can(command) and not driver.actions.panels.save
+    assert EXTRAS[extra][1] in said and not driver.actions.can(command)
     monkeypatch.setattr(actions, "find_spec", lambda name: name)
     assert driver.actions.can(command)
 
@@ -151,8 +151,9 @@ def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder
     pid = int(os.read(begun, 20))
     os.close(begun)
     os.kill(pid, 0)
-    thread = driver.session.tracing._last
-    assert thread is not None
+    tracing = driver.session.tracing._tracing
+    assert tracing is not None
+    thread = tracing.calling
     push(driver, "Y")
     thread.join(SAFETY)
     assert not thread.is_alive() and thread.error is None
@@ -175,7 +176,9 @@ def test_every_pass_has_the_right_mean() -> None:
     def take(found: dict[str, np.ndarray]) -> None:
         made.append(Estimate.after(made[-1] if made else None, plan[len(made)], found))
 
-    worker.refine(scene, plan, 3, take, lambda share: None)
+    calling = worker.refining(scene, plan, 3, take)
+    calling.join()
+    assert calling.error is None
     truth = Traced(**worker.trace(scene, subject.camera, subject.size, 24, 3))
     assert [one.samples for one in made] == [8, 16, 48, 176]
     for one in made:

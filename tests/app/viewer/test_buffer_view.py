@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.app.viewer.buffers.light_buffers import weight_range
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.weight import weight_range
-from irrsplat.app.viewer.show import record_inspector as record_table
-from irrsplat.app.viewer.show.record_inspector import RecordInspector
+from irrsplat.app.viewer.show.record_inspector import RecordInspector, weights
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import photometric
@@ -207,13 +206,14 @@ def test_the_light_under_the_cursor_is_in_the_unit_of_the_scale(cornell: ShownVi
 def test_weights_of_records_add_up_and_the_greatest_is_picked(cornell: ShownView) -> None:
     """Σw at a pixel is the sum over all records of what each weighs there: the splat buffer's, but for pixels at a rim."""
     renderer, view, frame = cornell.renderer, cornell.source.view, cornell.frame
-    table = record_table.read(renderer.cache.records)
     sums, found = [], []
+    inspector = RecordInspector(cornell.programs)
+    columns, floor = inspector.columns(cornell.source), renderer.cache.records.luminance_floor
     for y, x in np.random.default_rng(6).permutation(np.argwhere(np.isfinite(frame.depth)))[:120]:
-        w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, renderer.size, renderer.settings)
+        w = weights(columns, floor, frame.position[y, x], frame.normal[y, x], view, renderer.settings)
         sums.append(w.sum())
         found.append(frame.weight[y, x])
-        picked = table.pick(cornell.buffer_view.texels, view, renderer.settings, int(x), int(y))
+        picked = inspector.pick(cornell.source, int(x), int(y))
         assert picked == (int(np.argmax(w)) if w.any() else None)
     assert np.isclose(sums, found, rtol=2e-3).mean() > 0.95
     assert 0.4 < np.mean(np.array(found) > 0.0) < 1.0
@@ -224,7 +224,7 @@ def test_a_record_under_a_sky_sees_one_radiance(ctx: moderngl.Context) -> None:
     L = (0.9, 0.3, 0.1)
     with (
         shown_view(worlds.scene(worlds.floor(), sky=L), rounds=1, placement="tiles") as made,
-        RecordInspector(ctx, made.buffer_view) as inspector,
+        RecordInspector(made.programs) as inspector,
     ):
         texture = inspector.hemisphere(3, replace(made.source, exposure=-1.0))
         assert texture is not None

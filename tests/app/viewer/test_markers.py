@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.app.viewer.show.markers import Markers, radius_range
-from irrsplat.app.viewer.show.screen import clear
+from irrsplat.app.viewer.show.screen import Programs, clear
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
@@ -34,6 +34,7 @@ class Stage:
 
     renderer: Renderer
     view: View
+    programs: Programs
     markers: Markers
     target: Target
 
@@ -62,7 +63,8 @@ def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
 
     def stage(*meshes: object, camera: Camera = OBLIQUE) -> Stage:
         renderer = Renderer(worlds.scene(*meshes, camera=camera), SIZE, ctx=ctx, bounces=0)  # type: ignore[arg-type]
-        made.append(Stage(renderer, renderer.frame()[0], Markers(ctx), Target(ctx, SIZE, (4,))))
+        programs = Programs(ctx)
+        made.append(Stage(renderer, renderer.frame()[0], programs, Markers(programs), Target(ctx, SIZE, (4,))))
         return made[-1]
 
     yield stage
@@ -70,6 +72,7 @@ def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
     for one in made:
         one.renderer.release()
         one.markers.release()
+        one.programs.release()
         one.target.release()
 
 

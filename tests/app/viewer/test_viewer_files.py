@@ -73,7 +73,7 @@ def test_f5_asks_before_unsaved_changes_are_lost(driver: Driver, room: Path) -> 
     driver.frame(2)
     driver.choose("cancel")
     push(driver, "F5")
-    assert driver.actions.pending is not None and driver.session.scene.lights[0].color == bright
+    assert driver.actions.prompt is not None and driver.session.scene.lights[0].color == bright
     driver.choose("discard")
     assert driver.session.scene.lights[0].color != bright and not driver.actions.editor.unsaved
 

@@ -56,12 +56,12 @@ def frame_all(driver: Driver, shown: str) -> None:
         driver.session.free_camera.move(0.0, 0.0, 1.0, 0.2)
         push(driver, key)
         assert driver.session.camera.eye[2] > first.eye[2] and np.allclose(driver.session.camera.axes, first.axes)
-    editor.pick_mesh(2)
+    editor.mesh = 2
     push(driver, "F")
     places = np.array([on_screen(driver.session.camera, size, p) for p in driver.session.scene.meshes[2].positions.tolist()])
     least, most = places.min(0) / size, places.max(0) / size
     assert (least > 0.0).all() and (most < 1.0).all() and (most - least).max() > 0.9
-    editor.pick_mesh(None)
+    editor.mesh = None
     push(driver, "Home")
     assert driver.session.camera == first
 
@@ -202,14 +202,35 @@ def covered(driver: Driver) -> float:
     return float((driver.window() != driver.canvas()).any(-1).mean())
 
 
-@case("F1", "F3", "F4", "F6")
-def panel(driver: Driver, shown: str) -> None:
+@case("F1")
+def keys(driver: Driver, shown: str) -> None:
     """It covers more of the picture, which stays what it is below; and goes again."""
     before = covered(driver)
     push(driver, shown)
     assert covered(driver) > before + 0.05 and driver.session.ms == {}
-    push(driver, shown)
+    assert any(one.label.startswith("Ctrl+Z: Undo") for one in driver.widgets)
+    push(driver, "Esc")
     assert covered(driver) == pytest.approx(before, abs=0.01)
+
+
+@case("F3", "F4")
+def section(driver: Driver, shown: str) -> None:
+    """The side panel opens with the section, and stays open without it; the picture is fitted into the rest."""
+    before, panels, titles = driver.session.size, driver.actions.panels, {"F3": "settings", "F4": "lights"}
+    driver.session.options.frozen = True
+    for titled in (True, False):
+        push(driver, shown)
+        driver.frame(3)
+        assert panels.controls and driver.session.size[0] < 0.7 * before[0]
+        assert (titles[shown] in driver.viewer.interface.side_panel.open_titles) == titled
+    driver.session.options.frozen = panels.controls = False
+
+
+@case("Ctrl+=", "Ctrl+-")
+def enlarge(driver: Driver, shown: str) -> None:
+    push(driver, shown)
+    assert driver.viewer.backend.scale == driver.actions.panels.scale == (1.25 if shown == "Ctrl+=" else 0.75)
+    push(driver, "Ctrl+-" if shown == "Ctrl+=" else "Ctrl+=")
 
 
 @case("F2")
@@ -250,11 +271,11 @@ def test_escape(driver: Driver) -> None:
         driver.frame(5)
     driver.move(200, 120)
     driver.button(True, 2)
-    driver.actions.panels.help = True
+    push(driver, "F1")
     assert driver.wnd.mouse_exclusivity
     driver.actions.say("something is wrong", error=True)
     for _ in range(3):
         push(driver, "Esc")
-    assert not driver.said and not driver.wnd.mouse_exclusivity and not driver.actions.panels.help and not driver.wnd.is_closing
+    assert not driver.said and not driver.wnd.mouse_exclusivity and driver.actions.prompt is None and not driver.wnd.is_closing
     assert driver.session.path_recorder.playing is None
     driver.button(False, 2)

@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.show.light.why_dark import light_at
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.plane import horizontal
@@ -67,8 +66,8 @@ def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
     """The floor behind the box does not see the light; all of its light is indirect, as much as the picture has there."""
     push(driver, "Ctrl+D")
     session = driver.session
-    x, y = on_screen(session.camera, session.size, (-0.45, -1.0, -0.4)) or (0.0, 0.0)
-    driver.click(x, y)
+    driver.settle()
+    driver.click(*driver.seen((-0.45, -1.0, -0.4)))
     driver.frame(2)
     assert session.options.surface is not None and session.options.surface[1] == (0.0, 1.0, 0.0)
     assert session.options.surface[0] == pytest.approx((-0.45, -1.0, -0.4), abs=0.02)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.ui.settings_panel import OF_RENDERS
+from irrsplat.app.viewer.input.prompts import OF_RENDERS
 from irrsplat.scene.model import Camera
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import Driver, fresh, push, viewing, write_room
@@ -37,7 +37,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
-    driver.actions.panels.settings = driver.session.options.frozen = True
+    driver.actions.panels.controls = driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in STAGES:
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -114,7 +114,6 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
     panel.press("ESCAPE")
     panel.frame(2)
     for way in ("buffers", "presets", "off", "buffers"):
-        panel.actions.panels.controls = way != "off"  # they have the choice of the side, for its buffer
         panel.press("TAB")
         panel.frame(3)
         assert panel.session.options.split == way and not panel.viewer.backend.wants_keyboard
@@ -122,7 +121,7 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
         if way == "off":
             for _ in range(2):
                 panel.click(*panel.find("gradients").at())
-    before, panel.actions.side = [renderer.settings for renderer in panel.session.renderers], 0
+    before, panel.session.options.side = [renderer.settings for renderer in panel.session.renderers], 0
     push(panel, "5")
     panel.type("5")
     assert panel.session.options.buffers[0] == "weight"
@@ -149,7 +148,8 @@ def test_the_menus(driver: Driver) -> None:
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     """Switched off, the room is black, for nothing else lights it."""
     (loaded,) = driver.session.scene.lights
-    driver.actions.panels.lights = True
+    driver.actions.toggle("lights")
+    driver.frame(3)
     driver.settle()
     canvas = driver.canvas()
 

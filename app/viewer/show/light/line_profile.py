@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import dist
 
 import moderngl
@@ -10,6 +11,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.picking import pixel_of
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.app.viewer.view_options import Point
 
@@ -35,10 +37,10 @@ class Profile:
 
 def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:
     """Return the profile of the buffer `name` between two points; a surface that hides the line counts in its place."""
-    buffer, share = BUFFERS[name], np.linspace(0.0, 1.0, COUNT)
-    places, inside = _pixels(source, np.array(start) + share[:, None] * np.subtract(end, start))
-    read = _whole_textures()
-    found = [buffer.value(read, source, x, y) if seen else None for (x, y), seen in zip(places.tolist(), inside, strict=True)]
+    buffer, share, view = BUFFERS[name], np.linspace(0.0, 1.0, COUNT), source.view
+    points, read = np.array(start) + share[:, None] * np.subtract(end, start), _whole_textures()
+    places = [pixel_of(view.camera, view.gbuffer.position.size, (x, y, z)) for x, y, z in points.tolist()]
+    found = [None if place is None else buffer.value(read, source, *place) for place in places]
     channels = max((len(value) for value in found if value is not None), default=1)
     values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
     if name == "position":
@@ -47,29 +49,13 @@ def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Pro
     return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
 
 
-def _pixels(source: ViewSource, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 2) pixels of the view, (0, 0) the upper left one, that points (N, 3) lie in; and (N,) whether they lie in any."""
-    camera = source.view.camera
-    assert camera is not None
-    width, height = source.view.gbuffer.position.size
-    x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
-    before = z < 0.0
-    per_metre = height / camera.screen / np.where(before, -z, 1.0)
-    pixels = np.floor(np.stack([0.5 * width + x * per_metre, 0.5 * height - y * per_metre], axis=1))
-    inside = before & ((pixels >= 0.0) & (pixels < (width, height))).all(axis=1)
-    return np.where(inside[:, None], pixels, 0.0).astype(int), inside
-
-
 def _whole_textures() -> Texels:
     """Return a reader of texels that reads each texture once, whole."""
-    known: dict[int, np.ndarray] = {}  # by the number of the texture
 
-    def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-        if texture.glo not in known:
-            values = np.frombuffer(texture.read(), "u1" if texture.dtype == "f1" else texture.dtype)
-            values = values.astype(np.float32) / (255.0 if texture.dtype == "f1" else 1.0)
-            known[texture.glo] = values.reshape(texture.height, texture.width, texture.components)[::-1]
-        found: np.ndarray = known[texture.glo][y, x]
-        return found
+    @cache
+    def whole(texture: moderngl.Texture) -> np.ndarray:
+        values = np.frombuffer(texture.read(), "u1" if texture.dtype == "f1" else texture.dtype)
+        values = values.astype(np.float32) / (255.0 if texture.dtype == "f1" else 1.0)
+        return values.reshape(texture.height, texture.width, texture.components)[::-1]
 
-    return texel
+    return lambda texture, x, y: whole(texture)[y, x]

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.timing import clock, other_process
 from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.light_scale import PERCENTILE, LightScale
 from irrsplat.meter.plane import Plane, horizontal
 from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Scene
@@ -25,6 +29,11 @@ class MeasuredPlane:
     rows: int
     readings: Readings
     height: float
+
+    def scaled(self, scale: LightScale) -> LightScale:
+        """Return the scale with an upper end for the plane, its own or a round number."""
+        watts = (self.readings.total @ LUMINANCE)[self.readings.counts]
+        return scale.up_to(float(np.percentile(watts, PERCENTILE)) if len(watts) else 0.0)
 
 
 class MeasuringPlane:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import meshes_of
 from irrsplat.app.viewer.editing.scene_edit import object_name
 from irrsplat.app.viewer.view_options import Point, point_of
@@ -64,8 +65,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
         end = start + toward * (_FAR * scene.diagonal if light.directional else 1.0)
         what = blocker(end) if E.any() else ""
         reason = f"blocked by {what}" if what else "" if E.any() else _unlit(light, toward, n)
-        name = light.name or f"light {number + 1}"
-        sources.append(Source(name, 0.0 if what else float(photometric(E)), reason, point_of(end)))
+        sources.append(Source(light_name(light, number), 0.0 if what else float(photometric(E)), reason, point_of(end)))
     for i in [i for i, mesh in enumerate(scene.meshes) if any(mesh.material.emission) and len(mesh.faces)][:_MOST]:
         mesh, end = scene.meshes[i], scene.meshes[i].positions.mean(0).astype(float)
         lux = math.pi * float(photometric(np.asarray(mesh.material.emission, float))) * float((hits == i).mean())

@@ -1,15 +1,12 @@
-"""The first minute: menus, palette, the time that is left, a coverage that is true, and what to do outside of the scene."""
+"""The first minute: menus, palette, and what to do outside of the scene."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS
-from irrsplat.app.viewer.ui.statistics_view import coverage_in_words
-from irrsplat.image.view import Progress
 from tests.support.viewing import LEFT, RIGHT, Driver, push
 
 
@@ -37,10 +34,10 @@ def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
     driver.frame()
     assert not any(w.label.startswith("Keys") for w in driver.widgets)
     driver.choose("Help", "Keys")
-    assert driver.actions.panels.help
+    assert driver.actions.prompt is not None
     push(driver, "Esc")
-    assert not driver.actions.panels.help
-    driver.actions.enlarge(2.0)
+    assert driver.actions.prompt is None
+    driver.actions.panels.scale = 2.0
     driver.frame(6)
     assert [w.label for w in driver.widgets if w.kind == "begin_menu" and w.box[2] <= 640] == list(MENUS)
 
@@ -53,7 +50,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
         assert callable(getattr(driver.actions, one.action)) and one.menu.split("/")[0] in MENUS
         assert driver.actions.can(one) in (True, False) and driver.actions.is_active(one) in (True, False)
     grey = {one.title for one in COMMANDS if one.menu == "Edit" and not driver.actions.can(one)}
-    assert grey == {"Undo", "Redo", "Delete", "Hide"}, "nothing is changed or selected"
+    assert grey == {"Undo", "Redo", "Delete"}, "nothing is changed or selected"
 
 
 @pytest.mark.parametrize(("typed", "found"), [
@@ -72,15 +69,7 @@ def test_the_palette_finds_actions_settings_and_scenes(driver: Driver, typed: st
     driver.type(typed)
     driver.press("ENTER")
     driver.frame(2)
-    assert found(driver) and not driver.actions.panels.palette
+    assert found(driver) and driver.actions.prompt is None
     push(driver, "Ctrl+P")
     push(driver, "Esc")
-    assert not driver.actions.panels.palette
-
-
-def test_coverage_in_words() -> None:
-    """A coverage is 0 or 100 % only where it is exactly so."""
-    progress = Progress(0, 20, 3, 0.0)
-    assert coverage_in_words(progress, True) == "first estimate" and coverage_in_words(progress, False) == "first round"
-    for coverage, words in ((0.99996, "99.9"), (1.0, "100.0"), (0.437, "43.7")):
-        assert coverage_in_words(replace(progress, coverage=coverage), True) == f"coverage {words} %"
+    assert driver.actions.prompt is None

@@ -9,6 +9,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import ImageFont
 
+from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from tests.support.viewing import Driver
 
@@ -16,7 +17,7 @@ SIZE = (1000, 640)
 
 
 def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
-    driver.session.options.frozen = driver.actions.panels.settings = True
+    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.settings = True
     driver.resize((640, 1000), density=0.25)
     driver.frame(6)
     slider = driver.find("blend")
@@ -34,17 +35,17 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
     """The window shows the whole picture, pixel for pixel, right of the panel and below the menus; without the panel it fills the
     window. A click picks the mesh at that pixel. The first settings are within the panel."""
     driver.session.options.frozen = driver.actions.panels.controls = True
-    driver.actions.enlarge(scale)
+    driver.actions.panels.scale = scale
     driver.resize(size)
     driver.frame(8)
     left, top, width, height = driver.viewer._place
     assert driver.session.size == (width, height) and left >= 0.3 * size[0] and top > 0 and left + width <= size[0]
     x, y = driver.session.size[0] // 2, driver.session.size[1] // 4
-    assert np.array_equal(driver.window()[top : top + height // 2, left + 8 : left + width], driver.canvas()[: height // 2, 8:])
+    assert np.array_equal(driver.window()[top : top + height // 3, left + 8 : left + width], driver.canvas()[: height // 3, 8:])
     expected = driver.display.mesh_at((x, y))
     driver.click(left + x, top + y)
     assert expected is not None and driver.actions.editor.mesh == expected
-    driver.actions.editor.pick_mesh(None)
+    driver.actions.editor.mesh = None
     named = [w for w in driver.widgets if w.label.lstrip("#") in ("a", "blend", "buffer")]
     assert len(named) == 3 and all(w.box[2] < left for w in named)
     driver.actions.panels.controls = False
@@ -57,17 +58,16 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
     `auto` is wide enough for its number."""
     panels, options = driver.actions.panels, driver.session.options
     options.frozen = panels.controls = True
-    driver.actions.enlarge(2.0)
+    driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
-    panels.lights = panels.outliner = panels.hud = panels.settings = options.why = options.plane = True
+    panels.lights = panels.outliner = panels.settings = options.why = options.plane = True
     driver.frame(6)
     with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
         font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
     headers = {w.label: w for w in driver.widgets if w.kind == "collapsing_header"}
-    for section in driver.viewer.interface.side_panel.sections:
-        if section.is_open():
-            left, _, right, _ = headers[section.title].box
-            assert right - left >= font.getlength(section.title) + 2.0 * 2.0 * FONT_SIZE + 12.0, section.title
+    for title in driver.viewer.interface.side_panel.open_titles:
+        left, _, right, _ = headers[title].box
+        assert right - left >= font.getlength(title) + 2.0 * 2.0 * FONT_SIZE + 12.0, title
     sliders = [w for w in driver.widgets if w.label in ("##tolerance", "##exposure")]
     assert len(sliders) == 4 and all(w.box[2] - w.box[0] >= 80.0 for w in sliders), "in the first settings, and in all"
 
@@ -75,12 +75,13 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
 def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
     """At 640×400 and scale 2, the question about unsaved changes and a legend with a colour scale are not cut off."""
     driver.session.options.frozen = driver.actions.panels.controls = True
-    driver.actions.enlarge(2.0)
+    driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
     driver.actions.show("weight")
-    driver.actions.pending = driver.actions.stop
+    driver.actions.prompt = prompts.unsaved(driver.actions, driver.actions.stop)
     driver.frame(6)
-    for name in ("unsaved changes", "legend 0"):
+    for name in ("prompt", "legend 0"):
         window = imgui.internal.find_window_by_name(name)
         assert window.content_size.x <= window.size.x - 2.0 * window.window_padding.x, name
-        assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0, name
+        assert window.content_size.y <= window.size.y - 2.0 * window.window_padding.y, name
+        assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0 and window.pos.y >= 0.0, name

@@ -25,14 +25,14 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
         driver.type(typed)
         driver.press("ENTER")
         driver.frame(2)
-        assert driver.session.scene.name == name and not driver.actions.panels.open
+        assert driver.session.scene.name == name and driver.actions.prompt is None
     driver.resize((640, 400), density=0.25)
-    driver.actions.enlarge(2.0)
+    driver.actions.panels.scale = 2.0
     push(driver, "Ctrl+O")
     driver.frame(6)
-    assert driver.find("").box[0] > 0.2 * 640, "the line is not scrolled out of the dialog, which has 0.6 of the width"
+    assert driver.find("").box[0] > 0.0, "the line is not scrolled out of the prompt"
     push(driver, "Esc")
-    assert not driver.actions.panels.open
+    assert driver.actions.prompt is None
 
 
 def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
@@ -42,7 +42,7 @@ def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
     other, program = write_room(tmp_path).rename(tmp_path / "other.scene"), tmp_path / "zenity"
     driver.session.options.frozen = True
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    monkeypatch.setattr(driver.viewer.interface.files, "native", True)
+    monkeypatch.setattr(driver.actions.dialog, "native", True)
 
     def answer(line: str, key: str) -> str:
         program.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/asked\n{line}\n')
@@ -50,7 +50,7 @@ def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
         push(driver, key)
         for _ in range(1000):
             driver.frame()
-            if not driver.actions.panels.open and not driver.actions.panels.save:
+            if driver.actions.dialog._asking is None:
                 return (tmp_path / "asked").read_text()
         pytest.fail("no answer after 1000 frames")
 

@@ -35,7 +35,7 @@ def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
         "message": lambda: driver.actions.say("news"),
         "key": lambda: driver.down("W"),
         "camera": lambda: driver.session.free_camera.look(9.0, 0.0, 0.01),
-        "cache": driver.session.clear,
+        "cache": driver.actions.clear,
     }
     for name, act in acts.items():
         assert sleeps(driver, clock), name
@@ -86,10 +86,10 @@ def test_a_notice_goes_and_an_error_stays(clock: CountedClock) -> None:
     clock.advance(4.5)
     messages.expire()
     assert messages.lines == [kept, wrong]
-    before = messages.version
+    before = messages.lines
     clock.advance(0.6)
     messages.expire()
-    assert messages.lines == [wrong] and messages.version != before and messages.rests == float("inf")
+    assert messages.lines == [wrong] and messages.lines != before and messages.rests == float("inf")
     for stops in range(5):
         messages.say(f"exposure {stops}", topic="exposure")
     assert [message.text for message in messages.lines] == ["wrong", "exposure 4"]

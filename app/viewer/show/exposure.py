@@ -1,13 +1,21 @@
-"""The exposure: that of the settings, or adapted to the picture over time."""
+"""The levels of the view: the automatic exposure, and the brightest light."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from weakref import ref
+
+import moderngl
+import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Identity
-from irrsplat.image.composite import CompositePass
+from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
+from irrsplat.meter.light_scale import PERCENTILE
 from irrsplat.renderer import Renderer
 
 _TIME = 0.25  # seconds: time constant of the adaptation
@@ -33,33 +41,26 @@ class AutoExposure:
         self._inputs: object = None  # of the last view, but for its blend
         self._blend = math.nan  # of the last view
         self._held = False  # since the blend has changed, and nothing else
-        self._meter: CompositePass | None = None  # that was asked, and has yet to be read
 
     @property
     def settled(self) -> bool:
         """True if it is constant for a constant picture."""
-        return self._meter is None and abs(self.stops - self._goal) <= _NEAR
+        return abs(self.stops - self._goal) <= _NEAR
 
     def tick(self, renderer: Renderer, view: View, dt: float, filling: bool = False) -> None:
         """Move by `dt` seconds towards what the renderer's settings say, or what its `view` needs; filling: light is still
         missing in it."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
-            self._view = self._meter = None
+            self._view = None
             self._lit = True
             return
-        meter = renderer.composite_pass(view)
-        if self._meter is meter:  # else it may be freed
-            self._read(meter)
-        self._meter = None
         self._hold(renderer, view)
+        before = self._lit
         if view is not self._view and not self._held:
-            self._view, self._meter = view, meter
-            meter.measure(view.image, view.gbuffer)
-        if not self._lit:  # nothing to move from: wait for the reading
-            if self._meter is not None:
-                self._meter = None
-                self._read(meter)
+            self._view = view
+            self._aim(renderer.composite_pass(view).exposure(view.image, view.gbuffer))
+        if not before:  # nothing to move from
             self.stops = self._goal
             return
         slack = _SLACK if filling else 0.0
@@ -81,10 +82,40 @@ class AutoExposure:
             self._held = self._lit
         self._inputs, self._blend = inputs, blend
 
-    def _read(self, meter: CompositePass) -> None:
-        """Take the measurement as the goal; 0 stands for an unlit picture. A darker one than _MOST shows counts as unlit."""
-        found = meter.metered()
+    def _aim(self, found: float) -> None:
+        """Take a measurement as the goal; 0 stands for an unlit picture. A picture that is black also with _MOST is unlit."""
         if found != 0.0 and (found < _MOST or not self._lit):
             self._goal, self._lit = min(max(found, -_MOST), _MOST), True
         elif not self._lit:
             self._goal = 0.0
+
+
+_LATTICE = (96, 60)  # pixels that are looked at for the brightest
+
+
+class BrightestLight(Owner):
+    """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.program, self.target = Program(ctx, "viewer/light_level", "lib/fullscreen"), Target(ctx, _LATTICE, (4,))
+        self.found = 0.0  # W/m², weighted as luminance is
+        self._view: ref[View] | None = None  # weak: it knows its scene, which may no longer be open
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        return (self.program, self.target)
+
+    def look(self, renderer: Renderer, view: View) -> None:
+        """Look at the view, where that is another one than before."""
+        if self._view is not None and view is self._view():
+            return
+        self.program(
+            self.target,
+            position=view.gbuffer.position,
+            sums=view.sums,
+            direct=renderer.direct_irradiance(view),
+            weights=LUMINANCE,
+            lattice=_LATTICE,
+        )
+        light, seen = self.target.read()[..., :2].reshape(-1, 2).T
+        self.found = float(np.percentile(light[seen > 0.0], PERCENTILE)) if seen.any() else 0.0
+        self._view = ref(view)

@@ -1,0 +1,133 @@
+"""Questions to the user that the prompt asks: which command, which file, and what becomes of unsaved changes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from imgui_bundle import portable_file_dialogs as desktop
+
+from irrsplat.app.viewer.input.commands import COMMANDS, FLYING, KEYS
+from irrsplat.scene import FORMATS, bundled
+from irrsplat.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from irrsplat.app.viewer.actions import Actions
+
+OF_RENDERS = frozenset(("samples", "quality"))  # settings without effect in the viewer
+_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")  # one of which portable_file_dialogs needs on Linux
+Act = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """A question. entries: returns the choices for a typed text by their names. text: of the line at first; None: no line."""
+
+    title: str
+    entries: Callable[[str], dict[str, Act]]
+    text: str | None = ""
+
+
+def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
+    """Return the entries whose names have all words."""
+    return {name: act for name, act in entries.items() if all(word in name.lower() for word in words.lower().split())}
+
+
+def command(actions: Actions) -> Prompt:
+    """Offer the actions that can run, the settings and the known scenes."""
+    entries = dict[str, Act]()
+    for one in COMMANDS:
+        if actions.can(one) and one.action not in ("escape", "find_command"):
+            key = f"  ({one.shown})" if one.shown else ""
+            entries.setdefault(f"{one.menu.replace('/', ' ')}: {one.title}{key}", partial(actions.press, one))
+    for name in sorted(SETTINGS.keys() - OF_RENDERS):
+        entries[f"Setting: {name.replace('_', ' ')}"] = partial(actions.show_setting, name)
+    entries |= {f"Open: {name}": act for name, act in _scenes(actions).items()}
+    return Prompt("find a command", lambda text: _having(text, entries))
+
+
+def keys(actions: Actions) -> Prompt:
+    """Show the keys of all actions, below what the mouse and held keys do."""
+    entries: dict[str, Act] = {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
+    held = "\n".join(f"{key}: {words}" for key, words in FLYING)
+    return Prompt(held, lambda text: _having(text, entries))
+
+
+def _scenes(actions: Actions) -> dict[str, Act]:
+    """Return an entry for each bundled and each recent scene."""
+    sources = dict.fromkeys((*bundled(), *actions.preferences.recent))
+    return {os.path.basename(source): partial(actions.open, source) for source in reversed(sources)}
+
+
+def opening(actions: Actions) -> Prompt:
+    """Request a scene: a known one, or a path from the working folder or from the folder of the scene on show."""
+
+    def entries(text: str) -> dict[str, Act]:
+        path = os.path.expanduser(text.strip())
+        paths = [p for p in (path, os.path.join(folder(actions), path)) if path and os.path.isfile(p)]
+        typed: dict[str, Act] = {f"open {text}": partial(actions.open, paths[0] if paths else path)} if path else {}
+        known = _having(text, _scenes(actions))
+        return typed | known if paths else known | typed
+
+    return Prompt("open a scene: a path or a name", entries)
+
+
+def saving(actions: Actions, then: Act | None) -> Prompt:
+    """Request the file of the scene, and call `then` once it is written."""
+
+    def entries(text: str) -> dict[str, Act]:
+        name = text.strip()
+        there = bool(name) and actions.saved_path(name).exists()
+        title = f"{'overwrite' if there else 'save'} {actions.saved_path(name).name}"
+        return {title: partial(actions.save, name, there, then)} if name else {}
+
+    return Prompt(
+        "save the scene: a .scene, and a folder of lights and objects", entries, actions.saved_as or actions.free_name()
+    )
+
+
+def unsaved(actions: Actions, act: Act) -> Prompt:
+    """Offer the choices for unsaved changes before `act`."""
+    answers: dict[str, Act] = {"save…": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
+    return Prompt(f"{actions.session.scene.name} has changes that no file has", lambda text: answers, None)
+
+
+def folder(actions: Actions) -> str:
+    """Return the folder of the scene on show; of a bundled scene, the one where the program runs."""
+    source = actions.source
+    return os.path.dirname(os.path.abspath(source)) if os.path.isfile(source) else os.getcwd()
+
+
+class DesktopDialog:
+    """The desktop's dialog for a file, one at a time. native: True if the desktop has one."""
+
+    def __init__(self, native: bool) -> None:
+        here = sys.platform in ("win32", "darwin") or any(map(shutil.which, _PROGRAMS))
+        self.native = native and here
+        self._asking: desktop.open_file | desktop.save_file | None = None
+        self._take: Callable[[str], object] = lambda path: None
+
+    def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
+        """Request a scene or a path; `take` gets the answer."""
+        if self._asking is None:
+            patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
+            self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
+            self._take = take
+
+    def ask_save(self, name: str, take: Callable[[str], object]) -> None:
+        """Request the name of a file; the dialog confirms that it replaces a present one."""
+        if self._asking is None:
+            self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
+
+    def update(self) -> None:
+        """Take the answer, if there is one."""
+        if self._asking is None or not self._asking.ready(0):
+            return
+        answer, self._asking = self._asking.result(), None
+        if chosen := answer if isinstance(answer, str) else next(iter(answer), ""):
+            self._take(chosen)

@@ -1,0 +1,244 @@
+"""Sections of the side panel that edit the scene: lights, the selected object, and the list of objects; and rings of lights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import imgui
+
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.editing.editor import KINDS
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, described, light_name, light_units, surface_units
+from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, object_name
+from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.ui.layout import AMBER, Layout
+from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.core.color import linear_from_srgb, srgb
+from irrsplat.scene.model import Material, Mesh
+
+
+def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float, float, float]]:
+    """Draw the field of a linear colour, with 0..255 and hex values in sRGB. Return True if it was changed, and the colour.
+
+    A component above 1 sets the scale: the field shows the colour relative to the largest component.
+    """
+    scale = max(1.0, *linear)
+    shown = srgb(np.asarray(linear, float) / scale).tolist()
+    changed, values = imgui.color_edit3(label, shown)
+    red, green, blue = (scale * linear_from_srgb(np.clip(values, 0.0, 1.0))).tolist() if changed else linear
+    return changed, (red, green, blue)
+
+
+def edit_output(layout: Layout, unit: str, value: float, least: float, most: float) -> float | None:
+    """Draw a logarithmic slider with the unit as its label; return the new value if the user changed it to one of 0 or more."""
+    form = "%.0f" if value >= 1000.0 else "%.4g"  # no powers of ten
+    changed, output = imgui.slider_float(layout.label(unit), value, least, most, form, imgui.SliderFlags_.logarithmic)
+    imgui.set_item_tooltip(described(unit, value))
+    return output if changed and output >= 0.0 else None
+
+
+_OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
+_WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
+_DIMMEST = 2.0**-8  # of its full output that a slider dims a light to
+_WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
+
+
+def draw_lights(actions: Actions, layout: Layout) -> None:
+    editor = actions.editor
+    if not editor.lights:
+        imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
+    for i, edited in enumerate(editor.lights):
+        if imgui.selectable(f"{light_name(edited.light, i)}  ({edited.light.kind})##{i}", i == editor.light)[0]:
+            editor.pick_light(i)
+    if imgui.begin_combo(layout.label("new light"), "add"):
+        for kind in KINDS:
+            if imgui.selectable(kind, False)[0]:
+                actions.attempt(lambda kind=kind: actions.add_light(kind))  # type: ignore[misc]
+        imgui.end_combo()
+    imgui.set_item_tooltip("where the camera looks")
+    if editor.light is not None:
+        imgui.separator()
+        _draw_light(actions, layout, editor.light)
+
+
+def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
+    """Draw the widgets of a light, and apply their changes."""
+    editor = actions.editor
+    before = editor.lights[number]
+    if before.light.photometry is not None:
+        imgui.text_disabled(Path(before.light.photometry.path).name)
+    changed, on = imgui.checkbox("on", before.on)
+    edited = replace(before, on=on) if changed else before
+    for unit, full in light_units(edited.light).items():
+        output = edit_output(layout, unit, full * 2.0**edited.stops, full * _DIMMEST, full / _DIMMEST)
+        edited = replace(edited, stops=math.log2(output / full)) if output and full else edited
+    edited = _coloured(layout, _placed(actions, layout, edited))
+    if imgui.button("reset"):
+        edited = LightEdit.of(edited.loaded)
+    imgui.same_line()
+    if imgui.button("delete"):
+        actions.attempt(lambda: editor.delete_light(number))
+    elif edited != before:
+        actions.attempt(lambda: editor.set_light(number, edited))
+
+
+def _placed(actions: Actions, layout: Layout, edited: LightEdit) -> LightEdit:
+    """Return the light after the widgets of place, aim and cone."""
+    session, light = actions.session, edited.light
+    step = session.scene.diagonal / 500.0 if not light.directional else 0.01
+    label = "towards" if light.directional else "position"
+    moved, place = _dragged(session, layout, label, light.position, step, light.directional)
+    if moved and (any(place) or not light.directional) and place != light.spot_target:
+        edited = edited.moved(place)
+    if light.spot_target is None:
+        return edited
+    moved, aim = _dragged(session, layout, "aims at", light.spot_target, step)
+    if moved and aim != tuple(edited.light.position):
+        edited = edited.aimed(aim)
+    if not light.has_cone:
+        return edited
+    cutoff, inner = light.spot_cutoff, light.spot_inner
+    wider, cutoff = imgui.slider_float(layout.label("cone"), cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
+    imgui.set_item_tooltip("half angle of the cone, where the light ends")
+    softer, inner = imgui.slider_float(layout.label("inner cone"), inner, 0.0, cutoff, "%.1f°")
+    imgui.set_item_tooltip("half angle of full intensity")
+    return edited.coned(cutoff, inner) if wider or softer else edited
+
+
+def _dragged(
+    session: Session, layout: Layout, label: str, place: Point, step: float, direction: bool = False
+) -> tuple[bool, Point]:
+    """Draw the widget of a place or a direction. Return True if it has changed, and its present value.
+
+    Far from 0 0 0, where a widget's float32 is too coarse, a place is relative to the scene's origin, and world space stands
+    below it.
+    """
+    moved, (x, y, z) = imgui.drag_float3(layout.label(label), list(place), step, 0, 0, layout.metres)
+    if any(session.origin) and not direction:
+        imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), session.origin)))
+    return moved, (x, y, z)
+
+
+def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
+    """Return the light after the widgets of its colour."""
+    brightest = max(*edited.loaded.color, 1e-30)  # as loaded, so that black is no dead end
+    changed, tint = edit_colour(layout.label("colour"), [c / brightest for c in edited.light.color])
+    if changed:
+        edited = edited.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
+    text = "%.0f K" if edited.kelvin is not None else "own colour"
+    changed, kelvin = imgui.slider_float(layout.label("kelvin"), edited.kelvin or _WHITE, COLDEST, HOTTEST, text)
+    imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
+    return edited.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(edited.light.color) else edited
+
+
+def draw_rings(actions: Actions, layout: Layout) -> None:
+    """Draw a ring in the picture where each light is, while the panel is open; that of the selected light is filled."""
+    editor = actions.editor
+    if not actions.panels.lights:
+        return
+    with layout.over_picture() as draw:
+        for i, edited in enumerate(editor.lights):
+            place = None if edited.light.directional else layout.seen(actions.session.camera, edited.light.position)
+            if place is None:
+                continue
+            colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
+            draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
+            draw.add_circle(place, 9.0, colour, 0, 2.0)
+            if i == editor.light:
+                draw.add_circle_filled(place, 5.0, colour)
+
+
+_DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_ROWS = 10  # of the list that are in sight; more are scrolled to
+_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
+
+
+def draw_object(actions: Actions, layout: Layout) -> None:
+    editor, number = actions.editor, actions.editor.mesh
+    if number is None:
+        return
+    mesh, edit = editor.loaded.meshes[number], editor.edit.objects[number]
+    imgui.text_wrapped(object_name(editor.loaded, number))
+    imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
+    after = _object_painted(_object_placed(edit, layout, actions.session.scene.diagonal / 500.0), mesh, layout)
+    if imgui.button("reset"):
+        after = AS_LOADED
+    if after != edit:
+        actions.attempt(lambda: editor.set_object(number, after))
+
+
+def _object_placed(edit: ObjectEdit, layout: Layout, step: float) -> ObjectEdit:
+    """Return the edit after the widgets of its place. step: metres for a pixel of a drag."""
+    moved, offset = imgui.drag_float3(layout.label("translation"), list(edit.offset), step, 0, 0, layout.metres)
+    imgui.set_item_tooltip("metres from its place in the file")
+    if moved:
+        edit = replace(edit, offset=point_of(offset))
+    turned, turn = imgui.drag_float3(layout.label("rotation"), list(edit.turn), 0.5, 0, 0, "%.1f")
+    imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
+    return replace(edit, turn=point_of(turn)) if turned else edit
+
+
+def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
+    """Return the edit after the widgets of its material."""
+    material = mesh.material
+    if mesh.colors is None and not material.unlit:
+        changed, albedo = edit_colour(layout.label("reflectance"), edit.albedo or material.albedo)
+        imgui.set_item_tooltip("diffuse reflectance as an sRGB colour; multiplies the texture where there is one")
+        if changed:
+            edit = replace(edit, albedo=albedo)
+    emission = edit.emission if edit.emission is not None else material.emission
+    least = _DARKEST if needs_emission(material) else 0.0
+    brightest = max(emission)
+    tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
+    full, now = surface_units(mesh, tint), surface_units(mesh, emission)
+    for unit, one in full.items():
+        output = edit_output(layout, unit, now[unit], least * one, _BRIGHTEST * one)
+        if output is not None and one:
+            edit = replace(edit, emission=point_of([c * max(output / one, least) for c in tint]))
+    if brightest > 0.0:
+        changed, tint = edit_colour(layout.label("emission colour"), tint)
+        if changed and max(tint) > 0.0:
+            edit = replace(edit, emission=point_of([c * brightest for c in tint]))
+    return edit
+
+
+def draw_outliner(actions: Actions) -> None:
+    """Draw the names of all meshes; hidden ones are grey, and have a button that shows them again."""
+    editor = actions.editor
+    count = len(editor.edit.objects)
+    height = (min(count, _ROWS) + 1) * imgui.get_text_line_height_with_spacing()
+    if imgui.begin_child("objects", (0.0, height)):
+        clipper = imgui.ListClipper()
+        clipper.begin(count)
+        while clipper.step():
+            for number in range(clipper.display_start, clipper.display_end):
+                title = f"{object_name(editor.loaded, number)}##{number}"
+                if editor.edit.objects[number].hidden:
+                    if imgui.small_button(f"show##{number}"):
+                        actions.attempt(lambda number=number: editor.hide(number, False))  # type: ignore[misc]
+                    imgui.same_line()
+                    imgui.text_disabled(title.split("##")[0])
+                elif imgui.selectable(title, number == editor.mesh)[0]:
+                    editor.mesh = number
+    imgui.end_child()
+
+
+def needs_emission(material: Material) -> bool:
+    """True if the material must keep some emission: it has a texture of emission, or it filters light and emits."""
+    return any(material.emission) and (material.emission_texture is not None or material.filters)
+
+
+def describe_material(mesh: Mesh) -> str:
+    """A mesh's material in a few words."""
+    material = mesh.material
+    words = ["unlit"] if material.unlit else []
+    words += ["emissive"] if any(material.emission) else []
+    words += ["texture"] if material.albedo_texture is not None else []
+    words += ["normal map"] if material.normal_texture is not None else []
+    words += ["vertex colours"] if mesh.colors is not None else []
+    words += ["transparent"] if material.filters else ["alpha mask"] if material.alpha_mode == "mask" else []
+    return ", ".join(words) or "plain"

@@ -1,0 +1,151 @@
+"""Sections of the side panel about light in numbers: the scale of false colours, the measuring plane, and why a point is dark."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from imgui_bundle import imgui
+
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.buffers.shown_buffer import Legend
+from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.ui.layout import AMBER, READABLE, WHITE, Layout, dot, line
+from irrsplat.app.viewer.ui.legends import draw_scale
+from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.meter.light_scale import STEPS, false_colours
+from irrsplat.meter.readings import Unit
+from irrsplat.scene import ray_caster
+
+_UNITS: tuple[Unit, ...] = ("lux", "W/m2")
+_LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
+
+
+def light_is_shown(actions: Actions) -> bool:
+    """Return True if a side shows light in false colours."""
+    session = actions.session
+    return bool(session.views) and any(session.options.buffers[side] == "light" for side, _ in session.sides())
+
+
+def draw_light_scale(actions: Actions, layout: Layout) -> None:
+    session, label = actions.session, layout.label
+    scale, high = session.options.light_scale, session.light_scale.ends[1]
+    units = [replace(scale, unit=unit).shown_unit for unit in _UNITS]
+    _, chosen = imgui.combo(label("unit"), _UNITS.index(scale.unit), units)
+    if _UNITS[chosen] != scale.unit:
+        factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
+        highest = None if scale.highest is None else scale.highest * factor
+        scale, high = replace(scale, unit=_UNITS[chosen], highest=highest), high * factor
+    maximum = label("maximum")
+    flipped, automatic = imgui.checkbox("auto", scale.highest is None)
+    imgui.set_item_tooltip("a round number above nearly all that is seen")
+    if flipped:
+        scale = replace(scale, highest=None if automatic else high)
+    imgui.set_next_item_width(layout.beside(layout.widget, READABLE * layout.scale))
+    imgui.begin_disabled(scale.highest is None)
+    moved, value = imgui.slider_float(maximum, high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
+    imgui.end_disabled()
+    imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
+    if moved and scale.highest is not None and value > 0.0:
+        scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
+    scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
+    imgui.set_item_tooltip("isolines between the steps of the scale")
+    session.options.light_scale = scale
+
+
+_MOST_VALUES = 81  # over the picture, about
+_SHADE = (0.0, 0.0, 0.0, 0.8)
+_NEARER = 0.999  # of the way from the eye to a point of the plane, which may lie on a surface
+
+
+def draw_plane(actions: Actions, layout: Layout) -> None:
+    session = actions.session
+    plane, top = session.plane, float(np.ptp(session.scene.corners @ np.asarray(session.scene.up)))
+    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, top, "%.2f m")[1]
+    imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
+    plane.height = max(round(height, 3), 0.0)
+    if plane.share is not None:
+        imgui.text_disabled("measuring…" if plane.share == 0.0 else f"measuring: {100.0 * plane.share:.0f} %")
+    if (measured := plane.measured) is None:
+        return
+    scale = measured.scaled(session.options.light_scale)
+    found, (low, high) = measured.readings.summary(scale.unit), scale.ends
+    if found["mean"] is not None:
+        imgui.text(f"mean {light_digits(found['mean'])} {scale.shown_unit}, at {measured.height:.2f} m")
+        imgui.text(f"{light_digits(found['minimum'])} … {light_digits(found['maximum'])} {scale.shown_unit}")
+        if found["uniformity"] is not None:
+            imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
+    lines = f"a line every {light_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines else ""
+    legend = Legend(lines, light_digits(low), light_digits(high), scale.shown_unit, false_colours())
+    draw_scale(legend, layout.scale, layout.room)
+
+
+def draw_values(actions: Actions, layout: Layout) -> None:
+    """Draw values over the picture at some of the points of the plane that are seen."""
+    session = actions.session
+    measured = session.plane.measured
+    if not session.options.plane or not session.views or measured is None:
+        return
+    readings = measured.readings
+    step = int(np.ceil(np.sqrt(max(measured.rows * measured.columns / _MOST_VALUES, 1.0))))
+    numbers = np.arange(measured.rows * measured.columns).reshape(measured.rows, measured.columns)
+    some = numbers[step // 2 :: step, step // 2 :: step].ravel()
+    some = some[readings.counts[some]]
+    points, eye = readings.position[some], np.asarray(session.camera.eye)
+    if ray_caster.available():
+        seen = session.renderers[0].world.caster.free(np.broadcast_to(eye, points.shape), eye + _NEARER * (points - eye))
+        some, points = some[seen], points[seen]
+    values = readings.total[some] @ session.options.light_scale.weights
+    drawn = list[tuple[float, float]]()
+    with layout.over_picture() as draw:
+        for point, value in zip(points.tolist(), values.tolist(), strict=True):
+            place, text = layout.seen(session.camera, point), light_digits(value)
+            size = imgui.calc_text_size(text)
+            if place is not None and all(abs(place[0] - x) > size.x or abs(place[1] - y) > size.y for x, y in drawn):
+                drawn.append(place)
+                left, top = place[0] - 0.5 * size.x, place[1] - 0.5 * size.y
+                draw.add_text((left + 1.0, top + 1.0), imgui.get_color_u32(_SHADE), text)
+                draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
+
+
+_BLOCKED = (0.93, 0.36, 0.30, 1.0)
+
+
+def draw_why(actions: Actions, display: Display) -> None:
+    found, surface = display.point_light(), actions.session.options.surface
+    if found is None or surface is None:
+        here = ray_caster.available()
+        imgui.text_wrapped("click on a surface" if here else f"needs the extra embree: {ray_caster.INSTALL}")
+        return
+    for source in found.sources:
+        lit = f"{light_digits(source.lux)} lux" if not source.reason else source.reason
+        imgui.text_wrapped(f"{source.name}: {lit}")
+    imgui.text_wrapped(f"sky: {100.0 * found.sky_share:.0f} % of the hemisphere, {light_digits(found.sky_lux)} lux")
+    imgui.set_item_tooltip("share weighted by the cosine; transparent surfaces count as opaque")
+    total = display.light_at(surface[0])
+    if total is None:
+        imgui.text_disabled("the point is not in view")
+        return
+    direct = sum(source.lux for source in found.sources) + found.sky_lux
+    imgui.separator()
+    imgui.text(f"direct: {light_digits(direct)} lux")
+    imgui.text(f"indirect: {light_digits(max(total - direct, 0.0))} lux")
+    imgui.set_item_tooltip("reflected by other surfaces: what the picture has there, without direct light")
+
+
+def draw_sight_lines(actions: Actions, display: Display, layout: Layout) -> None:
+    """Draw the point and the sight lines."""
+    found, session = display.point_light(), actions.session
+    surface = session.options.surface
+    here = None if found is None or surface is None else layout.seen(session.camera, surface[0])
+    if found is None or here is None:
+        return
+    with layout.over_picture() as draw:
+        for source in found.sources:
+            line(draw, here, layout.seen(session.camera, source.end), _BLOCKED if source.reason else AMBER)
+        dot(draw, here, WHITE)
+
+
+def light_digits(value: float | None) -> str:
+    """Return a value of light with the digits that a light meter has; "" for None."""
+    return "" if value is None else f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
