@@ -121,7 +121,7 @@ class Settings:
 
     # the order of the stages is the order of the frame
     shadow_size: int = _declare(
-        512, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
+        1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
@@ -365,7 +365,6 @@ PRESETS: dict[str, SettingValues] = {
         "fill_holes": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
-        "shadow_size": 1024,  # nothing else decides where a shadow ends
     },
     "reference": {
         "gather_size": 128,
@@ -374,7 +373,7 @@ PRESETS: dict[str, SettingValues] = {
         "radius_max": 2.0,
         "shadow_size": 2048,
     },
-    "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0},
+    "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }
 
 
