@@ -41,12 +41,13 @@ class TemporalFilter(Owner):
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
+        self.nothing = Target(ctx, (3, 3), (4, 1))  # stands for the picture before the first one
         self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made at first use
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.program, self.fill, self.linear, *(target for pair in self.targets.values() for target in pair))
+        return (self.program, self.fill, self.linear, self.nothing, *(target for pair in self.targets.values() for target in pair))
 
     def forget(self) -> None:
         """The next picture is what the records say."""
@@ -86,7 +87,7 @@ class TemporalFilter(Owner):
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
         now, share = self._target(splats.sums.size, shown), self._share(subject, changed or provisional)
         stride = splats.pixel_stride
-        before = self._before(shown, self._target(splats.sums.size, _Shown(now, camera, subject, scene, 0)))
+        before = self._before(shown)
         for band in bands(now.size):
             self.program(
                 now,
@@ -125,11 +126,10 @@ class TemporalFilter(Owner):
         made.append(Target(self.ctx, size, (4, 1), depth=True))
         return made[-1]
 
-    def _before(self, shown: _Shown | None, unused: Target) -> Uniforms:
-        """Return the uniforms of the last picture. Without one, `unused` has textures of equal formats, so that the program
-        compiles once."""
+    def _before(self, shown: _Shown | None) -> Uniforms:
+        """Return the uniforms of the last picture. Without one, its textures have equal formats: the program compiles once."""
         if shown is None:
-            nothing, facing = (SampledTexture(texture, self.linear) for texture in unused.textures)
+            nothing, facing = (SampledTexture(texture, self.linear) for texture in self.nothing.textures)
             nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
             return {"fading": False, "shown": nothing, "shown_facing": facing, "dimming": (1.0, 1.0, 1.0), **nowhere}
         camera, (width, height), texels = shown.camera, self.size, np.array(shown.target.size)
