@@ -30,11 +30,6 @@ class Places:
 
     sites: Sites
 
-    @staticmethod
-    def own(sites: Sites) -> Places:
-        """Return places whose rays start from the `sites` (S,) themselves."""
-        return Places(sites[np.repeat(np.arange(len(sites)), PLACES)])
-
     def of(self, numbers: np.ndarray) -> Sites:
         """The places of the sites of these numbers (N,), (N·PLACES,)."""
         rows = _rows(numbers)
