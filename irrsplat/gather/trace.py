@@ -108,12 +108,13 @@ class TraceGather(Gather):
         rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
-        known: Uniforms = {} if hits is None else {"first_hits": self.first_hits}
+        known: Uniforms = {"survey": int(self.survey)} if self.hit_values else {}
+        if hits is not None:
+            known["first_hits"] = self.first_hits
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
         whole = (0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)
         areas = tuple(area for area in whole if area[2] * area[3])
-        kinds = {"survey": self.survey} if self.hit_values else {}
         for area in areas:
             self.program(
                 self.target,
@@ -125,7 +126,6 @@ class TraceGather(Gather):
                 places=self.places,
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
-                **kinds,
                 **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms(light)),
             )
         block = (self.side // 4, self.side // 4)

@@ -47,7 +47,13 @@ class TemporalFilter(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.program, self.fill, self.linear, self.nothing, *(target for pair in self.targets.values() for target in pair))
+        return (
+            self.program,
+            self.fill,
+            self.linear,
+            self.nothing,
+            *(target for pair in self.targets.values() for target in pair),
+        )
 
     def forget(self) -> None:
         """The next picture is what the records say."""
