@@ -204,9 +204,9 @@ class Frames(Owner):
         # the last round of a stalled view may have covered all; before the first record there is nothing to examine
         if view.need.of != of and (self.cache.count or not gather):
             view = replace(view, need=self.scheduler.need(screen))
-        if gather or view.pixel_stride == 1:
-            return view, NOTHING_ASKED
-        return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=False)
+        if gather:  # records that wait for their light are left to gather
+            return view, replace(NOTHING_ASKED, complete=ready)
+        return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=view.pixel_stride == 1)
 
     def _progress(self, view: ViewState, requests: RoundResult, renewed: int, waiting: int | None) -> Progress:
         """Return the progress of a view by a round.

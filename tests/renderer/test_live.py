@@ -66,6 +66,16 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
     assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
 
 
+@pytest.mark.few_sites
+def test_the_first_light_is_not_the_last() -> None:
+    """A tick that is spent on the surface cache leaves records to gather: a loop until `still` goes on."""
+    with Renderer(room(), SIZE, **{**FAST, "bounces": "all"}) as renderer:
+        told = [renderer.frame(seconds=TICK)[1]]
+        while not told[-1].still:
+            told.append(renderer.frame(seconds=TICK)[1])
+        assert told[0].records == 0 and told[-1].done and told[-1].records == renderer.cache.count > 0
+
+
 def test_a_view_is_read_as_a_frame() -> None:
     """A still view has the buffers of a render. A view of an earlier camera is an error, not another picture."""
     with Renderer(room(), SIZE, **FAST) as renderer:
