@@ -51,7 +51,7 @@ def agrees(renderer: Renderer) -> None:
 def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames gather records with coarse further bounces, and correct them when the full surface cache exists.
 
-    The coarse cache has 15 % of the sites with half of the rays: its light is within 10 % on average. A file of provisional
+    The coarse cache has 15 % of the sites and of the rays: its light is within 10 % on average. A file of provisional
     records does not count as converged, and a light may move meanwhile. The first frame with values draws a picture, even
     before the next one is due.
     """
