@@ -68,7 +68,7 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
 
 @pytest.mark.few_sites
 def test_the_first_light_is_not_the_last() -> None:
-    """A tick that is spent on the surface cache leaves records to gather: a loop until `still` goes on."""
+    """A tick that is spent on the surface cache leaves records to gather: a loop until `still` continues."""
     with Renderer(room(), SIZE, **{**FAST, "bounces": "all"}) as renderer:
         told = [renderer.frame(seconds=TICK)[1]]
         while not told[-1].still:
