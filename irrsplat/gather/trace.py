@@ -19,6 +19,7 @@ from irrsplat.gather.stratified import ray_directions, site_directions, stratum_
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
+from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
@@ -77,13 +78,13 @@ class TraceGather(Gather):
             },
         )
         self.outputs = (4,) * (5 if hits else 2)
-        self.survey, self.hit_values = survey, hits
+        self.survey = survey
         limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
         self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
         self.first_hits: moderngl.Texture | None = None
         if embree:
             self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
-            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, uneven(-(-self.capacity * count // TABLE_COLUMNS))))
+            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, uneven(row_count(self.capacity * count))))
         # a surface cache has so many sites that the noise of each averages out
         lines = self.capacity // self.columns
         self.sky = None if hits or places > 1 else SkyShares(world, self.side, self.columns, lines, embree)
@@ -108,9 +109,8 @@ class TraceGather(Gather):
         rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
-        known: Uniforms = {"survey": int(self.survey)} if self.hit_values else {}
-        if hits is not None:
-            known["first_hits"] = self.first_hits
+        known: Uniforms = {} if hits is None else {"first_hits": self.first_hits}
+        known |= self.program.declared({"survey": int(self.survey)})
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
         whole = (0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)

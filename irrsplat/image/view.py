@@ -23,6 +23,8 @@ from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera
 
+Reader = WeakMethod[Callable[["View"], Frame]]
+
 
 @dataclass(frozen=True)
 class View:
@@ -47,7 +49,7 @@ class View:
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
     fading: bool = False
-    reader: WeakMethod[Callable[[View], Frame]] | None = field(default=None, repr=False, compare=False)
+    reader: Reader | None = field(default=None, repr=False, compare=False)
 
     def read(self) -> Frame:
         """Return the view as a Frame of numpy arrays that the caller owns, in world space, while the view is valid.

@@ -117,9 +117,9 @@ class _Grid(Owner):
         cell = self.find(points)
         order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])
         self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None], varying=True)
-        self.starts = float_texture(ctx, (TABLE_COLUMNS, uneven(-(-len(starts) // TABLE_COLUMNS))), 1)
+        self.starts = float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(starts)))), 1)
         texel_table.write(self.starts, 0, starts[:, None])
-        self.places = float_texture(ctx, (TABLE_COLUMNS, uneven(-(-len(order) // TABLE_COLUMNS))))
+        self.places = float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(order)))))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
 
     def find(self, points: np.ndarray) -> np.ndarray:

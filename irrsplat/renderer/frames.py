@@ -17,14 +17,14 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.view import Progress, View
+from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.renderer.moving import MovingViews
-from irrsplat.renderer.stages import Reader, Stages
+from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.renderer.tiles import TileScreens
 from irrsplat.scene.model import Camera
@@ -119,7 +119,7 @@ class Frames(Owner):
             view = replace(view, stalled_rounds=0)  # other light may cover what stalled
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
-            progress = self._progress(view, NOTHING_ASKED, renewed, cache.waiting)
+            progress = self._progress(view, NOTHING_ASKED, renewed)
             return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
 
         start = now()
@@ -135,7 +135,7 @@ class Frames(Owner):
         if requests.new and picture and budget.limited and len(cache.stale):  # a frame later, what moves has moved on
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
-        progress = self._progress(view, requests, renewed, cache.waiting if bounces else None)
+        progress = self._progress(view, requests, renewed)
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, camera: Camera) -> Round:
@@ -208,12 +208,10 @@ class Frames(Owner):
             return view, replace(NOTHING_ASKED, complete=ready)
         return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=view.pixel_stride == 1)
 
-    def _progress(self, view: ViewState, requests: RoundResult, renewed: int, waiting: int | None) -> Progress:
-        """Return the progress of a view by a round.
-
-        renewed: records gathered again. waiting: records that wait for that; None without bounces, where nothing is gathered.
-        """
-        stale, made = (0, 1.0) if waiting is None else (waiting, self.scheduler.gatherer.surface_share)
+    def _progress(self, view: ViewState, requests: RoundResult, renewed: int) -> Progress:
+        """Return the progress of a view by a round. renewed: records gathered again. Without bounces none waits for that."""
+        gathers = self.state.settings.most_bounces > 0
+        stale, made = (self.cache.waiting, self.scheduler.gatherer.surface_share) if gathers else (0, 1.0)
         return Progress(
             view.rounds, self.cache.count, requests.new, view.coverage, renewed, stale, requests.complete, made, view.full
         )
@@ -243,8 +241,7 @@ class Frames(Owner):
 
     def progress(self) -> Progress:
         """Return the progress of the present view."""
-        waiting = self.cache.waiting if self.state.settings.most_bounces > 0 else None
-        return self._progress(self.state.view, NOTHING_ASKED, 0, waiting)
+        return self._progress(self.state.view, NOTHING_ASKED, 0)
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""

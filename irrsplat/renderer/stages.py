@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
-from weakref import WeakMethod
 
 import moderngl
 import numpy as np
@@ -23,10 +21,9 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
-from irrsplat.image.view import View
+from irrsplat.image.view import Reader, View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
@@ -37,8 +34,6 @@ from irrsplat.lighting.sky import sky_maps
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
 from irrsplat.surface_cache.cache import SurfaceCache
-
-Reader = WeakMethod[Callable[[View], Frame]]
 
 
 class Lighting(NamedTuple):
@@ -189,8 +184,8 @@ class Stages(Owner):
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 stop_for_input()
                 image, alpha = composite_pass(sums, direct, gbuffer, backdrop, done.camera, settings)
-            drawn = View(done.camera, gbuffer, direct, shown, sums, image, alpha, backdrop=backdrop, fading=left > 0)
-            return replace(drawn, reader=self.reader)
+            buffers = gbuffer, direct, shown, sums, image, alpha
+            return View(done.camera, *buffers, backdrop=backdrop, fading=left > 0, reader=self.reader)
 
         return self._memo.get("picture", (subject, left), draw)
 

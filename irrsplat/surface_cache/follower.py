@@ -40,17 +40,17 @@ class Follower:
         E: np.ndarray,
     ) -> None:
         self.world, self.records, self.transport, self.irradiance = world, records, transport, E
-        self._made, self._area, self._first = made, area, E_1
+        self._made, self._area = made, area
         self.change = 0.0  # of E by the last step, relative to it
         self._lamps: np.ndarray | None = None  # D of the last step; None before `begin`
-        self._beyond = E_1  # c, from `begin` on
+        self._beyond = E_1  # c once `begin` has taken F·D away
         self._relit = False  # True if lights have changed since
 
     def begin(self, shadows: ShadowMaps) -> None:
         """Measure the direct light before the first change of the scene; a scene without changes does without it."""
         if self._lamps is None:
             self._lamps = self.light(shadows)
-            self._beyond = self._first - self.transport(self._lamps)
+            self._beyond = self._beyond - self.transport(self._lamps)
 
     @property
     def begun(self) -> bool:
@@ -71,7 +71,7 @@ class Follower:
 
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct and indirect light by `factor`, (3,)."""
-        self.irradiance, self._beyond, self._first = (x * factor for x in (self.irradiance, self._beyond, self._first))
+        self.irradiance, self._beyond = self.irradiance * factor, self._beyond * factor
         if self._lamps is not None:
             self._lamps = self._lamps * factor
 

@@ -12,7 +12,7 @@ from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.gpu.texel_table import table_rows
+from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.surface_cache.site_layout import SiteLayout
 from irrsplat.surface_cache.site_places import Places
@@ -28,7 +28,7 @@ class LookupTable(Owner):
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, count: int, known: bool = True) -> None:
         self._known = known
-        self.values = table_texture(ctx, np.zeros((-(-count // TABLE_COLUMNS), TABLE_COLUMNS, 4)), varying=True)
+        self.values = table_texture(ctx, np.zeros((row_count(count), TABLE_COLUMNS, 4)), varying=True)
         self.cells = table_texture(ctx, table_rows(cells), varying=True)
         self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]), varying=True)
 

@@ -51,7 +51,6 @@ Look surface_look(int triangle, vec3 share, int side)
     int cell = int(cut.y) + surface_cell(share.yz * cut.x, int(cut.x), weights);
     vec4 found = texel_at(surface_cells, table_texel(cell, 2, side));
     vec3 known = mix(weights, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
-
     if (found.w > 0.0) known *= surface_corners_seen(int(found.w), weights);
     float sum = known.x + known.y + known.z;
     return Look(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? known / sum : vec3(0.0));
