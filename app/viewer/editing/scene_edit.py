@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit
-from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
+
+_POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
 
 
 @dataclass(frozen=True)
@@ -64,15 +65,23 @@ class SceneEdit:
 
 def rotation(turn: Point) -> np.ndarray:
     """Return (3, 3) that turns by degrees about x, then y, then z."""
-    matrix: np.ndarray = Rotation.from_euler("xyz", turn, degrees=True).as_matrix()
+    (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    matrix: np.ndarray = about_z @ about_y @ about_x
     return matrix
 
 
 def angles(matrix: np.ndarray) -> Point:
     """Return the degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # at a tilt of 90 degrees one of two angles is free
-        return point_of(Rotation.from_matrix(matrix).as_euler("xyz", degrees=True))
+    level = math.hypot(matrix[0, 0], matrix[1, 0])
+    y = math.atan2(-matrix[2, 0], level)
+    if level < _POLE:
+        x, z = math.atan2(-matrix[1, 2], matrix[1, 1]), 0.0
+    else:
+        x, z = math.atan2(matrix[2, 1], matrix[2, 2]), math.atan2(matrix[1, 0], matrix[0, 0])
+    return math.degrees(x), math.degrees(y), math.degrees(z)
 
 
 def middle(mesh: Mesh) -> np.ndarray:
