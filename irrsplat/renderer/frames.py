@@ -131,7 +131,15 @@ class Frames(Owner):
             self.ctx.finish()
         costs = replace(state.costs, splat=now() - start)
 
-        view, requests = self._examine(view, screen, shadows, camera, budget.part(1.0, later), (bounces, ready, gather))
+        of = screen.sums, state.settings.request_criteria
+        if not bounces:
+            view, requests = replace(view, need=Need(missing=0.0)), NOTHING_ASKED
+        elif not ready or view.stalled:
+            view, requests = self._examine(view, screen, of, ready, gather)
+        elif view.ended(of):
+            requests = NOTHING_ASKED
+        else:  # 2.3 and 2.1
+            view, requests = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
         if requests.new and picture and budget.limited and len(cache.stale):  # a frame later, what moves has moved on
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
@@ -181,26 +189,12 @@ class Frames(Owner):
         return self.scheduler.screen(gbuffer, splats, camera)
 
     def _examine(
-        self,
-        view: ViewState,
-        screen: Screen,
-        shadows: ShadowMaps,
-        camera: Camera,
-        budget: Budget,
-        may: tuple[bool, bool, bool],
+        self, view: ViewState, screen: Screen, of: tuple[object, ...], ready: bool, gather: bool
     ) -> tuple[ViewState, RoundResult]:
-        """Examine the view, and gather where it lacks records (2.3 and 2.1).
+        """Examine a view that gathers no record in this round: records wait for their light, or rounds gain no coverage.
 
-        may: True if the settings have bounces, if records may be gathered in this round, and if they may be gathered at all.
+        of: the sums and the criteria of the examination. ready: True if records have light. gather: True if they may be gathered.
         """
-        bounces, ready, gather = may
-        of = screen.sums, self.scheduler.settings.request_criteria
-        if not bounces:
-            return replace(view, need=Need(missing=0.0)), NOTHING_ASKED
-        if ready and not view.stalled:
-            if view.ended(of):
-                return view, NOTHING_ASKED
-            return self.scheduler.gather_missing(view, screen, shadows, camera, budget)
         # the last round of a stalled view may have covered all; before the first record there is nothing to examine
         if view.need.of != of and (self.cache.count or not gather):
             view = replace(view, need=self.scheduler.need(screen))
