@@ -72,8 +72,9 @@ def generator(seed: int, first: int, lane: Lanes) -> Lanes:
     State and stream are hashed as in Mitsuba's samplers: PCG32's streams of consecutive numbers are correlated.
     """
     whole, before = (dr.opaque(mi.UInt32, number % 2**32) for number in (seed, first))  # avoids a compilation per seed
-    state, stream = mi.sample_tea_32(whole, before + lane)
     pcg: Any = mi.PCG32
+    hashed: Any = mi.sample_tea_32
+    state, stream = hashed(whole, before + lane)
     return pcg(initstate=mi.UInt64(state), initseq=mi.UInt64(stream))
 
 
