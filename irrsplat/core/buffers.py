@@ -182,10 +182,10 @@ class HitLight:
 class SplatBuffer:
     """The sums of splatting.
 
-    `sums` RGBA32F (Σ k·E, Σ k). `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of the luminances Y of E, for the
-    inter-record variance). `luminance_floor`: as in Records. pixel_stride: 2 if only every other pixel of the view has a texel,
-    in both directions, else 1. reach: R32F texture, relative radius of the records at each pixel, 0..1, in a refined view; None:
-    1.
+    `sums` RGBA32F (Σ k·E, Σ k). `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·(Y² - σ²) of the luminances Y of E and
+    their noise σ, for the inter-record variance). `luminance_floor`: as in Records. pixel_stride: 2 if only every other pixel
+    of the view has a texel, in both directions, else 1. reach: R32F texture, relative radius of the records at each pixel,
+    0..1, in a refined view; None: 1.
     """
 
     sums: moderngl.Texture

@@ -91,6 +91,14 @@ COLUMNS: dict[str, Column] = {
             "the greatest radius that the curvature may lead to, at most settings.WIDE·R_k; 0 in the dark within a closed mesh, "
             "where the record says nothing of light",
         ),
+        Column(
+            "noise",
+            "float",
+            ("noise.x",),
+            "1",
+            "gather",
+            "standard error of the luminance of E by the number of rays, over the luminance itself, at most 1; 0 if not known",
+        ),
         Column("limit", "float", ("limit.x",), "1", "adaptation", "share of its radii that a record may reach at most"),
     )
 }

@@ -8,10 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import moderngl
-import numpy as np
 
 from irrsplat.core.buffers import Atlas, Records, Uniforms
-from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
@@ -30,7 +28,6 @@ _SUMS = (
     "sums_g_g",
     "sums_g_b",
 )  # in the order of reduce_blocks.frag
-_STEPS = 2.2  # measured ratio of the summed differences between neighbouring rays to the error of E
 
 
 class ReducePass(Owner):
@@ -52,7 +49,6 @@ class ReducePass(Owner):
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.light_samples = LightSamplePass(ctx, gradients, places)
         self.targets: dict[tuple[int, int], Target] = {}  # by size of the atlas in blocks
-        self.target: Target | None = None  # of the last call
         self.out: Target | None = None  # the cache's own textures
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -67,7 +63,7 @@ class ReducePass(Owner):
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if size not in self.targets:
             self.targets[size] = Target(self.ctx, (uneven(size[0]), uneven(size[1])), self.components)
-        self.target = self.targets[size]
+        target = self.targets[size]
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
         used = (0, 0, across * per_cell[0], down * per_cell[1])
@@ -76,7 +72,7 @@ class ReducePass(Owner):
         if atlas.sky_share is not None:
             looks["sky_share"] = atlas.sky_share
         self.blocks[mapped, int(atlas.sky_share is not None)](
-            self.target,
+            target,
             scissor=used,
             radiance=atlas.radiance,
             table=atlas.table,
@@ -90,8 +86,8 @@ class ReducePass(Owner):
             **sky,
             **looks,
         )
-        self.light_samples(self.target, atlas, per_cell, used)
-        sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
+        self.light_samples(target, atlas, per_cell, used)
+        sums: dict[str, Any] = dict(zip(_SUMS, target.textures, strict=False))
         textures = [records.textures[name] for name in GATHERED]
         if self.out is None or any(a is not b for a, b in zip(self.out.textures, textures, strict=True)):
             if self.out is not None:
@@ -109,22 +105,3 @@ class ReducePass(Owner):
             table=records.size,
             radii=radii,
         )
-
-    def noise(self, atlas: Atlas) -> np.ndarray:
-        """Return (N,), the estimated relative error of the luminance of E for the last call's `atlas`, which must be of rays.
-
-        Based on differences of radiance between neighbouring rays, without next-event estimation. Requires gradients.
-        """
-        assert self.target is not None
-        down, across = atlas.cell[1] // atlas.block[1], atlas.cell[0] // atlas.block[0]
-        columns, lines = atlas.columns, -(-atlas.count // atlas.columns)
-        light, rest = (
-            self.target.read(i)[::-1][: lines * down, : columns * across]
-            .reshape(lines, down, columns, across, 4)
-            .sum((1, 3))
-            .reshape(-1, 4)
-            for i in (_SUMS.index("sums"), _SUMS.index("sums_g_b"))
-        )
-        Y = light[: atlas.count, :3] @ LUMINANCE
-        noise: np.ndarray = np.sqrt(rest[: atlas.count, 3]) / _STEPS / np.maximum(Y, 1e-20)
-        return noise

@@ -25,7 +25,7 @@ from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, 
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 10  # raise it whenever the content of files or the inputs of records change
+FORMAT = 11  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # array of the viewpoints of spot checks

@@ -138,7 +138,7 @@ class RecordCache(Owner):
             texel_table.write(self._textures[name], first, columns[name][new])
         texel_table.write(self._textures["limit"], first, np.ones((len(sites), 1)))
         if values is not None:
-            texels = {name: np.zeros((len(sites), 4), "f4") for name in GATHERED}
+            texels = {name: np.zeros((len(sites), TEXTURES[name]), "f4") for name in GATHERED}
             record_layout.pack(texels, "irradiance", values[:, :3])
             record_layout.pack(texels, "radius", values[:, 3])
             # without directions: E independent of the normal, E = n_k·M, and no derivatives

@@ -66,6 +66,18 @@ def choose_variant() -> str:
     )
 
 
+def generator(seed: int, first: int, lane: Lanes) -> Lanes:
+    """Return a generator of random numbers for each lane, independent of other lanes and seeds; first: number added to `lane`.
+
+    State and stream are hashed as in Mitsuba's samplers: PCG32's streams of consecutive numbers are correlated.
+    """
+    whole, before = (dr.opaque(mi.UInt32, number % 2**32) for number in (seed, first))  # avoids a compilation per seed
+    pcg: Any = mi.PCG32
+    hashed: Any = mi.sample_tea_32
+    state, stream = hashed(whole, before + lane)
+    return pcg(initstate=mi.UInt64(state), initseq=mi.UInt64(stream))
+
+
 @dataclass(frozen=True)
 class Hit:
     """Surface points, one per lane.
@@ -280,16 +292,16 @@ class Tracer:
         parts = [np.zeros((0, 3))]
         for k in range(0, len(p), step):
             some = [mi.Vector3f(x[k : k + step].T) for x in (p, n, g)]
-            parts.append(self._irradiance(some[0], some[1], some[2], side, seed * 100_003 + k, bounces))
+            parts.append(self._irradiance(some[0], some[1], some[2], side, (seed, k * side * side), bounces))
         return np.concatenate(parts)
 
-    def _irradiance(self, p: Lanes, n: Lanes, g: Lanes, side: int, seed: int, bounces: int) -> np.ndarray:
+    def _irradiance(self, p: Lanes, n: Lanes, g: Lanes, side: int, seed: tuple[int, int], bounces: int) -> np.ndarray:
+        """Return (N, 3) E at points (N,); seed: of a call of `irradiance`, and the number of the first path among its paths."""
         count = side * side
         lane = dr.arange(mi.UInt32, dr.width(p) * count)
         point = lane // count
         p, n, g = (dr.gather(mi.Vector3f, x, point) for x in (p, n, g))
-        generator: Any = mi.PCG32
-        random: Lanes = generator(size=dr.width(lane), initstate=dr.opaque(mi.UInt64, seed))  # avoids a compilation per seed
+        random = generator(*seed, lane)
         stratum = mi.Point2u((lane % count) % side, (lane % count) // side)
 
         def uniform() -> Lanes:  # a point in the unit square per lane, stratified at the first vertex

@@ -82,7 +82,7 @@ def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int,
     seen = places.seen
     halves = np.zeros((2, *seen.shape, 3), np.float32)
     p, n, g = (a[seen] for a in (places.position, places.normal, places.geometric))
-    step = min(max(_PART // (side * side), 1), 65536)  # less than the distance of two seeds in Tracer.irradiance
+    step = max(_PART // (side * side), 1)
     parts = [slice(k, k + step) for k in range(0, len(p), step)]
     found: list[list[np.ndarray]] = [[], []]
     for k, part in enumerate(parts):

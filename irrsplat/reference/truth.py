@@ -17,7 +17,7 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 6  # of content and method; older files in the cache are ignored
+VERSION = 7  # of content and method; older files in the cache are ignored
 MOST_BOUNCES = preset(bounces="all").most_bounces  # a surface of reflectance ρ contributes ρ^N of the first bounce after N
 MOST_SAMPLES = 131_072  # limits the memory of samples in flight
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"

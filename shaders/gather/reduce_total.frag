@@ -19,6 +19,7 @@ uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius there is
 
+const float STEPS = 2.2;     // measured ratio of the summed differences between neighbouring rays to the error of E
 const float ENCLOSED = 0.2;  // share of all directions that end at inner sides; the rest may be of what reaches into that mesh
 
 flat in int v_index;         // in the batch
@@ -32,7 +33,7 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
     vec2 curvature = vec2(0.0);
-    float max_radius = 0.0;
+    float max_radius = 0.0, steps = 0.0, noise = 0.0;
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
@@ -43,7 +44,9 @@ void main()
             vec4 r = texel_at(sums_m_r, at), g = texel_at(sums_m_g, at), b = texel_at(sums_m_b, at);
             M += mat3(r.xyz, g.xyz, b.xyz);
             H += vec3(r.w, g.w, b.w);
-            G += mat3(texel_at(sums_g_r, at).xyz, texel_at(sums_g_g, at).xyz, texel_at(sums_g_b, at).xyz);
+            vec4 g_b = texel_at(sums_g_b, at);
+            G += mat3(texel_at(sums_g_r, at).xyz, texel_at(sums_g_g, at).xyz, g_b.xyz);
+            steps += g_b.w;
 #endif
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
@@ -65,9 +68,12 @@ void main()
     // invisible: only rounding shows pixels of it, and their records contribute to no other pixel.
     // Nothing comes to it, or what rays that begin within rounding of the mesh's side let through.
     bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && solid.y > ENCLOSED * solid.x;
+    // next-event estimation adds to E and hardly to its error; that no ray finds light says little
+    float Y = dot(total.rgb, LUMINANCE);
+    noise = Y > 0.0 ? min(sqrt(steps) / (STEPS * Y), 1.0) : 1.0;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
-    write_record(total.rgb, R, M, G, axis, curvature, max_radius);
+    write_record(total.rgb, R, M, G, axis, curvature, max_radius, noise);
 }

@@ -15,7 +15,7 @@ vec2 deviation_and_mean(vec2 weight, vec4 sums)
 }
 
 // Σw, reduced by inter-record variance: below the tolerance where the deviation exceeds `spread`.
-// weight: Σw and Σ k·Y². sums: Σ k·E, Σ k. Where only a share of the records' reach holds, as much of the spread is allowed, and Σw is
+// weight: Σw and Σ k·(Y² - σ²). sums: Σ k·E, Σ k. Where only a share of the records' reach holds, as much of the spread is allowed, and Σw is
 // that much greater: it counts by that share.
 float effective_weight(vec2 weight, vec4 sums, float share)
 {

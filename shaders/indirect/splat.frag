@@ -17,6 +17,7 @@ flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
 flat in float v_share;
+flat in float v_sure;
 #if GRADIENTS
 flat in vec2 v_curvature;
 flat in mat3 v_m;
@@ -26,7 +27,7 @@ flat in vec3 v_irradiance;
 #endif
 
 layout(location = 0) out vec4 out_sums;     // k·E, k
-layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the luminance of E
+layout(location = 1) out vec2 out_weight;   // w, and k·(Y² - σ²): Y is the luminance of E, σ its noise
 
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
@@ -72,5 +73,5 @@ void main()
 #endif
     out_sums = k * vec4(E, 1.0);
     float Y = dot(E, LUMINANCE);
-    out_weight = vec2(w, k * Y * Y);
+    out_weight = vec2(w, k * Y * Y * v_sure);
 }

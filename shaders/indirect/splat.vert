@@ -14,6 +14,7 @@ flat out vec3 v_normal;
 flat out vec3 v_axis;                  // of its ellipse
 flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
 flat out float v_share;                // of its weight that counts in the sums
+flat out float v_sure;                 // of its squared luminance, what remains without its noise
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out mat3 v_m;
@@ -34,6 +35,7 @@ void main()
     float trust;
     Ellipse ellipse = view_ellipse(texel, d, trust);
     v_share = record_share(texel);
+    v_sure = 1.0 - record_noise(texel) * record_noise(texel);
     if (record_enclosed(texel)) ellipse.along = ellipse.across = OWN_PIXEL * pixel * d;
     float r = ellipse.along;
     v_place = p;

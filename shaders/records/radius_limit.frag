@@ -17,6 +17,7 @@ layout(location = 0) out float out_limit;
 // radii a·R: more than 1, since a place between two records may be covered by only one of them.
 // Records whose normals differ by more than the angle of this cosine are not compared.
 const float COMPARABLE_COSINE = 0.7;
+const float SURE = 2.0;  // standard errors of a difference, which may be noise: the least limit is by the greatest of many differences
 
 void main()
 {
@@ -51,7 +52,8 @@ void main()
         float Y_j = dot(record_irradiance(theirs), LUMINANCE);
         float Y_turned = dot(M, n_j) + LUNES * (1.0 - dot(n, n_j)) * dot(M, n);  // as turned() has it
         float Y_here = extrapolated(vec3(Y_turned), vec3(dot(gradient, apart)), apart, n, ellipse.axis, curvature).x;
-        float difference = abs(Y_here - Y_j) / error_scale(max(Y, Y_j));
+        float off = Y_here - Y_j, noise = SURE * length(vec2(record_noise(texel) * Y, record_noise(theirs) * Y_j));
+        float difference = sqrt(max(off * off - noise * noise, 0.0)) / error_scale(max(Y, Y_j));
         limit = difference * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / difference)) : limit;
     }
     out_limit = limit;

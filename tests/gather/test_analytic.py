@@ -315,3 +315,14 @@ def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context, kind: st
     bare = sites([(1.0, -1.0, z) for z in (-0.5, 0.0, 0.5)], UP)
     known = Sites(bare.position, bare.normal, bare.geometric, np.full(3, floor_triangle))
     assert np.allclose(gather(ctx, world, known, 32, kind).E, np.pi * np.array(EMITTER), rtol=1e-5)
+
+
+def test_records_know_their_noise(ctx: moderngl.Context) -> None:
+    """Records at one place with other rays deviate by their noise within a factor of 2.5, under a small panel and a large one."""
+    for half, least in ((0.05, 0.1), (0.5, 0.005)):
+        lit = quad((-half, 1.0, -half), (2.0 * half, 0.0, 0.0), (0.0, 0.0, 2.0 * half), material(0.0, 1.0))
+        records = gather(ctx, scene(lit), sites(np.tile((0.1, 0.0, 0.05), (200, 1)), (0.0, 1.0, 0.0)), 32)
+        Y = records.E.mean(1)
+        assert Y.std() > least * Y.mean() and 0.4 < records.noise.mean() * Y.mean() / Y.std() < 2.5
+    black = gather(ctx, scene(lit), sites((0.1, 0.0, 0.05), (0.0, -1.0, 0.0)), 32)
+    assert not black.E.any() and black.noise == 1.0, "no light along few rays is no certainty"

@@ -19,7 +19,7 @@ SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 FLOOR = 0.6  # W/m²: darker pixels may have an error of a share of this
-COLUMNS = "position normal irradiance radius vectors gradient limit axis curvature max_radius".split()  # noqa: SIM905
+COLUMNS = "position normal irradiance radius vectors gradient limit axis curvature max_radius noise".split()  # noqa: SIM905
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
@@ -40,7 +40,8 @@ class Table:
     """Records in numpy.
 
     p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), limit (N,): allowed share of the radius. axis (N, 3):
-    direction of least bend, 0 if unknown. bend (N, 2): bends along and across it. farthest (N,): the greatest radius.
+    direction of least bend, 0 if unknown. bend (N, 2): bends along and across it. farthest (N,): the greatest radius. noise (N,):
+    relative standard error.
     """
 
     p: np.ndarray
@@ -53,6 +54,7 @@ class Table:
     axis: np.ndarray
     bend: np.ndarray
     farthest: np.ndarray
+    noise: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
         return records_of(ctx, FLOOR, **dict(zip(COLUMNS, vars(self).values(), strict=True)))
@@ -105,7 +107,7 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
     values.append(known[:, None] * unit(np.cross(n, rng.normal(size=(count, 3)))))
     radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
     values.append(known[:, None] * rng.choice([-2.0, 2.0], (count, 2)) / radii**2)
-    values.append(np.where(rng.random(count) < 0.2, R, 100.0))
+    values += [np.where(rng.random(count) < 0.2, R, 100.0), rng.uniform(0.0, 0.5, count)]
     return Table(*(v.astype("f4").astype(float) for v in values))
 
 
@@ -115,13 +117,13 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)) for w > 1/a. With bends, |p-p_k|/R is taken along and across an axis,
     with R = √(2/|bend|) or the maximum. Otherwise R is at most E/|∇E| on luminance if gradients exist. Radii are finite,
     limited by the allowed share and by the view. A record in front of the pixel's surface, or behind it by more than R/20,
-    has no weight. The second weight is Σ k·Y².
+    has no weight. The second weight is Σ k·(Y² - σ²).
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
     screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
     a = settings.a
-    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most in zip(*vars(records).values(), strict=True):
+    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most, noise in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
         known = settings.gradients and axis.any()
         own = np.array([R_k, R_k])
@@ -164,7 +166,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
             known = np.where(Y_k > 0.0, share, 1.0)
             w, k = w * known, k * known
         sums += k[..., None] * np.concatenate([E, np.ones_like(E[..., :1])], -1)
-        weight += np.stack([np.where(speaks, w, 0.0), k * (E @ LUMINANCE) ** 2], -1)
+        weight += np.stack([np.where(speaks, w, 0.0), k * (E @ LUMINANCE) ** 2 * (1.0 - noise**2)], -1)
     return sums, weight, unsure
 
 

@@ -35,6 +35,7 @@ class Made:
         radii = rng.uniform(0.1, 1.0, count)[:, None] * np.stack([rng.uniform(1.0, 5.0, count), np.ones(count)], 1)
         self.bend = rng.choice([-1.0, 1.0], (count, 2)) * 2.0 / radii**2 * self.axis.any(1)[:, None]
         self.farthest = np.minimum(rng.uniform(0.3, 3.0, count), 3.0 * self.R)
+        self.noise = rng.uniform(0.0, 0.2, count)
         self.dark = 0.5
         self.ctx = ctx
 
@@ -47,6 +48,7 @@ class Made:
             "axis": self.axis,
             "curvature": self.bend,
             "max_radius": self.farthest,
+            "noise": self.noise,
         }
         cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
         write_columns(cache.records, new.start, **{name: values[new] for name, values in columns.items()})
@@ -77,7 +79,8 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     """Return (N,) the least limit from all other records, as a share of a record's radii.
 
     A witness lies within two radii on the same surface. off_ij is the error of record i's Taylor expansion at j, relative
-    to the brighter value. The allowed share a fulfils off·(a/x)² = adapt, with x = |p_j - p_i| in radii.
+    to the brighter value, without the part that two standard errors of both records explain. The allowed share a fulfils
+    off·(a/x)² = adapt, with x = |p_j - p_i| in radii.
     """
     Y, known = made.E @ LUMINANCE, made.axis.any(1)
     radii, M, gradient, bend = np.stack([made.R, made.R], 1), made.n * Y[:, None], np.zeros((len(Y), 3)), 0.0 * made.bend
@@ -101,7 +104,9 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     across = d**2 - along**2 - np.einsum("ijx,ix->ij", apart, made.n) ** 2
     more = np.clip((bend[:, :1] * along**2 + bend[:, 1:] * across) / 2.0, -0.5, 0.5)
     said = np.clip(here * (1.0 + more) + np.einsum("ix,ijx->ij", gradient, apart), 0.0, np.maximum(2.0 * here, 0.0))
-    off = np.abs(said - Y[None]) / error_scale(np.maximum(Y[None], Y[:, None]), made.dark)
+    variance = (made.noise * Y) ** 2
+    off = np.sqrt(np.maximum((said - Y[None]) ** 2 - 4.0 * (variance[:, None] + variance[None]), 0.0))
+    off /= error_scale(np.maximum(Y[None], Y[:, None]), made.dark)
     share = x / settings.a * np.sqrt(settings.adapt / np.maximum(off, 1e-30))
     return np.minimum(np.where(witness, share, 1.0).min(1), 1.0)
 
@@ -135,7 +140,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
     made.M = made.n[:, None, :] * made.E[..., None]
     made.gradient = np.repeat((slope + made.p * second)[:, None], 3, axis=1)
     made.axis[:], made.R[:], made.farthest[:] = (1.0, 0.0, 0.0), 7.0, 20.0
-    made.bend = second[[0, 2]] / made.E[:, :1]
+    made.bend, made.noise[:] = second[[0, 2]] / made.E[:, :1], 0.0
     return made
 
 
@@ -154,7 +159,7 @@ def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx
     for x in (0.3, 0.9, 1.5, 1.9, 2.1):
         made = Made(ctx, 2)
         made.p, made.n[:] = np.array([[0.0, 0.0, 0.0], [0.5 * x, 0.0, 0.0]]), (0.0, 1.0, 0.0)
-        made.E, made.R = np.array([[4.0] * 3, [1.0] * 3]), np.array([1.0, 1.0])
+        made.E, made.R, made.noise = np.array([[4.0] * 3, [1.0] * 3]), np.ones(2), np.zeros(2)
         expected = min(1.0, x * np.sqrt(0.2 / 0.75)) if x < 2.0 else 1.0
         assert np.allclose(made.limits(settings)[:2], expected, rtol=1e-4), x
 

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.record_layout import COLUMNS, GATHERED
+from irrsplat.core.record_layout import COLUMNS, GATHERED, TEXTURES
 from irrsplat.records.record_cache import RecordCache
 from tests.support.worlds import sites
 
@@ -20,7 +20,7 @@ def made_up(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def texels(texture: moderngl.Texture, count: int) -> np.ndarray:
-    return np.frombuffer(texture.read(), "f4").reshape(-1, 4)[:count]
+    return np.frombuffer(texture.read(), "f4").reshape(-1, texture.components)[:count]
 
 
 @pytest.mark.parametrize("parts", [(5, 1, 1019, 3), (4096, 1), (3000, 3000, 9000)])
@@ -52,9 +52,9 @@ def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
     p, n, values = made_up(4096)
     cache.append(sites(p, n))
     for i, name in enumerate(GATHERED):
-        cache.records.textures[name].write((values + i).tobytes())
+        cache.records.textures[name].write((values + i)[:, : TEXTURES[name]].tobytes())
     cache.append(sites(*made_up(1)[:2]))
     assert np.array_equal(cache.read()["irradiance"][:4096], values[:, :3])
     for i, name in enumerate(GATHERED):
-        assert np.array_equal(texels(cache.records.textures[name], 4096), values + i)
+        assert np.array_equal(texels(cache.records.textures[name], 4096), (values + i)[:, : TEXTURES[name]])
     cache.release()

@@ -36,12 +36,23 @@ def inside(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([p for p, _, _ in sides]).astype("f4"), np.concatenate(normals).astype("f4")
 
 
+def test_random_numbers_of_lanes_and_seeds_are_independent(mitsuba: Any) -> None:
+    """Pairs of first numbers fill the cells of a square evenly: χ² of 63 degrees of freedom is 63 ± 11."""
+    import drjit as dr
+    from mitsuba import UInt32
+
+    a, b = (np.array(mitsuba.generator(seed, 7, dr.arange(UInt32, 1 << 18)).next_float32()) for seed in (1, 2))
+    for pair in ((a[:-1], a[1:]), (a[:-23], a[23:]), (a, b)):
+        counts, expected = np.histogram2d(*pair, bins=8)[0], len(pair[0]) / 64.0
+        assert ((counts - expected) ** 2).sum() / expected < 120.0
+
+
 @pytest.mark.parametrize("bounces", [0, 1, 3, MOST_BOUNCES])
 def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     """Every direction brings L_e + ρ/π·E_(N-1), so that E_N = π·L_e·(1 + ρ + … + ρ^(N-1)), and of all π·L_e/(1-ρ).
 
     Without noise as long as no path may end: while the brightest channel's ρ^k is above LEAST_WEIGHT. (In thousands of paths one
-    may slip out through an edge of the room.)
+    may slip out through an edge of the room.) With noise, 1024 paths have a standard error of 0.7 %.
     """
     albedo, emission = np.array([0.3, 0.8, 0.5]), np.array([1.0, 2.0, 3.0])
     path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo), tuple(emission))),), (), (CAMERA,)))
@@ -50,8 +61,8 @@ def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     expected = np.pi * emission * (1.0 - albedo**bounces) / (1.0 - albedo)
     assert E.shape == (24, 3)
     exact = 0.8**bounces > mitsuba.LEAST_WEIGHT
-    assert np.allclose(E, expected, rtol=1e-3 if exact else 0.02)
-    assert np.allclose(E.mean(axis=0), expected, rtol=1e-4 if exact else 0.003)
+    assert np.allclose(E, expected, rtol=1e-3 if exact else 0.03)
+    assert np.allclose(E.mean(axis=0), expected, rtol=1e-4 if exact else 0.006)
 
 
 @pytest.mark.parametrize(

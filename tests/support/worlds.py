@@ -158,7 +158,7 @@ class Gathered:
     """N records.
 
     E (N, 3), R (N,), M and ∇E (N, 3 channels, 3). axis (N, 3): direction of least bend. bend (N, 2): along and across it.
-    farthest (N,): greatest radius.
+    farthest (N,): greatest radius. noise (N,): relative standard error of E.
     """
 
     E: np.ndarray
@@ -168,11 +168,12 @@ class Gathered:
     axis: np.ndarray
     bend: np.ndarray
     farthest: np.ndarray
+    noise: np.ndarray
 
 
 def gathered(cache: RecordCache) -> Gathered:
     """Return a cache's values, read from the GPU."""
-    names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature", "max_radius")
+    names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature", "max_radius", "noise")
     return Gathered(*cache.records.read(*names).values())
 
 

@@ -380,8 +380,7 @@ class RecordGatherer(Owner):
         if few and near.any():
             (tried,) = np.nonzero(near)
             self.atlas = gathered(self.gathers.at(self._basis, few), numbers=numbers[tried])
-            assert self.atlas is not None
-            even = self.gathers.reduction(self.settings).noise(self.atlas) <= _RAY_NOISE
+            even = self.cache.records.read("noise")["noise"][numbers[tried]] <= _RAY_NOISE
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         if len(numbers):
