@@ -52,10 +52,10 @@ def command(actions: Actions) -> Prompt:
 
 
 def keys(actions: Actions) -> Prompt:
-    """Show the keys of all actions, below what the mouse and held keys do."""
-    entries: dict[str, Act] = {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
-    held = "\n".join(f"{key}: {words}" for key, words in FLYING)
-    return Prompt(held, lambda text: _having(text, entries))
+    """Show what the mouse and held keys do, and the keys of all actions."""
+    entries: dict[str, Act] = {f"{key}: {words}": lambda: None for key, words in FLYING}
+    entries |= {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
+    return Prompt("keys: mouse and keyboard", lambda text: _having(text, entries))
 
 
 def _scenes(actions: Actions) -> dict[str, Act]:
