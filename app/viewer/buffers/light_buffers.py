@@ -16,7 +16,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import (
     depth_at,
 )
 from irrsplat.app.viewer.buffers.texture_buffers import NO_TOLERANCE, TextureBuffer, draw_requests, irradiance_at
-from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.app.viewer.show.screen import texel
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.settings import Settings
 
@@ -46,11 +46,11 @@ class LightBuffer(ShownBuffer):
             palette=colours,
         )
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        if not depth_at(texels, source, x, y):
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        if not depth_at(source, x, y):
             return None
-        direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
-        total = direct + irradiance_at(texels, source.view, x, y)
+        direct = texel(source.renderer.direct_irradiance(source.view), x, y)[:3]
+        total = direct + irradiance_at(source.view, x, y)
         return np.array([total @ source.light_scale.weights], np.float32)
 
     def legend(self, source: ViewSource) -> Legend:
@@ -124,12 +124,12 @@ class ErrorBuffer(ShownBuffer):
             unseen=grey,
         )
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        known = source.reference is not None and depth_at(texels, source, x, y) is not None
-        found = texels(source.reference.values, x, y) if source.reference is not None and known else None
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        known = source.reference is not None and depth_at(source, x, y) is not None
+        found = texel(source.reference.values, x, y) if source.reference is not None and known else None
         if found is None or found[3] == 0.0:
             return None
-        error: np.ndarray = np.mean(irradiance_at(texels, source.view, x, y) - found[:3], keepdims=True)
+        error: np.ndarray = np.mean(irradiance_at(source.view, x, y) - found[:3], keepdims=True)
         return error
 
     def legend(self, source: ViewSource) -> Legend:

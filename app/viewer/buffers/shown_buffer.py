@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
+from irrsplat.app.viewer.show.screen import Programs, Region, clear, scale, texel
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -150,14 +150,14 @@ class ShownBuffer(ABC):
     def legend(self, source: ViewSource) -> Legend:
         """Return its legend."""
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Its 1 or 3 numbers in `unit` at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
         return None
 
 
-def depth_at(texels: Texels, source: ViewSource, x: int, y: int) -> float | None:
+def depth_at(source: ViewSource, x: int, y: int) -> float | None:
     """The depth in metres at pixel (x, y) of the view, 0 where nothing is seen; None outside of it."""
     position = source.view.gbuffer.position
     if not (0 <= x < position.width and 0 <= y < position.height):
         return None
-    return float(texels(position, x, y)[3])
+    return float(texel(position, x, y)[3])

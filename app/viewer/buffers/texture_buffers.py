@@ -16,7 +16,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import (
     colour_map,
     depth_at,
 )
-from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.app.viewer.show.screen import texel
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
 
@@ -34,11 +34,11 @@ class TextureBuffer(ShownBuffer):
     components: int = 3
     everywhere: bool = False
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        depth = depth_at(texels, source, x, y)
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        depth = depth_at(source, x, y)
         if depth is None or (depth == 0.0 and not self.everywhere):
             return None
-        return texels(self.texture(source.view), x, y)[: self.components]
+        return texel(self.texture(source.view), x, y)[: self.components]
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,13 @@ class IndirectBuffer(RadianceBuffer):
         else:
             canvas.picture(source, "indirect", view.sums, albedo=view.gbuffer.albedo, gain=source.gain)
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         view = source.view
         if view.indirect is not None:
-            return super().value(texels, source, x, y)
-        if not depth_at(texels, source, x, y):
+            return super().value(source, x, y)
+        if not depth_at(source, x, y):
             return None
-        indirect: np.ndarray = irradiance_at(texels, view, x, y) * texels(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
+        indirect: np.ndarray = irradiance_at(view, x, y) * texel(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
         return indirect
 
 
@@ -111,9 +111,9 @@ class IrradianceBuffer(ShownBuffer):
         else:
             canvas.picture(source, "irradiance", found, gain=source.gain)
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        found = self.texture(source) if depth_at(texels, source, x, y) else None
-        sums = None if found is None else texels(found, x, y)
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        found = self.texture(source) if depth_at(source, x, y) else None
+        sums = None if found is None else texel(found, x, y)
         return None if sums is None or (sums[3] == 0.0 and self.missing) else mean_of(sums)
 
     def legend(self, source: ViewSource) -> Legend:
@@ -161,8 +161,8 @@ class DepthBuffer(TextureBuffer):
         low, high = depth_range(source.scene, source.view.camera)
         canvas.picture(source, "depth", self.texture(source.view), low=low, high=high)
 
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        depth = depth_at(texels, source, x, y)
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        depth = depth_at(source, x, y)
         return None if depth is None else np.array([depth or np.inf], "f4")
 
     def legend(self, source: ViewSource) -> Legend:
@@ -186,9 +186,9 @@ def draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None:
     )
 
 
-def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
+def irradiance_at(view: View, x: int, y: int) -> np.ndarray:
     """Return (3,) irradiance in W/m² that the picture shows at pixel (x, y) of the view; 0 where no record contributes."""
-    return mean_of(texels(view.sums, x, y))
+    return mean_of(texel(view.sums, x, y))
 
 
 def mean_of(sums: np.ndarray) -> np.ndarray:

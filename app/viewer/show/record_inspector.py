@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
-from irrsplat.app.viewer.show.screen import Programs
+from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.buffers import Records
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
@@ -88,10 +88,10 @@ class RecordInspector(Owner):
 
     def pick(self, source: ViewSource, x: int, y: int) -> int | None:
         """Return the number of the record that weighs most at pixel (x, y) of the view; None for none."""
-        records, view, texels = source.renderer.cache.records, source.view, self.programs.texels
-        if not records.count or not depth_at(texels, source, x, y):
+        records, view = source.renderer.cache.records, source.view
+        if not records.count or not depth_at(source, x, y):
             return None
-        p, n = texels(view.gbuffer.position, x, y)[:3], texels(view.gbuffer.normal, x, y)[:3]
+        p, n = texel(view.gbuffer.position, x, y)[:3], texel(view.gbuffer.normal, x, y)[:3]
         w = weights(self.columns(source), records.luminance_floor, p, n, view, source.settings)
         return int(np.argmax(w)) if w.any() else None
 

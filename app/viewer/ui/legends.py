@@ -59,7 +59,7 @@ def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> No
     """Draw titles and scales, with those texts alone that leave most of the picture free."""
     options, source = actions.session.options, actions.session.source(side)
     buffer = BUFFERS[options.buffers[side]]
-    who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
+    who = f"{('left', 'right')[side]}: " if options.divider in (0.0, 1.0) else ""
     preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
     imgui.text(who + buffer.title + preset)
     legends = [buffer.legend(source)]
