@@ -131,7 +131,7 @@ class Viewer(Owner):
         while (self.session.views or not all(self.wnd.buffer_size)) and (taken := self.desktop.take()):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
-            for _ in range(_PASSES):
+            for _ in range(0 if self.controls.flies else _PASSES):  # no shortcut works in flight
                 if self.session.views:
                     self._draw_interface(_INSTANT, None)
                     self.backend.end()

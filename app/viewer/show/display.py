@@ -8,9 +8,9 @@ from typing import cast
 
 import numpy as np
 
+from irrsplat.app.viewer.buffers.kinds import irradiance_at
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
 from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
@@ -60,7 +60,7 @@ class Display(Owner):
         """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.options.buffers[side], self.session.source(side)
         cache = source.renderer.cache
-        return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
+        return name, source.inputs, BUFFERS[name].state(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides, and the record under the cursor where records are inspected."""

@@ -49,7 +49,7 @@ def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int
     """Return the value at a pixel in its unit; "" if there is none."""
     session, value = actions.session, display.value(side, cursor)
     buffer = BUFFERS[session.options.buffers[side]]
-    unit = buffer.unit_shown(session.source(side))
+    unit = buffer.legend(session.source(side)).unit
     if value is not None and buffer.name == "position" and any(session.origin):
         return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
     return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)

@@ -16,7 +16,7 @@ from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference as module
 from irrsplat.app.viewer.buffers.background_reference import Estimate, Subject, TracedReference
-from irrsplat.app.viewer.buffers.light_buffers import NO_REFERENCE
+from irrsplat.app.viewer.buffers.kinds import NO_REFERENCE
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show

@@ -43,4 +43,4 @@ def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Pro
     if name == "position":
         values = values + source.origin
     names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
-    return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
+    return Profile(share * dist(start, end), values, buffer.legend(source).unit, names)
