@@ -339,7 +339,7 @@ class Actions:
             self.save_as(then)
 
     def _free_name(self) -> str:
-        """A name for the scene, where the program runs, that no file has yet."""
+        """Return a name for the scene, where the program runs, that no file has yet."""
         names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 

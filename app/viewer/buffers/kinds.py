@@ -62,7 +62,7 @@ def irradiance_at(view: View, x: int, y: int) -> np.ndarray:
 
 
 def radiance(name: str, texture: Texture, covers_unseen: Callable[[View], bool] = lambda view: True) -> ShownBuffer:
-    """Radiance, exposed and tone-mapped as the picture is; the backdrop's where the texture does not cover unseen pixels."""
+    """Show radiance, exposed and tone-mapped as the picture is; the backdrop's where the texture does not cover unseen pixels."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         view = source.view
@@ -73,7 +73,7 @@ def radiance(name: str, texture: Texture, covers_unseen: Callable[[View], bool] 
 
 
 def image() -> ShownBuffer:
-    """The picture, before its backdrop."""
+    """Show the picture, before its backdrop."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         view = source.view
@@ -86,7 +86,7 @@ def image() -> ShownBuffer:
 
 
 def indirect() -> ShownBuffer:
-    """Indirect radiance: the mean of a pixel's samples, or, of the one at its centre, albedo/π times the irradiance there."""
+    """Show indirect radiance: the mean of a pixel's samples, or, of the one at its centre, albedo/π times the irradiance there."""
     mean = radiance("indirect", lambda view: view.indirect or view.sums)
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
@@ -119,7 +119,7 @@ def irradiance(
     more: Callable[[ViewSource], str] = lambda source: "",
     needs_reference: bool = False,
 ) -> ShownBuffer:
-    """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k.
+    """Show irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k.
 
     texture: None before it is made, when the legend is `missing`. more: further words for the legend.
     """
@@ -145,7 +145,7 @@ def irradiance(
 
 
 def light() -> ShownBuffer:
-    """Irradiance or illuminance by the scale that the user has set, whatever the surface reflects."""
+    """Show irradiance or illuminance by the scale that the user has set, whatever the surface reflects."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         scale, (low, high) = source.light_scale, source.light_scale.ends
@@ -176,7 +176,7 @@ def light() -> ShownBuffer:
 
 
 def error() -> ShownBuffer:
-    """The error against the reference, in the colours of `irrsplat verify`."""
+    """Show the error against the reference, in the colours of `irrsplat verify`."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         reference = source.reference
@@ -209,7 +209,7 @@ def error() -> ShownBuffer:
 
 
 def weight() -> ShownBuffer:
-    """Σw on a logarithmic scale, with the contour of the threshold."""
+    """Show Σw on a logarithmic scale, with the contour of the threshold."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = weight_range(source.settings)
@@ -226,7 +226,7 @@ def weight() -> ShownBuffer:
 
 
 def requests() -> ShownBuffer:
-    """The pixels that request a record, orange over the dim picture; the value is Σw."""
+    """Show the pixels that request a record, orange over the dim picture; the value is Σw."""
 
     def legend(source: ViewSource) -> Legend:
         settings = source.settings
@@ -241,7 +241,7 @@ def requests() -> ShownBuffer:
 
 
 def weight_range(settings: Settings) -> tuple[float, float]:
-    """The ends of the logarithmic scale of Σw; the threshold lies inside."""
+    """Return the ends of the logarithmic scale of Σw; the threshold lies inside."""
     least, threshold = 1.0 / settings.a, settings.threshold
     low, high = 0.5 * least, _DECADES * least
     return (min(low, 0.5 * threshold) if threshold > 0.0 else low), max(high, 2.0 * threshold)
@@ -267,7 +267,7 @@ def _draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None
 
 
 def share(name: str, texture: Texture, text: str, components: int = 3, everywhere: bool = False) -> ShownBuffer:
-    """Values 0..1, sRGB encoded. text: of the legend."""
+    """Show values 0..1, sRGB encoded. text: of the legend."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         canvas.picture(source, "unit", texture(source.view), grey=components == 1)
@@ -276,7 +276,7 @@ def share(name: str, texture: Texture, text: str, components: int = 3, everywher
 
 
 def normal(name: str, title: str, texture: Texture) -> ShownBuffer:
-    """Unit vectors, x y z as red, green and blue from -1 to 1."""
+    """Show unit vectors, x y z as red, green and blue from -1 to 1."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         canvas.picture(source, "range", texture(source.view), low=np.full(3, -1.0), high=np.ones(3))
@@ -285,7 +285,7 @@ def normal(name: str, title: str, texture: Texture) -> ShownBuffer:
 
 
 def position() -> ShownBuffer:
-    """Positions, x y z as red, green and blue through the bounds of the scene."""
+    """Show positions, x y z as red, green and blue through the bounds of the scene."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = source.scene.bounds
@@ -300,7 +300,7 @@ def position() -> ShownBuffer:
 
 
 def depth() -> ShownBuffer:
-    """The distance along the view axis, which the position's texels hold as their fourth component."""
+    """Show the distance along the view axis, which the position's texels hold as their fourth component."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = _depth_range(source.scene, source.view.camera)
@@ -317,7 +317,7 @@ def depth() -> ShownBuffer:
 
 
 def _depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
-    """The least and the greatest distance along the view axis, in metres, that anything within the scene's bounds can have."""
+    """Return the least and the greatest distance along the view axis, in metres, that anything within the scene's bounds can have."""
     along = (scene.corners - np.asarray(camera.eye)) @ -camera.axes[2]
     low, high = max(float(along.min()), 0.0), float(along.max())
     return low, high if high > low else low + scene.diagonal

@@ -150,6 +150,6 @@ class ShownBuffer:
     state: Callable[[ViewSource], object] = lambda source: None
 
     def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """Its numbers at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
+        """Return its numbers at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
         depth = depth_at(source, x, y)
         return None if depth is None or (depth == 0.0 and not self.everywhere) else self.read(source, x, y)

@@ -49,7 +49,7 @@ def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None
 
 
 def gather_atlas() -> ShownBuffer:
-    """What the records of the last batch saw."""
+    """Show the hemispheres of the records of the last batch."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         atlas = source.renderer.scheduler.gatherer.atlas
@@ -64,7 +64,7 @@ def gather_atlas() -> ShownBuffer:
 
 
 def shadow_maps() -> ShownBuffer:
-    """The tiles of all lights."""
+    """Show the shadow maps of all lights."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         shadows = source.renderer.shadows

@@ -93,15 +93,16 @@ class DesktopDialog:
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
         """Request a scene or a path; `take` gets the answer."""
-        if self._asking is None:
-            patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
-            self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
-            self._take = take
+        patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
+        self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns]), take)
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
         """Request the name of a file; the dialog confirms that it replaces a present one."""
+        self._ask(lambda: desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take)
+
+    def _ask(self, begin: Callable[[], desktop.open_file | desktop.save_file], take: Callable[[str], object]) -> None:
         if self._asking is None:
-            self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
+            self._asking, self._take = begin(), take
 
     def update(self) -> None:
         """Take the answer, if there is one."""

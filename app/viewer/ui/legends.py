@@ -12,7 +12,7 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, WHITE, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, WHITE, Layout, in_unit
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
 _ACROSS, _DOWN = 0.6, 0.2  # shares of the picture: the greatest width of a legend, and the greatest height of its text
@@ -68,17 +68,6 @@ def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> No
     for legend in legends:
         fits = imgui.calc_text_size(legend.text, wrap_width=room).y <= _DOWN * layout.picture_size[1]
         draw_scale(legend if fits else replace(legend, text=""), layout.scale, room)
-    if buffer.needs_reference:
-        draw_tracing(actions)
-
-
-def draw_tracing(actions: Actions) -> None:
-    """Draw the progress of the reference while it is traced."""
-    tracing = actions.session.tracing
-    if tracing.traced is not None:
-        imgui.push_style_color(imgui.Col_.text, AMBER)
-        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
-        imgui.pop_style_color()
 
 
 def draw_scale(legend: Legend, scale: float, room: float) -> None:

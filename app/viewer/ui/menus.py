@@ -37,8 +37,6 @@ def draw_menus(actions: Actions) -> None:
                     imgui.end_menu()
             _entries(actions, title)
             imgui.end_menu()
-    if imgui.calc_text_size(f"  {actions.title}").x <= imgui.get_content_region_avail().x:
-        imgui.text_disabled(f"  {actions.title}")
     imgui.end_main_menu_bar()
 
 

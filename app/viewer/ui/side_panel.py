@@ -10,7 +10,6 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
-from irrsplat.app.viewer.ui.legends import draw_tracing
 from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner
 from irrsplat.app.viewer.ui.panels.light_panels import draw_light_scale, draw_plane, draw_why, light_is_shown
 from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings, draw_sides
@@ -129,7 +128,10 @@ class SidePanel:
         ):
             if true:
                 imgui.text_colored(AMBER, words)
-        draw_tracing(actions)
+        if session.tracing.traced is not None:
+            imgui.push_style_color(imgui.Col_.text, AMBER)
+            imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
+            imgui.pop_style_color()
         imgui.text_wrapped("done" if done else "computing…")
         imgui.begin_disabled(not done)
         if imgui.button("Refine further"):

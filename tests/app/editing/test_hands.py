@@ -6,12 +6,13 @@ import os
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from irrsplat.app.film.background import FilmInBackground
-from irrsplat.app.viewer.editing.editor import KINDS, Editor
+from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
 from irrsplat.core.color import LUMINANCE
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
@@ -77,7 +78,7 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
-    """Where the desktop has no dialog. It is the newest of the recent scenes, and F5 reads its file."""
+    """The desktop has no dialog here. The file is the newest of the recent scenes, and F5 reads its file."""
     push(driver, "Ctrl+S")
     assert "room-2.scene is written" in driver.said
     editor.set_light(0, replace(editor.lights[0], stops=1.0))
@@ -176,8 +177,8 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
     driver.actions.toggle("lights")
     driver.resize((760, 900), density=0.125)
     driver.frame(3)
-    for count, kind in enumerate(KINDS, 2):
-        driver.choose("new light", kind)
+    for count, kind in enumerate(get_args(Kind), 2):
+        driver.choose("Edit", f"Add a {kind} light")
         light = driver.session.scene.lights[-1]
         assert len(driver.session.scene.lights) == count and light.kind == kind and editor.light == count - 1
     editor.pick_light(2)

@@ -11,7 +11,6 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, described, light_name, light_units, surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, object_name
 from irrsplat.app.viewer.session import Session
@@ -54,12 +53,6 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     for i, edited in enumerate(editor.lights):
         if imgui.selectable(f"{light_name(edited.light, i)}  ({edited.light.kind})##{i}", i == editor.light)[0]:
             editor.pick_light(i)
-    if imgui.begin_combo(layout.label("new light"), "add"):
-        for kind in KINDS:
-            if imgui.selectable(kind, False)[0]:
-                actions.attempt(lambda kind=kind: actions.add_light(kind))  # type: ignore[misc]
-        imgui.end_combo()
-    imgui.set_item_tooltip("where the camera looks")
     if editor.light is not None:
         imgui.separator()
         _draw_light(actions, layout, editor.light)
