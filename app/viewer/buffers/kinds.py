@@ -86,7 +86,7 @@ def image() -> ShownBuffer:
 
 
 def indirect() -> ShownBuffer:
-    """Show indirect radiance: the mean of a pixel's samples, or, of the one at its centre, albedo/π times the irradiance there."""
+    """Show indirect radiance: the mean of all samples, or, of the one at the centre, albedo/π times the irradiance there."""
     mean = radiance("indirect", lambda view: view.indirect or view.sums)
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
@@ -317,7 +317,7 @@ def depth() -> ShownBuffer:
 
 
 def _depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
-    """Return the least and the greatest distance along the view axis, in metres, that anything within the scene's bounds can have."""
+    """Return the least and the greatest distance along the view axis, in metres, within the scene's bounds."""
     along = (scene.corners - np.asarray(camera.eye)) @ -camera.axes[2]
     low, high = max(float(along.min()), 0.0), float(along.max())
     return low, high if high > low else low + scene.diagonal
