@@ -55,7 +55,7 @@ class ViewOptions:
     outliner: bool = False
     hidden: bool = False
     fullscreen: bool = False
-    close_menus: bool = False  # in the next frame
+    close_menus: bool = False  # and lists, in the next frame
     context_menu: bool = False  # opens in the next frame
     sought: str = ""  # the setting that its list scrolls to
     scale: float = 1.0  # of text and widgets; the monitor has another one

@@ -75,6 +75,9 @@ class Interface:
         if paint is not None:
             paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
+        if options.close_menus:
+            imgui.internal.close_popups_except_modals()
+            options.close_menus = False
         if not options.hidden:
             if display.shows_scene:
                 draw_rings(actions, layout)

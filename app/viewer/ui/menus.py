@@ -29,8 +29,6 @@ def draw_menus(actions: Actions) -> None:
         opened = imgui.begin_menu(title)
         imgui.pop_style_var()
         if opened:
-            if actions.options.close_menus:
-                imgui.close_current_popup()
             for submenu in dict.fromkeys(one.menu for one in COMMANDS if one.menu.startswith(f"{title}/")):
                 if imgui.begin_menu(submenu.split("/")[1]):
                     _entries(actions, submenu)
@@ -47,13 +45,10 @@ def draw_context_menu(actions: Actions) -> None:
         imgui.open_popup("context")
         options.context_menu = False
     if imgui.begin_popup("context"):
-        if options.close_menus:
-            imgui.close_current_popup()
         for command in COMMANDS:
             if command.action in _CONTEXT:
                 _entry(actions, command)
         imgui.end_popup()
-    options.close_menus = False
 
 
 def _entries(actions: Actions, menu: str) -> None:
