@@ -41,8 +41,6 @@ class Layout:
     area: Box = (0.0, 0.0, 0.0, 0.0)
     picture: Box = (0.0, 0.0, 0.0, 0.0)
     panel: float = 0.0
-    legend_height: float = 0.0
-    legend_right: float = 0.0  # the right end of the last legend
 
     def start(self, scale: float, fitted: bool) -> None:
         """Start a frame. fitted: True if the picture is to be fitted into the area."""

@@ -23,7 +23,6 @@ _PICTURE_WIDTH = 170.0  # of a record's hemisphere
 
 def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> None:
     session = actions.session
-    layout.legend_height = 0.0
     if not session.views:
         return
     density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
@@ -40,8 +39,6 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
         if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
             imgui.text(value)
         imgui.pop_text_wrap_pos()
-        layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
-        layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
         imgui.end()
 
 
