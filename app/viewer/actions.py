@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from datetime import datetime
 from importlib.util import find_spec
+from math import dist
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +20,14 @@ from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.light_edit import light_name
-from irrsplat.app.viewer.editing.picking import nearest_on_screen
+from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import object_name
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Panels, Split, restore, saved
+from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Split, ViewOptions
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -35,7 +36,6 @@ from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
-_STOPS = 64.0  # the greatest exposure, up and down
 _FINEST = 0.05  # % of estimated error: what refinement can aim at by the menu
 _RING = 12.0  # window coordinates from the middle of a light's ring that a click may be
 
@@ -57,9 +57,10 @@ class Actions:
         native: bool = False,
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
-        self.panels, self.messages = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1])), Messages()
-        restore(preferences.ui, session.options, self.panels)
-        self.panels.fullscreen = preferences.fullscreen
+        self.messages = Messages()
+        self.options.restore(preferences.ui)
+        self.options.scale = min(max(preferences.scale, SCALES[0]), SCALES[1])
+        self.options.fullscreen = preferences.fullscreen
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
@@ -87,8 +88,12 @@ class Actions:
         return f"needs the extra {command.extra}: {install}" if module and find_spec(module) is None else ""
 
     @property
+    def options(self) -> ViewOptions:
+        return self.session.options
+
+    @property
     def selected(self) -> bool:
-        return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
+        return self.editor.mesh is not None or (self.editor.light is not None and self.options.lights)
 
     @property
     def has_path(self) -> bool:
@@ -115,7 +120,7 @@ class Actions:
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui, preferences.scale = saved(self.session.options, self.panels), self.panels.scale
+        preferences.ui, preferences.scale = self.options.kept(), self.options.scale
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -124,20 +129,14 @@ class Actions:
         self.stop()
         self.session.free_camera.home()
 
-    def frame_all(self) -> None:
-        """Go back until the whole scene is seen, in the direction that one looks in."""
-        self.stop()
-        self.session.look_at_all(self.session.scene.bounds)
-
     def frame_selected(self) -> None:
         """Go where the picked object, or the whole scene where none is, is just in the picture, in the same direction."""
-        mesh = self.editor.mesh
-        if mesh is None or self.editor.edit.objects[mesh].hidden:
-            self.frame_all()
-            return
         self.stop()
-        positions = self.session.scene.meshes[mesh].positions
-        self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
+        mesh, bounds = self.editor.mesh, self.session.scene.bounds
+        if mesh is not None and not self.editor.edit.objects[mesh].hidden:
+            positions = self.session.scene.meshes[mesh].positions
+            bounds = np.stack([positions.min(0), positions.max(0)]).astype(float)
+        self.session.free_camera.frame(bounds, self.session.size[0] / self.session.size[1])
 
     def go(self, camera: Camera) -> None:
         """Jump to a camera, which is in world space."""
@@ -178,19 +177,18 @@ class Actions:
     @property
     def shown_buffer(self) -> str:
         """The buffer on the side that keys change."""
-        options = self.session.options
+        options = self.options
         return options.buffers[options.side if options.split != "off" else 0]
 
     def show(self, name: str) -> None:
         """Show a buffer on the side that keys change."""
-        options = self.session.options
+        options = self.options
         options.buffers[options.side if options.split != "off" else 0] = name
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
         """Return True if an option or a part of the interface is on; a section of the side panel, while that is open."""
-        on = bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name, False))
-        return on and (self.panels.controls or name not in SECTIONS)
+        return bool(getattr(self.options, name, False)) and (self.options.controls or name not in SECTIONS)
 
     def is_active(self, command: Command) -> bool:
         """Return True if what an action chooses or switches on is so now."""
@@ -215,8 +213,8 @@ class Actions:
 
     def toggle(self, name: str) -> None:
         on = not self.is_on(name)
-        setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, on)
-        self.panels.controls |= on and name in SECTIONS
+        setattr(self.options, name, on)
+        self.options.controls |= on and name in SECTIONS
 
     def use_split(self, way: Split) -> None:
         self.session.split(way)
@@ -224,26 +222,27 @@ class Actions:
 
     def split(self) -> None:
         ways = list(SPLITS)
-        way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
+        way = ways[(ways.index(self.options.split) + 1) % len(ways)]
         self.use_split(way)
 
     def flip(self) -> None:
         """Show one side alone, the other one each time; from one picture on, that of another preset."""
-        options = self.session.options
+        options = self.options
         if options.split == "off":
             self.session.split("presets")
-        options.side = options.alone = 0 if options.alone == 1 else 1
+        options.side = 0 if options.divider == 0.0 else 1
+        options.divider = float(1 - options.side)
         self.say(("left", "right")[options.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
-        self.session.use_preset(self.session.options.side, name)
+        self.session.use_preset(self.options.side, name)
         self.say(f"preset {name}", topic="preset")
 
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends; from 0, which means no refinement, begin at the default."""
-        now = self.session.settings(self.session.options.side)[1].viewer_quality
+        now = self.session.settings(self.options.side)[1].viewer_quality
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
-        self.session.change(self.session.options.side, viewer_quality=aim)
+        self.session.change(self.options.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def trace(self) -> None:
@@ -254,23 +253,13 @@ class Actions:
         """Take what was chosen, traced and filmed meanwhile; measure the plane, if it is shown."""
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
-        self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
+        self.attempt(lambda: self.session.plane.update(self.options.plane, self.session.scene))
         self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:
         """The view whose reference would be traced."""
-        return self.session.subject(self.session.camera, self.session.settings(self.session.options.side)[1])
-
-    def expose(self, step: float) -> None:
-        """Expose by so many stops more."""
-        now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
-        self.session.change(self.session.options.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
-        self.say(f"exposure {self.session.settings(self.session.options.side)[1].exposure:+.1f} stops", topic="exposure")
-
-    def auto_exposure(self) -> None:
-        self.session.change(self.session.options.side, exposure="auto")
-        self.say("exposure auto", topic="exposure")
+        return self.session.subject(self.session.camera, self.session.settings(self.options.side)[1])
 
     def clear(self) -> None:
         for renderer in self.session.active:
@@ -282,11 +271,14 @@ class Actions:
         """Pick the light whose ring is at a pixel, while the lights' panel is open; else the `mesh` seen there, or nothing.
         density: pixels per window coordinate."""
         editor, session = self.editor, self.session
-        rings = [None if edited.light.directional else edited.light.position for edited in editor.lights]
-        found = nearest_on_screen(session.camera, session.size, rings, pixel, _RING * density)
-        light = found if self.panels.lights else None
-        if light is not None:
-            editor.pick_light(light)
+        lit = {
+            number: on_screen(session.camera, session.size, edited.light.position)
+            for number, edited in enumerate(editor.lights)
+            if self.options.lights and not edited.light.directional
+        }
+        near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
+        if near:  # of several, the one nearest to the eye
+            editor.pick_light(min(near, key=lambda number: dist(editor.lights[number].light.position, session.camera.eye)))
         else:
             editor.mesh = mesh
             editor.light = None if mesh is None else editor.light
@@ -297,7 +289,7 @@ class Actions:
         if mesh is not None:
             editor.hide(mesh)
             self.say(f"{object_name(editor.loaded, mesh)} is hidden; the list of objects shows it again", topic="pick")
-        elif light is not None and self.panels.lights:
+        elif light is not None and self.options.lights:
             name = light_name(editor.lights[light].light, light)
             editor.delete_light(light)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
@@ -307,7 +299,7 @@ class Actions:
     def add_light(self, kind: Kind) -> None:
         """Add a light where the camera looks, and show it in its panel."""
         self.editor.add_light(kind)
-        self.panels.lights = self.panels.controls = True
+        self.options.lights = self.options.controls = True
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
@@ -332,34 +324,30 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
-        """Request the file of the scene, and save it there."""
-        if self.dialog.native:  # it confirms that a present file is replaced
-            name = self.saved_as or os.path.join(prompts.folder(self), self.free_name())
-            self.dialog.ask_save(name, lambda path: self.save(path, overwrite=True, then=then))
+        """Request the file of the scene, and save it there; without a dialog of the desktop under a new name."""
+        if self.dialog.native:
+            name = self.saved_as or os.path.join(prompts.folder(self), self._free_name())
+            self.dialog.ask_save(name, lambda path: self.save(path, then))
         else:
-            self.prompt = prompts.saving(self, then)
+            self.save(self._free_name(), then)
 
     def save_again(self, then: Callable[[], object] | None = None) -> None:
-        """Save the scene where it was saved last; the first time, request its file."""
+        """Save the scene where it was saved last; the first time, as a new file."""
         if self.saved_as:
-            self.save(self.saved_as, overwrite=True, then=then)
+            self.save(self.saved_as, then)
         else:
             self.save_as(then)
 
-    def saved_path(self, name: str) -> Path:
-        """The path of a scene that is saved under this name, with its ending."""
-        return Path(name if name.endswith(".scene") else f"{name}.scene")
-
-    def free_name(self) -> str:
-        """A name for the scene, where the program runs, that no file has yet."""
+    def _free_name(self) -> str:
+        """Return a name for the scene, where the program runs, that no file has yet."""
         names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
-    def save(self, name: str, overwrite: bool = False, then: Callable[[], object] | None = None) -> None:
-        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, and call `then`. Raises InputError
-        where there is such a file, and it may not be overwritten."""
-        path = self.saved_path(name)
-        lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite)
+    def save(self, name: str, then: Callable[[], object] | None = None) -> None:
+        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, in place of those there, and call
+        `then`."""
+        path = Path(name if name.endswith(".scene") else f"{name}.scene")
+        lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
         self.editor.saved = self.editor.edit
         self.saved_as = str(path)
         self.preferences.opened(str(path))
@@ -403,13 +391,13 @@ class Actions:
         """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
         self.editor.pick_light(None)
-        self.panels.close_menus, self.prompt = True, None
+        self.options.close_menus, self.prompt = True, None
         self.messages.close()
 
     def enlarge(self, step: float) -> None:
         """Make text and widgets larger by a step, within SCALES."""
-        self.panels.scale = min(max(self.panels.scale + step, SCALES[0]), SCALES[1])
-        self.say(f"interface × {self.panels.scale:g}", topic="scale")
+        self.options.scale = min(max(self.options.scale + step, SCALES[0]), SCALES[1])
+        self.say(f"interface × {self.options.scale:g}", topic="scale")
 
     def find_command(self) -> None:
         """Open the prompt for an action, a setting or a scene."""
@@ -421,8 +409,8 @@ class Actions:
 
     def show_setting(self, name: str) -> None:
         """Open the settings at the one of this name."""
-        self.panels.controls = self.panels.settings = True
-        self.panels.sought = name
+        self.options.controls = self.options.settings = True
+        self.options.sought = name
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or given up."""
@@ -454,11 +442,11 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_file(self) -> None:
-        """Request a scene or a path, and open it."""
+        """Request a scene or a path, and open it; without a dialog of the desktop by the palette."""
         if self.dialog.native:
             self.dialog.ask_open(prompts.folder(self), self.open)
         else:
-            self.prompt = prompts.opening(self)
+            self.prompt = prompts.command(self)
 
     def open(self, source: str) -> None:
         """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""

@@ -15,13 +15,12 @@ from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, BrightestLight
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
-from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.show.screen import Region, texel
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import pixels
 from irrsplat.image.view import Progress, View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.light_scale import LightScale
@@ -212,19 +211,16 @@ class Session(Owner):
     def sides(self) -> Iterator[tuple[int, Region | None]]:
         """The sides on show, and the part of the window that each takes (None: all of it)."""
         width, height = self.size
-        if self.options.split == "off" or self.options.alone is not None:
+        middle = round(self.options.divider * width)
+        if self.options.split == "off" or middle in (0, width):
             yield self.side_at(0), None
             return
-        middle = min(max(round(self.options.divider * width), 1), width - 1)
         yield 0, (0, 0, middle, height)
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
         """The side at `x`, pixels from the left."""
-        options = self.options
-        if options.split == "off":
-            return 0
-        return int(x >= round(options.divider * self.size[0])) if options.alone is None else options.alone
+        return int(self.options.split != "off" and x >= round(self.options.divider * self.size[0]))
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
         """The pixel of a view that the window's pixel (x, y) shows: views of a moving camera may be smaller."""
@@ -284,7 +280,7 @@ class Session(Owner):
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
-        options.split, options.alone = way, None
+        options.split, options.divider = way, 0.5
 
     def _pose(self, ended: bool) -> None:
         """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
@@ -294,10 +290,6 @@ class Session(Owner):
             scene = path.motions.at(self.scene.placed(self.origin), frame).local
             for renderer in self.renderers:
                 renderer.pose(scene)
-
-    def look_at_all(self, bounds: np.ndarray) -> None:
-        """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""
-        self.free_camera.frame(bounds, self.size[0] / self.size[1])
 
     def pose(self, scene: Scene) -> None:
         """Show the same scene with other lights, another sky, meshes elsewhere, repainted or hidden: records are gathered again
@@ -320,7 +312,7 @@ class Session(Owner):
         """The world point seen in the middle of the picture; the camera's target where there is none."""
         if self.views:
             texture = self.views[0].gbuffer.position
-            x, y, z, depth = pixels(texture)[texture.height // 2, texture.width // 2].tolist()
+            x, y, z, depth = texel(texture, texture.width // 2, texture.height // 2).tolist()
             if depth > 0.0:
                 return x, y, z
         return self.camera.target
@@ -332,7 +324,10 @@ class Session(Owner):
         self.size, self._made = size, []
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
-        """Show another scene with the same settings, from its own first camera; or from where one is, with path and speed."""
+        """Show another scene with the same settings, from its own first camera; or from where one is, with speed and path.
+
+        A path that moves objects does not stay.
+        """
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
         made: list[Renderer] = []
@@ -352,13 +347,11 @@ class Session(Owner):
         if keep_camera:
             self.free_camera.go(before.camera.shifted(moved) if moved.any() else before.camera)
             self.free_camera.speed = before.speed
-        if moved.any():
-            self.path_recorder.shift(moved)
-            self.options.line = None
-        if not keep_camera or not self.path_recorder.fits(scene):
-            self.path_recorder = PathRecorder()
+        path = self.path_recorder.path
+        if not keep_camera or moved.any() or (path is not None and path.motions):  # of objects that may be gone
+            self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         if not keep_camera:
-            self.auto_exposure, self.options.line, self.options.surface = AutoExposure(), None, None
+            self.auto_exposure = AutoExposure()
         self._made = []
 
 

@@ -21,8 +21,8 @@ SPLITS: dict[Split, str] = {  # and their titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # of both below
-SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # parts of the side panel, of both below
+KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # from one session to the next
+SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # of the side panel
 
 
 def point_of(values: np.ndarray | Sequence[float]) -> Point:
@@ -32,13 +32,12 @@ def point_of(values: np.ndarray | Sequence[float]) -> Point:
 
 @dataclass
 class ViewOptions:
-    """The buffers on show, the split, overlays, and what is measured."""
+    """The buffers on show, the split, overlays, what is measured, and the open parts of the interface."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
     side: int = 0  # that keys and panels change
-    alone: int | None = None  # the side that fills the picture; None: both, with a divider
-    divider: float = 0.5  # of the window's width
+    divider: float = 0.5  # of the window's width; at its ends one side fills the picture
     points: bool = False
     discs: bool = False
     wire: bool = False
@@ -50,31 +49,22 @@ class ViewOptions:
     surface: Surface | None = None  # that was clicked on for this
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
-
-
-@dataclass
-class Panels:
-    """The open parts of the interface."""
-
     controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
     settings: bool = False
     lights: bool = False
     outliner: bool = False
     hidden: bool = False
     fullscreen: bool = False
-    close_menus: bool = False  # in the next frame
+    close_menus: bool = False  # and lists, in the next frame
     context_menu: bool = False  # opens in the next frame
     sought: str = ""  # the setting that its list scrolls to
     scale: float = 1.0  # of text and widgets; the monitor has another one
 
+    def kept(self) -> dict[str, object]:
+        """Return what is on of all that is kept from one session to the next, plain JSON."""
+        return {name: getattr(self, name) for name in KEPT}
 
-def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:
-    """Return what is on of all that is kept from one session to the next, plain JSON."""
-    return {name: getattr(options, name, getattr(panels, name, False)) for name in KEPT}
-
-
-def restore(choices: dict[str, object], options: ViewOptions, panels: Panels) -> None:
-    """Set the choices of an earlier session; values that cannot be are left out."""
-    for name in KEPT:
-        if isinstance(choices.get(name), bool):
-            setattr(options if hasattr(options, name) else panels, name, choices[name])
+    def restore(self, choices: dict[str, object]) -> None:
+        """Set the choices of an earlier session."""
+        for name in KEPT:
+            setattr(self, name, bool(choices.get(name, getattr(self, name))))

@@ -22,7 +22,7 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
-from irrsplat.app.viewer.ui.interface import Interface, draw_waiting
+from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
@@ -62,7 +62,6 @@ class Viewer(Owner):
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading, native=not wnd.headless)
         self.interface = Interface(self.actions, self.display)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
-        self.controls.scale_changed(self.desktop.scale)
         self.canvas = self._canvas(wnd.buffer_size)  # the picture
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
@@ -72,11 +71,11 @@ class Viewer(Owner):
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # the last tick was ended by input
-        self.stages: dict[str, float] = {}  # milliseconds of the last frame's, without those of the core
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
-        self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
+        self.desktop.listen(controls.files_dropped, controls.focus_changed)
+        self._restyle()
         self.wake()
         for _ in range(_PASSES):  # so that the first picture has the size that panels leave
             self._draw_interface(_INSTANT, None)
@@ -100,8 +99,8 @@ class Viewer(Owner):
         """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
         start = now()
         actions, session = self.actions, self.session
-        if actions.panels.fullscreen != self.wnd.fullscreen:
-            self.wnd.fullscreen = actions.panels.fullscreen
+        if actions.options.fullscreen != self.wnd.fullscreen:
+            self.wnd.fullscreen = actions.options.fullscreen
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
@@ -115,10 +114,11 @@ class Viewer(Owner):
         if not all(self.wnd.buffer_size):
             return
         core = now() - before
-        cursor, drawn = self.controls.pointer, now()
+        cursor = self.controls.pointer
         self.inspected = self.display.update(self.canvas, cursor)
-        self._note("display", drawn)
         self._present(dt, cursor)
+        if session.renderers[0].about["software"]:
+            self.ctx.finish()  # then drawing takes the processor's time, and counts
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
@@ -133,13 +133,19 @@ class Viewer(Owner):
         while (self.session.views or not all(self.wnd.buffer_size)) and (taken := self.desktop.take()):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
-            for _ in range(_PASSES):
+            for _ in range(0 if self.controls.flies else _PASSES):  # no shortcut works in flight
                 if self.session.views:
                     self._draw_interface(_INSTANT, None)
                     self.backend.end()
             self._fit()
         self._fit()
         return answers
+
+    def _restyle(self) -> None:
+        """Scale text and widgets by the monitor and by the user's choice; between frames."""
+        scale = self.desktop.scale * self.actions.options.scale
+        if scale != self.backend.scale:
+            self.backend.resize_scale(scale)
 
     def _fit(self) -> None:
         """Follow the size of the window."""
@@ -192,28 +198,21 @@ class Viewer(Owner):
         self.canvas.release()
         self.canvas = self._canvas(size)
 
-    def _note(self, stage: str, start: float) -> None:
-        """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
-        if self.session.renderers[0].about["software"]:
-            self.ctx.finish()
-        self.stages[stage] = 1e3 * (now() - start)
-
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
-        actions, start = self.actions, now()
+        actions = self.actions
         wanted, actions.screenshot_wanted = actions.screenshot_wanted, False
         if wanted and not self.session.whole:
             self.session.draw_whole()
             self.display.update(self.canvas, cursor)
         if wanted:
             actions.save_screenshot(_pixels(self.canvas))
-        self.controls.restyle()
+        self._restyle()
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
         self._draw_interface(dt, cursor, self.canvas.textures[0])
         self.backend.draw(window.gl)
-        self._note("interface", start)
 
     # ---- from start to end -----------------------------------------------------------------------------------------
 
@@ -289,19 +288,6 @@ def _pixels(target: Target) -> np.ndarray:
     return np.frombuffer(texture.read(), "u1").reshape(height, width, 4)[::-1, :, :3] / np.float32(255.0)
 
 
-def announce(wnd: BaseWindow, scene: Scene) -> None:
-    """Show what the window waits for until its first frame, which of a large scene takes a while, on a grey."""
-    backend = ImguiBackend(Desktop(wnd).scale / wnd.pixel_ratio)
-    wnd.title = f"{scene.name} – {TITLE}"
-    for _ in range(2):  # imgui knows the size of what it shows from the frame before
-        wnd.fbo.clear(*GREY[0])
-        backend.begin(wnd.size, wnd.buffer_size, _SLEEP)
-        draw_waiting(f"preparing {scene.name}")
-        backend.draw(wnd.fbo)
-    wnd.swap_buffers()
-    backend.release()
-
-
 def run(
     scene: Scene,
     source: str,
@@ -322,11 +308,10 @@ def run(
     """
     memory.return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
-    if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
-        takes = f"{smaller[0]}x{smaller[1]} pixels, as large as the screen takes"
-        notices = [*notices, f"the window is {takes}, not {size[0]}x{size[1]}"]
     try:
-        announce(wnd, scene)
+        wnd.title = f"preparing {scene.name} – {TITLE}"
+        wnd.fbo.clear(*GREY[0])
+        wnd.swap_buffers()
         viewer = Viewer(wnd, scene, source, preferences, camera, loading)
         for notice in notices:
             viewer.actions.say(notice)

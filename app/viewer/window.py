@@ -14,16 +14,12 @@ import glfw
 import moderngl_window
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.context.glfw.keys import Keys
-from PIL import Image
 
-from irrsplat.app.common.icon import icon
 from irrsplat.core.errors import GLError, InputError
-from irrsplat.core.files import eight_bits
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
 LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures are seldom larger than this
-_ICONS = (16, 32, 48)  # pixels
 _EVENTS = (  # glfw's names of events that may change the picture; `drop` has a callback of its own
     *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "window_close", "framebuffer_size"),
@@ -37,16 +33,13 @@ _NO_DISPLAY = (
 
 
 def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
-    """A window with an OpenGL 3.3 context, current; no larger than the screen. headless: without a display, for tests; events are
-    then made by calls.
+    """A window with an OpenGL 3.3 context, current. headless: without a display, for tests; events are then made by calls.
 
     Raises InputError for a size beyond LARGEST, GLError, one line, where there is no display or no OpenGL 3.3.
     """
     if max(size) > LARGEST:
         raise InputError(f"a window of {size[0]}x{size[1]} pixels cannot be; each side takes at most {LARGEST}")
     context.prepare()
-    screen = None if headless else screen_size()
-    size = within_screen(size, screen)
     window = moderngl_window.get_local_window_cls("headless" if headless else "glfw")
     options: dict[str, Any] = {"backend": "egl"} if headless else {}
     try:
@@ -60,34 +53,8 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
     wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and fullscreen is the viewer's own key
     if headless:
         wnd.keys = Keys  # the headless window has none of its own
-    else:
-        _set_icon(wnd)
-    if within_screen(wnd.size, screen) != wnd.size:  # glfw makes it larger on a monitor of a larger scale
-        wnd.size = within_screen(wnd.size, screen)
     moderngl_window.activate_context(window=wnd)
     return wnd
-
-
-def _set_icon(wnd: BaseWindow) -> None:
-    """Give a glfw window the icon, where the system takes one of a window: macOS and Wayland have it from elsewhere."""
-    pictures = [Image.fromarray(eight_bits(icon(side))) for side in _ICONS]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        glfw.set_window_icon(wnd._window, len(pictures), pictures)  # type: ignore[attr-defined,arg-type]
-
-
-def screen_size() -> tuple[int, int] | None:
-    """The size of the main screen; None where there is none to be found."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        monitor = glfw.get_primary_monitor() if glfw.init() else None
-        mode = glfw.get_video_mode(monitor) if monitor else None
-    return None if mode is None else (int(mode.size.width), int(mode.size.height))
-
-
-def within_screen(size: tuple[int, int], screen: tuple[int, int] | None) -> tuple[int, int]:
-    """A window's size, no larger than the screen in width and height."""
-    return size if screen is None else (min(size[0], screen[0]), min(size[1], screen[1]))
 
 
 @dataclass(frozen=True)
@@ -115,10 +82,8 @@ class Desktop:
         if self._window is not None:
             glfw.set_clipboard_string(self._window, text)
 
-    def listen(
-        self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None], scaled: Callable[[float], None]
-    ) -> None:
-        """Set the calls for dropped files, the keyboard focus and the monitor's scale, and keep every event until `take`.
+    def listen(self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None]) -> None:
+        """Set the calls for dropped files and the keyboard focus, and keep every event until `take`.
 
         An event that comes while a frame is drawn changes nothing that the frame is drawn from. A callback is wrapped as glfw
         returns it. For dropped files glfw returns an adapter with another signature (C's).
@@ -128,7 +93,6 @@ class Desktop:
         drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
         glfw.set_drop_callback(self._window, drop)  # its stubs have C's signature
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
-        glfw.set_window_content_scale_callback(self._window, lambda _, x, y: scaled(float(x)))
         for kind in _EVENTS:
             set_callback = getattr(glfw, f"set_{kind}_callback")
             plain = set_callback(self._window, None)
@@ -136,10 +100,11 @@ class Desktop:
 
     @property
     def scale(self) -> float:
-        """The scale of text and widgets on this monitor, 1 or more."""
+        """The scale of text and widgets by the monitor, in window coordinates."""
         if self._window is None:
             return 1.0
-        return max(1.0, float(glfw.get_window_content_scale(self._window)[0]))
+        width, pixels = glfw.get_window_size(self._window)[0], glfw.get_framebuffer_size(self._window)[0]
+        return max(1.0, float(glfw.get_window_content_scale(self._window)[0])) * max(width, 1) / max(pixels, 1)
 
     def wait(self, seconds: float) -> None:
         """Sleep until the window gets an event, at most so many seconds."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.record_inspector import reach, read
+from irrsplat.app.viewer.show.record_inspector import COLUMNS, reach
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
 from tests.support.worlds import Gathered, Lit, floor, material, polygon_vector, quad, scene, sites
@@ -96,7 +96,7 @@ def test_under_a_sky_alone_records_have_the_greatest_radius() -> None:
         with irrsplat.Renderer(world, (40, 40), bounces=1, gather=KIND, gather_size=16) as renderer:
             frame, records = renderer.render(), renderer.cache.records
             settings = replace(renderer.settings, radius_max=0.0)
-            radii = reach(read(records), records.luminance_floor, world.cameras[0], renderer.size, settings)
+            radii = reach(records.read(*COLUMNS), records.luminance_floor, world.cameras[0], renderer.size, settings)
         seen = np.isfinite(frame.depth)
         assert np.allclose(frame.irradiance[seen], E, rtol=1e-3)
         assert len(radii) and np.allclose(radii, renderer.settings.a * world.diagonal, rtol=1e-3)

@@ -27,7 +27,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.screen import Programs, Region
-from irrsplat.app.viewer.view_options import Panels, ViewOptions
+from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.timing import other_process
@@ -116,7 +116,7 @@ class ShownView(Owner):
 
     def value(self, name: str, x: int, y: int) -> np.ndarray | None:
         """Return the value of a buffer at a pixel."""
-        return BUFFERS[name].value(self.programs.texels, self.source, x, y)
+        return BUFFERS[name].value(self.source, x, y)
 
 
 def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
@@ -349,10 +349,10 @@ class Driver:
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
-        actions.panels, actions.screenshot_wanted = Panels(controls=False), False
+        actions.screenshot_wanted = False
         actions.messages.lines.clear()
         actions.saved_as = ""
-        session.options, session.path_recorder = ViewOptions(), PathRecorder()
+        session.options, session.path_recorder = ViewOptions(controls=False), PathRecorder()
         session.tracing.release()
         actions.quitting = False
         speed = session.scene.diagonal / 6.0
@@ -376,9 +376,10 @@ class Driver:
 
 
 _WIDGETS = (
-    *("slider_float", "slider_int", "input_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
-    *("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text"),
+    *("slider_float", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button", "menu_item", "begin_menu"),
+    *("selectable", "collapsing_header", "drag_int", "drag_float", "drag_float3", "color_edit3", "input_text"),
 )
+_NAMED = ("slider_float", "combo", "begin_combo", "drag_int", "drag_float", "drag_float3", "color_edit3")  # on their right
 
 
 @contextmanager
@@ -393,7 +394,7 @@ def watched(driver: Driver) -> Iterator[None]:
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             right, seen = high.x, label.split("##")[0]
-            if seen and name in ("slider_float", "slider_int", "input_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+            if seen and name in _NAMED:
                 right -= imgui.calc_text_size(seen).x + imgui.get_style().item_inner_spacing.x
             driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
             return result
@@ -511,7 +512,7 @@ class Tracer:
         self.begin(driver)
         driver.frame()
         found = driver.session.source(0).reference
-        assert found is not None and found.estimate.passes == self.early
+        assert found is not None and found.estimate.samples == 8 * self.early
         return found
 
     def finish(self, driver: Driver) -> None:
@@ -522,7 +523,7 @@ class Tracer:
             if (thread := driver.session.tracing._tracing) is not None:
                 thread.calling.join(SAFETY)
             found = driver.session.source(0).reference
-            if found is not None and found.complete and driver.session.tracing.traced is None:
+            if found is not None and found.estimate.samples == 16 and driver.session.tracing.traced is None:
                 return driver.frame()
         pytest.fail("no truth after 20 frames")
 

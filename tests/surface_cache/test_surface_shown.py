@@ -33,9 +33,9 @@ def test_the_buffer_is_the_light_that_a_white_surface_reflects(ctx: moderngl.Con
         assert expected[mask].std() > 0.1 and (found[..., 3] == mask).all()
         assert np.abs(target.read()[..., :3] - expected).max() < 1.0 / 255.0
         for y, x in np.random.default_rng(1).permutation(np.argwhere(mask))[:5]:
-            value = shown.value(programs.texels, source, int(x), int(y))
+            value = shown.value(source, int(x), int(y))
             assert value is not None and np.array_equal(value, found[y, x, :3])
-        assert shown.value(programs.texels, source, *np.argwhere(~mask)[0][::-1]) is None
+        assert shown.value(source, *np.argwhere(~mask)[0][::-1]) is None
         assert "W/m²" in BUFFERS["surface"].legend(source).text
     programs.release()
     target.release()

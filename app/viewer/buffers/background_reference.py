@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
 
 import moderngl
 import numpy as np
@@ -45,16 +47,13 @@ class Estimate:
     """The result of some passes, top row first.
 
     halves: (2, rows, columns, 3) float32 W/m², by two independent halves of the `samples`. seen, valid: (rows, columns) bool, as
-    `irrsplat.reference.truth.Traced` has them. noise: the standard error of `irradiance` over its mean; None in the
-    dark. passes: those of the plan that are made.
+    `irrsplat.reference.truth.Traced` has them.
     """
 
     halves: np.ndarray
     seen: np.ndarray
     valid: np.ndarray
     samples: int
-    noise: float | None
-    passes: int
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -62,20 +61,16 @@ class Estimate:
         mean: np.ndarray = self.halves.mean(axis=0)
         return mean
 
-    @staticmethod
-    def after(before: Estimate | None, made: Pass, found: dict[str, np.ndarray]) -> Estimate:
-        """Return the estimate after a pass: the mean of all samples. before: the one before it."""
-        halves, samples = found["halves"], made.samples
-        if before is not None:
-            samples += before.samples
-            halves = before.halves + (halves - before.halves) * np.float32(made.samples / samples)
-        seen, valid = found["seen"], found["valid"]
-        return Estimate(halves, seen, valid, samples, noise(halves, valid), made.number + 1)
+    def and_pass(self, samples: int, halves: np.ndarray) -> Estimate:
+        """Return the mean of all samples, those of a further pass among them."""
+        share = np.float32(samples / (self.samples + samples))
+        return replace(self, halves=self.halves + (halves - self.halves) * share, samples=self.samples + samples)
 
-    @property
+    @cached_property
     def progress(self) -> str:
-        """Samples and noise in words."""
-        return f"{self.samples} samples" + ("" if self.noise is None else f", noise about {100.0 * self.noise:.2g} %")
+        """Samples and noise, the standard error of `irradiance` over its mean, in words."""
+        found = noise(self.halves, self.valid)
+        return f"{self.samples} samples" + ("" if found is None else f", noise about {100.0 * found:.2g} %")
 
 
 @dataclass(frozen=True)
@@ -83,37 +78,30 @@ class TracedReference:
     """The reference of one view on the GPU, as far as it is traced.
 
     values: RGBA32F texture of the view's size, bottom row first: rgb indirect irradiance in W/m², a 1 where there is a
-    surface, else 0. full: the error shown in full colour, W/m².
+    surface, else 0. full: the error shown in full colour, W/m². about: bounces, samples and noise in words.
     """
 
     subject: Subject
     estimate: Estimate
     values: moderngl.Texture
     full: float
-
-    @property
-    def complete(self) -> bool:
-        """True if no further pass is made."""
-        return self.estimate.passes == len(SIDES)
-
-    @property
-    def about(self) -> str:
-        return f"{in_words(self.subject.bounces)}, {self.estimate.progress}"
+    about: str
 
 
 class _Tracing:
-    """The tracing of one view pass by pass, on from an estimate. latest: the result of all passes so far."""
+    """The tracing of one view pass by pass. latest: the mean of all passes so far."""
 
-    def __init__(self, subject: Subject, known: Estimate | None) -> None:
+    def __init__(self, subject: Subject) -> None:
         if not subject.scene.triangles:
             raise InputError("the scene has no surfaces, so there is nothing to trace")
-        self.subject, self.latest = subject, known
-        plan = subject.plan()[0 if known is None else known.passes :]
+        self.subject, self.latest = subject, cast(Estimate | None, None)
+        plan = subject.plan()
         self._left = iter(plan)
         self.calling = worker.refining(subject.scene, plan, vertices(subject.bounces), self._take)
 
     def _take(self, found: dict[str, np.ndarray]) -> None:
-        self.latest = Estimate.after(self.latest, next(self._left), found)
+        samples, before = next(self._left).samples, self.latest
+        self.latest = Estimate(**found, samples=samples) if before is None else before.and_pass(samples, found["halves"])
 
 
 class Reference(Owner):
@@ -145,14 +133,11 @@ class Reference(Owner):
         return self.shown if self.shown is not None and self.shown.subject.same(subject) else None
 
     def toggle(self, subject: Subject) -> str:
-        """Trace a view on from what is known of it, or stop. Return a line for the user."""
+        """Trace a view, or stop. Return a line for the user."""
         if self._tracing is not None:
             self.stop()
             return "tracing is stopped; the traced samples stay"
-        known = self.of(subject)
-        if known is not None and known.complete:
-            return "the reference of this view is complete"
-        self._tracing = self._last = _Tracing(subject, None if known is None else known.estimate)
+        self._tracing = self._last = _Tracing(subject)
         return "tracing the reference of this view"
 
     def stop(self) -> None:
@@ -195,7 +180,8 @@ class Reference(Owner):
         compared = found.valid if found.valid.any() else found.seen
         mean = float(found.irradiance[compared].mean()) if compared.any() else 0.0
         values = table_texture(self.ctx, np.ascontiguousarray(texels))
-        return TracedReference(subject, found, values, FULL * (mean or 1.0))
+        about = f"{in_words(subject.bounces)}, {found.progress}"
+        return TracedReference(subject, found, values, FULL * (mean or 1.0), about)
 
     def release(self) -> None:
         """Stop tracing, and free the reference."""

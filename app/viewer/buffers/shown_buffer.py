@@ -1,8 +1,8 @@
-"""The base of all buffers on show: title, help, picture, legend, and the value at a pixel."""
+"""A buffer on show: title, help, picture, legend, and the value at a pixel."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
+from irrsplat.app.viewer.show.screen import Programs, Region, clear, scale, texel
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -119,45 +119,37 @@ class Canvas:
         clear(self.target, GROUND, self.region)
 
 
-@dataclass(frozen=True)
-class ShownBuffer(ABC):
-    """A buffer that the viewer can show. A new one is an instance (or a subclass) of this, listed in table.BUFFERS.
-
-    name: as in core.buffers.CHANNELS where it is one of those. title: in menu, legend and help. help: one line for the tooltip.
-    """
-
-    name: str
-    title: str
-    unit: str
-    help: str
-
-    in_view = True  # whether its pixels are those of the view, so that records and edges can be marked over it
-    needs_reference = False  # whether it shows what the path tracer has to find first
-
-    def inputs(self, source: ViewSource) -> object:
-        """Return its inputs apart from view and settings, for a memo; compared by ==."""
-        return None
-
-    def unit_shown(self, source: ViewSource) -> str:
-        """The unit of the values under the cursor."""
-        return self.unit
-
-    @abstractmethod
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """Draw it over the whole canvas."""
-
-    @abstractmethod
-    def legend(self, source: ViewSource) -> Legend:
-        """Return its legend."""
-
-    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """Its 1 or 3 numbers in `unit` at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
-        return None
-
-
-def depth_at(texels: Texels, source: ViewSource, x: int, y: int) -> float | None:
+def depth_at(source: ViewSource, x: int, y: int) -> float | None:
     """The depth in metres at pixel (x, y) of the view, 0 where nothing is seen; None outside of it."""
     position = source.view.gbuffer.position
     if not (0 <= x < position.width and 0 <= y < position.height):
         return None
-    return float(texels(position, x, y)[3])
+    return float(texel(position, x, y)[3])
+
+
+@dataclass(frozen=True)
+class ShownBuffer:
+    """A buffer that the viewer can show, an entry of table.BUFFERS; kinds.py and tiled_buffers.py make them.
+
+    name: as in core.buffers.CHANNELS where it is one of those. title: in menu, legend and help. help: one line for the tooltip.
+    draw: over a whole canvas. read: its 1 or 3 numbers at a pixel of the view, in the legend's unit; None where it has none.
+    everywhere: True if it has numbers where the camera sees nothing, too. in_view: True if its pixels are those of the view, so
+    that records and edges can be marked over it. needs_reference: True if the path tracer has to find it first. state: its inputs
+    apart from view and settings, for a memo; compared by ==.
+    """
+
+    name: str
+    title: str
+    help: str
+    draw: Callable[[Canvas, ViewSource], None]
+    legend: Callable[[ViewSource], Legend]
+    read: Callable[[ViewSource, int, int], np.ndarray | None] = lambda source, x, y: None
+    everywhere: bool = False
+    in_view: bool = True
+    needs_reference: bool = False
+    state: Callable[[ViewSource], object] = lambda source: None
+
+    def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """Return its numbers at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
+        depth = depth_at(source, x, y)
+        return None if depth is None or (depth == 0.0 and not self.everywhere) else self.read(source, x, y)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat.app.viewer.buffers.kinds import exposed
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Identity, Legend, ShownBuffer, ViewSource, colour_map
-from irrsplat.app.viewer.buffers.texture_buffers import exposed
 from irrsplat.core.buffers import Atlas, Uniforms
 from irrsplat.lighting.sky import sky_defines, sky_maps, sky_uniforms
 
@@ -33,23 +33,6 @@ def tile_uniforms(size: tuple[int, int], count: int, cell: tuple[float, float], 
     }
 
 
-class GatherAtlasBuffer(ShownBuffer):
-    in_view = False
-
-    def inputs(self, source: ViewSource) -> object:
-        return Identity(source.renderer.scheduler.gatherer.atlas)
-
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        atlas = source.renderer.scheduler.gatherer.atlas
-        if atlas is None:
-            canvas.blank()
-        else:
-            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene, sky_maps(source.renderer.world)))
-
-    def legend(self, source: ViewSource) -> Legend:
-        return Legend(exposed(self.unit, source), unit=self.unit)
-
-
 def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
     """Draw the cells of an atlas, radiance times `gain`. A texel that hits nothing shows the sky, of these uniforms of
     shaders/lighting/sky.glsl."""
@@ -65,13 +48,25 @@ def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None
     )
 
 
-class ShadowMapsBuffer(ShownBuffer):
-    in_view = False
+def gather_atlas() -> ShownBuffer:
+    """Show the hemispheres of the records of the last batch."""
 
-    def inputs(self, source: ViewSource) -> object:
-        return Identity(source.renderer.shadows)
+    def draw(canvas: Canvas, source: ViewSource) -> None:
+        atlas = source.renderer.scheduler.gatherer.atlas
+        if atlas is None:
+            canvas.blank()
+        else:
+            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene, sky_maps(source.renderer.world)))
 
-    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+    words, legend = "what the records of the last batch saw, a hemisphere each", exposed("W/(m² sr)")
+    state = lambda source: Identity(source.renderer.scheduler.gatherer.atlas)  # noqa: E731
+    return ShownBuffer("atlas", "gather atlas", words, draw, legend, in_view=False, state=state)
+
+
+def shadow_maps() -> ShownBuffer:
+    """Show the shadow maps of all lights."""
+
+    def draw(canvas: Canvas, source: ViewSource) -> None:
         shadows = source.renderer.shadows
         if shadows is None:
             return canvas.blank()
@@ -85,8 +80,11 @@ class ShadowMapsBuffer(ShownBuffer):
             **tile_uniforms(canvas.target.size, count, (side, side), int(columns)),
         )
 
-    def legend(self, source: ViewSource) -> Legend:
-        shadows = source.renderer.shadows
-        if shadows is None or not source.scene.lights:
+    def legend(source: ViewSource) -> Legend:
+        if source.renderer.shadows is None or not source.scene.lights:
             return Legend("no light casts shadows here")
         return Legend("distance from the light / depth of the map; black: nothing", "0", "1", "", colour_map())
+
+    words = "every light's shadow maps: distance from the light along each one's axis"
+    state = lambda source: Identity(source.renderer.shadows)  # noqa: E731
+    return ShownBuffer("shadow", "shadow maps", words, draw, legend, in_view=False, state=state)

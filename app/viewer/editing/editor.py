@@ -15,7 +15,6 @@ from irrsplat.app.viewer.view_options import point_of
 from irrsplat.scene.model import Light
 
 Kind = Literal["point", "spot", "directional"]
-KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
 _MOST = 300  # states to undo
 _NEARER = 0.3  # of the way from what is looked at to the eye: where a new light is put
 _CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot

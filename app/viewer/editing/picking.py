@@ -8,14 +8,8 @@ from irrsplat.scene.looks import order
 from irrsplat.scene.model import Camera, Scene
 
 
-def mesh_of(scene: Scene, triangle: int) -> int | None:
-    """The number of the mesh that has this triangle of the scene, as they are numbered for drawing; None for none."""
-    mesh = int(meshes_of(scene, np.array([triangle]))[0])
-    return None if mesh < 0 else mesh
-
-
 def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
-    """Return (N,) the numbers of the meshes that have these triangles (N,), as for mesh_of; -1 for none."""
+    """Return (N,) the numbers of the meshes that have these triangles (N,), as they are numbered for drawing; -1 for none."""
     numbers = np.array([*order(scene), -1])
     ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers[:-1]])
     found: np.ndarray = np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
@@ -36,19 +30,3 @@ def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, f
     place = on_screen(camera, size, point)
     inside = place is not None and all(0.0 <= at < most for at, most in zip(place, size, strict=True))
     return (int(place[0]), int(place[1])) if place is not None and inside else None
-
-
-def nearest_on_screen(
-    camera: Camera,
-    size: tuple[float, float],
-    points: list[tuple[float, float, float] | None],
-    at: tuple[float, float],
-    within: float,
-) -> int | None:
-    """The number of the point nearest to `at` on the screen, at most `within` away; of several, the one nearest to the eye."""
-    found: list[tuple[float, int]] = []
-    for number, point in enumerate(points):
-        place = None if point is None else on_screen(camera, size, point)
-        if point is not None and place is not None and np.hypot(place[0] - at[0], place[1] - at[1]) <= within:
-            found.append((float(np.linalg.norm(np.subtract(point, camera.eye))), number))
-    return min(found)[1] if found else None

@@ -48,14 +48,10 @@ class Command:
 EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # a module of each, and how it is installed
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
 _WORDS = {
-    "LEFT_BRACKET": "[",
-    "RIGHT_BRACKET": "]",
-    "BACKSLASH": "\\",
     "MINUS": "-",
     "EQUAL": "=",
     "ESCAPE": "Esc",
     "TAB": "Tab",
-    "END": "End",
 }
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
@@ -90,8 +86,7 @@ _EDIT = (
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
     Command("View/Camera", "First camera", "home", "HOME"),
-    Command("View/Camera", "Whole scene", "frame_all", "END", help="in the same direction"),
-    Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene"),
+    Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene, in the same direction"),
     Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", section=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
     Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
@@ -102,9 +97,6 @@ _VIEW = (
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
-    Command("View", "Darker", "expose", "LEFT_BRACKET", -0.5, help="half a stop", section=True),
-    Command("View", "Brighter", "expose", "RIGHT_BRACKET", 0.5, help="half a stop"),
-    Command("View", "Automatic exposure", "auto_exposure", "BACKSLASH"),
 )
 _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),

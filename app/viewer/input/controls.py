@@ -44,7 +44,6 @@ class Controls:
         self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
         self.pace = 1.0  # a factor on the speed
         self.mouse = _NOWHERE
-        self.monitor_scale = 1.0  # of text and widgets, by the monitor
         self.dragged: Dragged = ""  # by a mouse button that is down
         self.pivot = (0.0, 0.0, 0.0)  # of an orbit
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
@@ -110,7 +109,7 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options = self.session.options
-        return options.split != "off" and options.alone is None and abs(x - self._divider) <= _GRIP
+        return options.split != "off" and abs(x - self._divider) <= _GRIP
 
     @property
     def _divider(self) -> float:
@@ -128,7 +127,7 @@ class Controls:
         self.pace = _PACE if shift else 1.0 / _PACE if alt else 1.0
         if not down:
             self.pressed.discard(key)
-        self.backend.key(key, down, names)
+        self.backend.key(key, down, names, bool(ctrl), bool(shift), bool(alt))
         if action != names.ACTION_PRESS:
             return
         if key == names.ESCAPE:
@@ -208,7 +207,7 @@ class Controls:
             self._capture(False)
             if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
                 self._pick(self.pointer)
-                self.actions.panels.context_menu = self.actions.selected
+                self.actions.options.context_menu = self.actions.selected
         if button == LEFT:
             if self.dragged == "orbit" and self.travelled <= _CLICK and self.pointer is not None:
                 if self.session.options.why:
@@ -254,14 +253,3 @@ class Controls:
         self._capture(False)
         self.pace, self.dragged = 1.0, ""
         self.backend.focus(focused)
-
-    def scale_changed(self, scale: float) -> None:
-        """The window is on a monitor of another scale."""
-        self.monitor_scale = max(1.0, scale) / self.wnd.pixel_ratio
-        self.restyle()
-
-    def restyle(self) -> None:
-        """Scale text and widgets by the monitor and by the user's choice; between frames."""
-        scale = self.monitor_scale * self.actions.panels.scale
-        if scale != self.backend.scale:
-            self.backend.resize_scale(scale)

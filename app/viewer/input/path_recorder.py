@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from irrsplat.core.errors import InputError
 from irrsplat.scene.camera_path import Path
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera
 
 FPS = 30.0  # frames a second of a path
 KEY_EVERY = 0.2  # seconds between the keys of a recorded one
@@ -35,15 +32,6 @@ class PathRecorder:
     def camera(self) -> Camera | None:
         return None if self.path is None or self.frame is None else self.path.camera(self.frame)
 
-    def fits(self, scene: Scene) -> bool:
-        """Return True if the scene has all objects that the path moves."""
-        try:
-            if self.path is not None:
-                self.path.motions.check(scene, self.path.frames)
-        except InputError:
-            return False
-        return True
-
     @property
     def at_rest(self) -> bool:
         return self.playing is None and self.recording is None
@@ -67,11 +55,6 @@ class PathRecorder:
         keys, self.recording = self.recording, None
         self.path = Path(tuple(keys), 1 + round((len(keys) - 1) * KEY_EVERY * FPS))
         return self.path
-
-    def shift(self, by: np.ndarray) -> None:
-        """Take all keys (3,) metres from where they are."""
-        self.path = None if self.path is None else self.path.shifted(by)
-        self.recording = None if self.recording is None else [camera.shifted(by) for camera in self.recording]
 
     def play(self) -> None:
         self.playing = None if self.path is None else 0.0

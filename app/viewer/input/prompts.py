@@ -1,4 +1,4 @@
-"""Questions to the user that the prompt asks: which command, which file, and what becomes of unsaved changes."""
+"""Questions to the user: which command, which file, and what becomes of unsaved changes."""
 
 from __future__ import annotations
 
@@ -34,12 +34,13 @@ class Prompt:
 
 
 def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
-    """Return the entries whose names have all words."""
-    return {name: act for name, act in entries.items() if all(word in name.lower() for word in words.lower().split())}
+    """Return the entries whose names have all words; if there are words, those with the least else first."""
+    found = [name for name in entries if all(word in name.lower() for word in words.lower().split())]
+    return {name: entries[name] for name in (sorted(found, key=len) if words.strip() else found)}
 
 
 def command(actions: Actions) -> Prompt:
-    """Offer the actions that can run, the settings and the known scenes."""
+    """Offer the actions that can run, the settings, the known scenes, and a file if its path is typed."""
     entries = dict[str, Act]()
     for one in COMMANDS:
         if actions.can(one) and one.action not in ("escape", "find_command"):
@@ -48,14 +49,19 @@ def command(actions: Actions) -> Prompt:
     for name in sorted(SETTINGS.keys() - OF_RENDERS):
         entries[f"Setting: {name.replace('_', ' ')}"] = partial(actions.show_setting, name)
     entries |= {f"Open: {name}": act for name, act in _scenes(actions).items()}
-    return Prompt("find a command", lambda text: _having(text, entries))
+
+    def found(text: str) -> dict[str, Act]:
+        path = os.path.expanduser(text.strip())
+        return {f"Open: {path}": partial(actions.open, path)} if os.path.isfile(path) else _having(text, entries)
+
+    return Prompt("a command, or the name or the path of a scene", found)
 
 
 def keys(actions: Actions) -> Prompt:
-    """Show the keys of all actions, below what the mouse and held keys do."""
-    entries: dict[str, Act] = {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
-    held = "\n".join(f"{key}: {words}" for key, words in FLYING)
-    return Prompt(held, lambda text: _having(text, entries))
+    """Show what the mouse and held keys do, and the keys of all actions."""
+    entries: dict[str, Act] = {f"{key}: {words}": lambda: None for key, words in FLYING}
+    entries |= {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
+    return Prompt("keys: mouse and keyboard", lambda text: _having(text, entries))
 
 
 def _scenes(actions: Actions) -> dict[str, Act]:
@@ -64,36 +70,9 @@ def _scenes(actions: Actions) -> dict[str, Act]:
     return {os.path.basename(source): partial(actions.open, source) for source in reversed(sources)}
 
 
-def opening(actions: Actions) -> Prompt:
-    """Request a scene: a known one, or a path from the working folder or from the folder of the scene on show."""
-
-    def entries(text: str) -> dict[str, Act]:
-        path = os.path.expanduser(text.strip())
-        paths = [p for p in (path, os.path.join(folder(actions), path)) if path and os.path.isfile(p)]
-        typed: dict[str, Act] = {f"open {text}": partial(actions.open, paths[0] if paths else path)} if path else {}
-        known = _having(text, _scenes(actions))
-        return typed | known if paths else known | typed
-
-    return Prompt("open a scene: a path or a name", entries)
-
-
-def saving(actions: Actions, then: Act | None) -> Prompt:
-    """Request the file of the scene, and call `then` once it is written."""
-
-    def entries(text: str) -> dict[str, Act]:
-        name = text.strip()
-        there = bool(name) and actions.saved_path(name).exists()
-        title = f"{'overwrite' if there else 'save'} {actions.saved_path(name).name}"
-        return {title: partial(actions.save, name, there, then)} if name else {}
-
-    return Prompt(
-        "save the scene: a .scene, and a folder of lights and objects", entries, actions.saved_as or actions.free_name()
-    )
-
-
 def unsaved(actions: Actions, act: Act) -> Prompt:
     """Offer the choices for unsaved changes before `act`."""
-    answers: dict[str, Act] = {"save…": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
+    answers: dict[str, Act] = {"save": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
     return Prompt(f"{actions.session.scene.name} has changes that no file has", lambda text: answers, None)
 
 
@@ -114,15 +93,16 @@ class DesktopDialog:
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
         """Request a scene or a path; `take` gets the answer."""
-        if self._asking is None:
-            patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
-            self._asking = desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns])
-            self._take = take
+        patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
+        self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns]), take)
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
         """Request the name of a file; the dialog confirms that it replaces a present one."""
+        self._ask(lambda: desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take)
+
+    def _ask(self, begin: Callable[[], desktop.open_file | desktop.save_file], take: Callable[[str], object]) -> None:
         if self._asking is None:
-            self._asking, self._take = desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take
+            self._asking, self._take = begin(), take
 
     def update(self) -> None:
         """Take the answer, if there is one."""

@@ -8,16 +8,16 @@ from typing import cast
 
 import numpy as np
 
+from irrsplat.app.viewer.buffers.kinds import irradiance_at
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.buffers.texture_buffers import irradiance_at
-from irrsplat.app.viewer.editing.picking import mesh_of, pixel_of
+from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
-from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear
+from irrsplat.app.viewer.show.screen import Programs, Region, clear, texel
 from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
@@ -60,7 +60,7 @@ class Display(Owner):
         """Return the inputs of the picture of a side, apart from the options."""
         name, source = self.session.options.buffers[side], self.session.source(side)
         cache = source.renderer.cache
-        return name, source.inputs, BUFFERS[name].inputs(source), (cache.count, cache.revision)
+        return name, source.inputs, BUFFERS[name].state(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides, and the record under the cursor where records are inspected."""
@@ -103,7 +103,7 @@ class Display(Owner):
         """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
         name, source = self.session.options.buffers[side], self.session.source(side)
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
-        return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(self.programs.texels, source, *place))
+        return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(source, *place))
 
     def profile(self, side: int) -> Profile | None:
         """Return the values of a side's buffer along the measured line; None without a line."""
@@ -130,18 +130,19 @@ class Display(Owner):
         """The number of the mesh that is seen at the cursor; None where there is none."""
         if (seen := self._seen(cursor)) is None:
             return None
-        (source, place), texels = seen, self.programs.texels
-        if texels(source.view.gbuffer.position, *place)[3] <= 0.0:
+        source, place = seen
+        if texel(source.view.gbuffer.position, *place)[3] <= 0.0:
             return None
-        return mesh_of(source.scene, int(texels(source.view.gbuffer.emission, *place)[3]))
+        (mesh,) = meshes_of(source.scene, texel(source.view.gbuffer.emission, *place)[3:].astype(int))
+        return int(mesh) if mesh >= 0 else None
 
     def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
         """Return the surface point seen at the cursor, with its normal; None for no surface."""
         if (seen := self._seen(cursor)) is None:
             return None
-        (source, place), texels = seen, self.programs.texels
-        *point, depth = texels(source.view.gbuffer.position, *place).tolist()
-        normal = texels(source.view.gbuffer.normal, *place)[:3].tolist()
+        source, place = seen
+        *point, depth = texel(source.view.gbuffer.position, *place).tolist()
+        normal = texel(source.view.gbuffer.normal, *place)[:3].tolist()
         return (cast(Point, tuple(point)), cast(Point, tuple(normal))) if depth > 0.0 else None
 
     def point_at(self, cursor: tuple[int, int] | None) -> Point | None:
@@ -161,15 +162,15 @@ class Display(Owner):
     def light_at(self, point: Point) -> float | None:
         """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""
         source = self.session.source(0)
-        pixel, texels = pixel_of(source.view.camera, source.view.gbuffer.position.size, point), self.programs.texels
+        pixel = pixel_of(source.view.camera, source.view.gbuffer.position.size, point)
         if pixel is None:
             return None
-        x, y, z, depth = texels(source.view.gbuffer.position, *pixel).tolist()
+        x, y, z, depth = texel(source.view.gbuffer.position, *pixel).tolist()
         if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
             return None
-        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(texels, source, *pixel))
+        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(source, *pixel))
 
 
-def _lux(texels: Texels, source: ViewSource, x: int, y: int) -> float:
-    direct = texels(source.renderer.direct_irradiance(source.view), x, y)[:3]
-    return float(photometric(direct + irradiance_at(texels, source.view, x, y)))
+def _lux(source: ViewSource, x: int, y: int) -> float:
+    direct = texel(source.renderer.direct_irradiance(source.view), x, y)[:3]
+    return float(photometric(direct + irradiance_at(source.view, x, y)))

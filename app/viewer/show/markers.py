@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import moderngl
@@ -26,6 +25,7 @@ _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
 _WIDTH = 1.75  # half a line's, pixels
 _EDGE = (1.0, 0.55, 0.15, 0.55)  # of the wireframe
+_SEGMENTS = 32  # of a circle: at a radius of 100 pixels they are half a pixel off, r·(1 - cos(π/n))
 _TINT = (0.1, 0.85, 1.0)
 _OPACITY = 0.8  # of the measuring plane
 _SPAN = 0.01, 0.5  # of a·diagonal: the radii that the colours go from and to
@@ -59,7 +59,6 @@ class Markers(Owner):
         """
         if not records.count:
             return
-        segments = _segments(target.size[1], settings)
         low, high = np.log(radius_range(settings, scene))
         uniforms = {
             **self._of_records(target, view, records, settings),
@@ -68,10 +67,10 @@ class Markers(Owner):
             "span": (low, 1.0 / (high - low)),
             "radius": _RADIUS,
             "width": _WIDTH,
-            "segments": segments,
+            "segments": _SEGMENTS,
         }
         program = self.programs(f"viewer/markers/{kind}", f"viewer/markers/{kind}", record_defines(settings.gradients))
-        vertices = 2 * segments + 2 if kind == "discs" else 4
+        vertices = 2 * _SEGMENTS + 2 if kind == "discs" else 4
         self._draw(program, target, uniforms, region, vertices=vertices, instances=records.count)
 
     def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> dict[str, Any]:
@@ -140,10 +139,3 @@ def radius_legend(settings: Settings, scene: Scene) -> Legend:
 def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
     """The radii a·R_k in metres that the colours of records go from and to."""
     return _SPAN[0] * settings.a * scene.diagonal, _SPAN[1] * settings.a * scene.diagonal
-
-
-def _segments(height: int, settings: Settings) -> int:
-    """Return the number of straight pieces of a circle: n of them are r·(1 - cos(π/n)) ≈ r·π²/2n² pixels off at radius r pixels,
-    half a pixel for n = π·√r."""
-    r = (settings.radius_max or 50.0) / 100.0 * height
-    return min(max(math.ceil(math.pi * math.sqrt(r)), 12), 64)

@@ -9,8 +9,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
-from irrsplat.app.viewer.show.screen import Programs
-from irrsplat.core.buffers import Records
+from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
@@ -25,12 +24,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 Columns = dict[str, np.ndarray]  # all records on the CPU: record_layout.COLUMNS describes them
-_NAMES = ("position", "normal", "irradiance", "radius", "gradient", "axis", "curvature", "max_radius", "limit")
-
-
-def read(records: Records) -> Columns:
-    """Return the records of the GPU; wait until it has done all that is drawn."""
-    return records.read(*_NAMES)
+COLUMNS = ("position", "normal", "irradiance", "radius", "gradient", "axis", "curvature", "max_radius", "limit")
 
 
 def reach(columns: Columns, floor: float, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
@@ -84,14 +78,14 @@ class RecordInspector(Owner):
         """Return the records of a side on the CPU, read again once they have changed."""
         cache = source.renderer.cache
         state = cache.count, cache.revision
-        return self._memo.get(f"records of {id(source.renderer)}", state, lambda: read(cache.records))
+        return self._memo.get(f"records of {id(source.renderer)}", state, lambda: cache.records.read(*COLUMNS))
 
     def pick(self, source: ViewSource, x: int, y: int) -> int | None:
         """Return the number of the record that weighs most at pixel (x, y) of the view; None for none."""
-        records, view, texels = source.renderer.cache.records, source.view, self.programs.texels
-        if not records.count or not depth_at(texels, source, x, y):
+        records, view = source.renderer.cache.records, source.view
+        if not records.count or not depth_at(source, x, y):
             return None
-        p, n = texels(view.gbuffer.position, x, y)[:3], texels(view.gbuffer.normal, x, y)[:3]
+        p, n = texel(view.gbuffer.position, x, y)[:3], texel(view.gbuffer.normal, x, y)[:3]
         w = weights(self.columns(source), records.luminance_floor, p, n, view, source.settings)
         return int(np.argmax(w)) if w.any() else None
 

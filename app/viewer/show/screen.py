@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import moderngl
 import numpy as np
@@ -15,47 +15,34 @@ from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
-__all__ = ["Programs", "Region", "Screen", "Texels", "clear", "scale", "view_uniforms"]
+__all__ = ["Programs", "Region", "Screen", "clear", "scale", "texel", "view_uniforms"]
 
 _COLOURS = 1024  # of each table
 
 
-Texels = Callable[[moderngl.Texture, int, int], np.ndarray]  # the components of a texel, float32; (0, 0) is the upper left one
-
-
-class TexelReader(Owner):
-    """Reads single texels through a target of one pixel, so that no whole texture is copied from the GPU."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.program = Program(ctx, "viewer/texel", "lib/fullscreen")
-        self.target = Target(ctx, (1, 1), (4,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.target)
-
-    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-        """Return the components of one texel. Raises ValueError outside of the texture."""
-        if not (0 <= x < texture.width and 0 <= y < texture.height):
-            raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
-        self.program(self.target, values=texture, place=(x, texture.height - 1 - y))
-        return self.target.read()[0, 0, : texture.components]
+def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+    """Return the components of one texel, float32, without a copy of the rest; (0, 0) is the upper left one."""
+    framebuffer = texture.ctx.framebuffer([texture])
+    found = np.frombuffer(framebuffer.read((x, texture.height - 1 - y, 1, 1), texture.components, dtype="f4"), np.float32)
+    framebuffer.release()
+    return found
 
 
 class Programs(Owner):
     """The shared tools of all drawing: programs, each made on first use and kept.
 
-    colours: the table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1. texels: reads single texels.
+    colours: the table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.ctx, self.texels = ctx, TexelReader(ctx)
+        self.ctx = ctx
         t = np.linspace(0.0, 1.0, _COLOURS)
         rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
         self.colours = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource, ...]:
-        return (self.texels, self.colours, self._made)
+        return (self.colours, self._made)
 
     def forget(self) -> None:
         self._made.clear()

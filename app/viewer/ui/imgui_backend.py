@@ -36,13 +36,10 @@ COLORS = (  # sRGB and opacity, over imgui's own, which are dark
     ((*ACCENT, 1.0), "slider_grab_active separator_active resize_grip_active check_mark nav_cursor"),
 )
 
-MODIFIERS = ("shift", "ctrl", "alt", "super")
 # moderngl-window's names of keys -> imgui's, where they differ by more than case
 KEYS = {name: f"{name.lower()}_arrow" for name in ("LEFT", "RIGHT", "UP", "DOWN")}
+_KEYPAD_ENTER = 335  # glfw's number; moderngl-window has no name for it
 KEYS |= {f"NUMBER_{i}": f"_{i}" for i in range(10)} | {f"NUMPAD_{i}": f"keypad{i}" for i in range(10)}
-# glfw's numbers of the keys that moderngl-window has no name for
-GLFW_KEYS = {39: "apostrophe", 96: "grave_accent", 335: "keypad_enter"}
-GLFW_KEYS |= dict(enumerate((f"{side}_{name}" for side in ("left", "right") for name in MODIFIERS), start=340))
 
 
 class ImguiBackend(Owner):
@@ -54,7 +51,6 @@ class ImguiBackend(Owner):
 
     def __init__(self, scale: float = 1.0) -> None:
         self._pixels = (0, 0)
-        self._pressed: set[imgui.Key] = set()
         self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
         self.io = imgui.get_io()  # its methods work on its own context, whichever is current
@@ -115,21 +111,17 @@ class ImguiBackend(Owner):
         """Draw a texture (bottom row first) below all windows. box: left, top, right, bottom in window coordinates."""
         imgui.get_background_draw_list().add_image(imgui.ImTextureRef(texture.glo), box[:2], box[2:], (0, 1), (1, 0))
 
-    def key(self, key: int | str, pressed: bool, keys: type[BaseKeys]) -> None:
+    def key(self, key: int | str, pressed: bool, keys: type[BaseKeys], ctrl: bool, shift: bool, alt: bool) -> None:
         """A key of the window's `keys` (moderngl-window's) went down or up; one that imgui does not know is ignored.
 
         So is Tab, unless a field is typed into: imgui takes it as the wish to type into its first field, even with its keyboard
         navigation off, and would get every key from then on.
         """
+        for modifier, held in ((imgui.Key.mod_ctrl, ctrl), (imgui.Key.mod_shift, shift), (imgui.Key.mod_alt, alt)):
+            self.io.add_key_event(modifier, held)
         found = _key_table(cast(Hashable, keys)).get(key)
-        if found == imgui.Key.tab and pressed and not self.wants_keyboard:
-            return
-        if found is not None:
-            (self._pressed.add if pressed else self._pressed.discard)(found)
+        if found is not None and not (found == imgui.Key.tab and pressed and not self.wants_keyboard):
             self.io.add_key_event(found, pressed)
-            for name in MODIFIERS:
-                held = {imgui.Key[f"left_{name}"], imgui.Key[f"right_{name}"]} & self._pressed
-                self.io.add_key_event(imgui.Key[f"mod_{name}"], bool(held))
 
     def mouse_position(self, x: float, y: float) -> None:
         """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` is updated at once."""
@@ -140,7 +132,6 @@ class ImguiBackend(Owner):
 
     def focus(self, focused: bool) -> None:
         """The window gained or lost the keyboard: keys held while it goes are let go of, for their release is never seen."""
-        self._pressed.clear()
         self.io.add_focus_event(focused)
 
     @property
@@ -168,5 +159,5 @@ class ImguiBackend(Owner):
 def _key_table(keys: Hashable) -> dict[int | str, imgui.Key]:
     """A window's numbers of keys -> imgui's keys."""
     table = {getattr(keys, name): KEYS.get(name, name.lower()) for name in dir(keys) if name.isupper()}
-    table |= GLFW_KEYS if getattr(keys, "ESCAPE", None) == 256 else {}  # which is glfw's number
+    table[_KEYPAD_ENTER] = "keypad_enter"
     return {key: imgui.Key[name] for key, name in table.items() if name in imgui.Key.__members__ and key != "undefined"}

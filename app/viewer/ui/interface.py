@@ -21,14 +21,6 @@ from irrsplat.app.viewer.ui.prompt_view import PromptView
 from irrsplat.app.viewer.ui.side_panel import SidePanel
 
 
-def draw_waiting(text: str) -> None:
-    """Draw a line in the middle of the window."""
-    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
-    imgui.begin("waiting", None, PLAIN | imgui.WindowFlags_.no_inputs)
-    imgui.text_unformatted(text)
-    imgui.end()
-
-
 def draw_messages(messages: Messages, layout: Layout) -> None:
     """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
     left, top, right, _ = layout.area
@@ -78,12 +70,15 @@ class Interface:
     ) -> None:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         paint: puts the picture below all else."""
-        actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
-        layout.start(scale, panels.controls and not panels.hidden)
+        actions, options, layout, display = self.actions, self.actions.options, self.layout, self.display
+        layout.start(scale, options.controls and not options.hidden)
         if paint is not None:
             paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
-        if not panels.hidden:
+        if options.close_menus:
+            imgui.internal.close_popups_except_modals()
+            options.close_menus = False
+        if not options.hidden:
             if display.shows_scene:
                 draw_rings(actions, layout)
                 draw_values(actions, layout)
@@ -101,7 +96,7 @@ class Interface:
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
         actions.messages.expire()
-        if not panels.hidden or actions.messages.errors:
+        if not options.hidden or actions.messages.errors:
             draw_messages(actions.messages, layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

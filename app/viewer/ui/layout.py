@@ -15,7 +15,6 @@ MARGIN = 8.0  # window coordinates around what stands over the picture
 _PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; at most this share of the window
 _NAMES = 7.5  # width of the names of widgets, heights of the font
 _NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets that would be narrower
-READABLE = 40.0  # window coordinates at scale 1: the number in a narrower slider cannot be read
 _LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.55)  # around bright marks over the picture
@@ -42,8 +41,6 @@ class Layout:
     area: Box = (0.0, 0.0, 0.0, 0.0)
     picture: Box = (0.0, 0.0, 0.0, 0.0)
     panel: float = 0.0
-    legend_height: float = 0.0
-    legend_right: float = 0.0  # the right end of the last legend
 
     def start(self, scale: float, fitted: bool) -> None:
         """Start a frame. fitted: True if the picture is to be fitted into the area."""
@@ -78,14 +75,6 @@ class Layout:
     def metres(self) -> str:
         """The format of coordinates in metres."""
         return "%.2f" if self.stacked else "%.3f"
-
-    def beside(self, width: float, least: float) -> float:
-        """Stay in the line of the last widget if that leaves `least` of a `width`. Return the next widget's width."""
-        left = width - imgui.get_item_rect_size().x - imgui.get_style().item_spacing.x
-        if left < least:
-            return width
-        imgui.same_line()
-        return left
 
     def label(self, name: str) -> str:
         """Return the label of a widget; draw its name above it if names are stacked."""

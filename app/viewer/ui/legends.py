@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
@@ -10,16 +12,17 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, WHITE, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, WHITE, Layout, in_unit
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
+_ACROSS, _DOWN = 0.6, 0.2  # shares of the picture: the greatest width of a legend, and the greatest height of its text
+_WORD = 5.5  # width of the longest word of a title, heights of the font
 _BAR_WIDTH = 160.0  # of a colour scale
 _PICTURE_WIDTH = 170.0  # of a record's hemisphere
 
 
 def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> None:
     session = actions.session
-    layout.legend_height = 0.0
     if not session.views:
         return
     density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
@@ -30,14 +33,12 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
         imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
         imgui.set_next_window_bg_alpha(0.72)
         imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
-        room = min(max(right - left - 4.0 * MARGIN, 60.0), _TEXT_WIDTH * layout.scale)
+        room = min(max(_ACROSS * (right - left), _WORD * imgui.get_font_size()), _TEXT_WIDTH * layout.scale)
         imgui.push_text_wrap_pos(room)
-        _draw_legend(actions, display, side, layout.scale, room)
+        _draw_legend(actions, side, layout, room)
         if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
             imgui.text(value)
         imgui.pop_text_wrap_pos()
-        layout.legend_height = max(layout.legend_height, imgui.get_window_height() + 2.0 * MARGIN)
-        layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
         imgui.end()
 
 
@@ -45,36 +46,30 @@ def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int
     """Return the value at a pixel in its unit; "" if there is none."""
     session, value = actions.session, display.value(side, cursor)
     buffer = BUFFERS[session.options.buffers[side]]
-    unit = buffer.unit_shown(session.source(side))
+    unit = buffer.legend(session.source(side)).unit
     if value is not None and buffer.name == "position" and any(session.origin):
         return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
     return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
 
 
-def _draw_legend(actions: Actions, display: Display, side: int, scale: float, room: float) -> None:
+def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> None:
+    """Draw titles and scales, with those texts alone that leave most of the picture free."""
     options, source = actions.session.options, actions.session.source(side)
     buffer = BUFFERS[options.buffers[side]]
-    who = f"{('left', 'right')[side]}: " if options.alone is not None else ""
+    who = f"{('left', 'right')[side]}: " if options.divider in (0.0, 1.0) else ""
     preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
     imgui.text(who + buffer.title + preset)
-    draw_scale(buffer.legend(source), scale, room)
-    if buffer.needs_reference:
-        draw_tracing(actions)
+    legends = [buffer.legend(source)]
     if options.points or options.discs:
-        draw_scale(radius_legend(source.settings, source.scene), scale, room)
-
-
-def draw_tracing(actions: Actions) -> None:
-    """Draw the progress of the reference while it is traced."""
-    tracing = actions.session.tracing
-    if tracing.traced is not None:
-        imgui.push_style_color(imgui.Col_.text, AMBER)
-        imgui.text_wrapped(f"{tracing.progress} ({100.0 * tracing.traced:.0f} % done, Y stops it)")
-        imgui.pop_style_color()
+        legends.append(radius_legend(source.settings, source.scene))
+    for legend in legends:
+        fits = imgui.calc_text_size(legend.text, wrap_width=room).y <= _DOWN * layout.picture_size[1]
+        draw_scale(legend if fits else replace(legend, text=""), layout.scale, room)
 
 
 def draw_scale(legend: Legend, scale: float, room: float) -> None:
     """Draw a colour scale with its ends, no wider than `room` (window coordinates), and the text."""
+    imgui.push_text_wrap_pos(-1.0)  # a scale stays in one line
     if legend.colours is not None:
         imgui.text(legend.low)
         imgui.same_line()
@@ -94,9 +89,11 @@ def draw_scale(legend: Legend, scale: float, room: float) -> None:
         imgui.text(in_unit(legend.high, legend.unit))
     elif legend.low or legend.high:
         imgui.text(in_unit(f"{legend.low} … {legend.high}", legend.unit))
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-    imgui.text_wrapped(legend.text)
-    imgui.pop_style_color()
+    imgui.pop_text_wrap_pos()
+    if legend.text:
+        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+        imgui.text_wrapped(legend.text)
+        imgui.pop_style_color()
 
 
 def draw_record(record: InspectedRecord, layout: Layout) -> None:

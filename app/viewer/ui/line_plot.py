@@ -39,11 +39,9 @@ def draw_plot(actions: Actions, display: Display, layout: Layout) -> None:
     session = actions.session
     if not session.options.profile or not session.views:
         return
-    left, _, right, bottom = layout.area
+    left, top, right, _ = layout.area
     width = min(_SIZE[0] * layout.scale, right - left - 2.0 * (MARGIN + imgui.get_style().window_padding.x))
-    if right - width - 4.0 * MARGIN < layout.legend_right:  # it stands above the legend
-        bottom -= layout.legend_height - MARGIN
-    imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
+    imgui.set_next_window_pos((right - MARGIN, top + MARGIN), imgui.Cond_.always, (1.0, 0.0))
     flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
     shown, opened = imgui.begin("along a line", True, flags)
     session.options.profile = bool(opened)

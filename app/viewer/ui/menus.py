@@ -29,33 +29,26 @@ def draw_menus(actions: Actions) -> None:
         opened = imgui.begin_menu(title)
         imgui.pop_style_var()
         if opened:
-            if actions.panels.close_menus:
-                imgui.close_current_popup()
             for submenu in dict.fromkeys(one.menu for one in COMMANDS if one.menu.startswith(f"{title}/")):
                 if imgui.begin_menu(submenu.split("/")[1]):
                     _entries(actions, submenu)
                     imgui.end_menu()
             _entries(actions, title)
             imgui.end_menu()
-    if imgui.calc_text_size(f"  {actions.title}").x <= imgui.get_content_region_avail().x:
-        imgui.text_disabled(f"  {actions.title}")
     imgui.end_main_menu_bar()
 
 
 def draw_context_menu(actions: Actions) -> None:
     """Draw the menu that a right click on an object or a light opens."""
-    panels = actions.panels
-    if panels.context_menu:
+    options = actions.options
+    if options.context_menu:
         imgui.open_popup("context")
-        panels.context_menu = False
+        options.context_menu = False
     if imgui.begin_popup("context"):
-        if panels.close_menus:
-            imgui.close_current_popup()
         for command in COMMANDS:
             if command.action in _CONTEXT:
                 _entry(actions, command)
         imgui.end_popup()
-    panels.close_menus = False
 
 
 def _entries(actions: Actions, menu: str) -> None:

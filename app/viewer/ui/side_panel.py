@@ -10,13 +10,11 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
-from irrsplat.app.viewer.ui.legends import draw_tracing
 from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner
 from irrsplat.app.viewer.ui.panels.light_panels import draw_light_scale, draw_plane, draw_why, light_is_shown
-from irrsplat.app.viewer.ui.panels.settings_panel import draw_presets, draw_setting, draw_settings, draw_sides
+from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings, draw_sides
 from irrsplat.settings import SETTINGS
 
-FIRST = ("a", "tolerance", "blend", "exposure")  # settings
 _LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"))
 _FLAGS = (
     imgui.WindowFlags_.no_saved_settings
@@ -52,7 +50,7 @@ class SidePanel:
 
     def draw(self) -> None:
         """Draw the panel if it is open."""
-        if not self.actions.panels.controls:
+        if not self.actions.options.controls:
             return
         layout, view = self.layout, imgui.get_main_viewport()
         imgui.internal.begin_viewport_side_bar("side panel", view, imgui.Dir.left, layout.panel, _FLAGS)
@@ -95,7 +93,7 @@ class SidePanel:
             draw_sides(actions)
         self._buffer()
         draw_presets(actions, self.layout)
-        for name in FIRST:
+        for name in SLIDERS:
             draw_setting(actions, self.layout, SETTINGS[name])
         imgui.separator()
         for title, panel in _LINKS:
@@ -130,7 +128,10 @@ class SidePanel:
         ):
             if true:
                 imgui.text_colored(AMBER, words)
-        draw_tracing(actions)
+        if session.tracing.traced is not None:
+            imgui.push_style_color(imgui.Col_.text, AMBER)
+            imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
+            imgui.pop_style_color()
         imgui.text_wrapped("done" if done else "computing…")
         imgui.begin_disabled(not done)
         if imgui.button("Refine further"):

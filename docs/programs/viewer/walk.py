@@ -37,7 +37,7 @@ LIMIT = 200_000  # bytes a picture
 PATIENCE = 900.0  # seconds
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
-    *("slider_float", "slider_int", "input_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
+    *("slider_float", "slider_int", "drag_float3", "drag_float", "drag_int", "color_edit3", "input_text", "collapsing_header"),
 )
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
@@ -305,7 +305,7 @@ def measure(walker: Walker) -> None:
 def compare(walker: Walker) -> None:
     walker.key("ctrl+l", "1", "Tab", "Tab", "space")
     session = walker.viewer.actions.session
-    assert session.options.alone == 1
+    assert session.options.divider == 0.0, "the right side alone"
     walker.until(lambda: len(session.progress) == 2 and all(p.coverage > 0.7 for p in session.progress), "both presets")
 
 
@@ -322,7 +322,7 @@ def truth(walker: Walker) -> None:
 
 @task("Save what was made of the scene")
 def save(walker: Walker) -> None:
-    walker.key("1", "ctrl+s", "Return")
+    walker.key("1", "ctrl+s")
     walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
 

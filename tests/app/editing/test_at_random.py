@@ -8,13 +8,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import cast, get_args
 
 import numpy as np
 import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.editor import KINDS, Editor
+from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.view_options import Point
 from irrsplat.settings import SettingValues
@@ -60,7 +60,7 @@ def set_lamps(driver: Driver, draw: Draw) -> None:
     made, chance = editor(driver), draw.random()
     number = int(draw.integers(max(len(made.lights), 1)))
     if not made.lights or (chance < 0.25 and len(made.lights) < 4):
-        driver.actions.add_light(KINDS[draw.integers(3)])
+        driver.actions.add_light(get_args(Kind)[draw.integers(3)])
     elif chance < 0.5:
         made.delete_light(number)
     else:
@@ -122,7 +122,7 @@ def check(driver: Driver, done: list[str]) -> None:
 def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver) -> None:
     """Edits, undone and done again, equal those of a list. After all of them are undone, the scene is the loaded one."""
     driver.resize(SIZES[0])
-    driver.actions.panels.scale = 0.75
+    driver.actions.options.scale = 0.75
     driver.session.change(0, **QUICK)
     draw, states, at, edits, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])

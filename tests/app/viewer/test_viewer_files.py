@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,20 +61,6 @@ def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -
     rewrite(driver, room.with_name("lamp.light"), "position 0 0.8 0 1\nintensity 1 2 3\n")
     driver.frame()
     assert session.scene.lights[0].color == (1.0, 2.0, 3.0)
-
-
-def test_f5_asks_before_unsaved_changes_are_lost(driver: Driver, room: Path) -> None:
-    """After "cancel" the changes stay; after "discard" the scene is that of the files."""
-    editor = driver.actions.editor
-    editor.set_light(0, replace(editor.lights[0], stops=1.0))
-    bright = driver.session.scene.lights[0].color
-    rewrite(driver, room, ROOM + "# more\n")
-    driver.frame(2)
-    driver.choose("cancel")
-    push(driver, "F5")
-    assert driver.actions.prompt is not None and driver.session.scene.lights[0].color == bright
-    driver.choose("discard")
-    assert driver.session.scene.lights[0].color != bright and not driver.actions.editor.unsaved
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from tests.support.viewing import viewing, write_room
 ROOT = Path(__file__).resolve().parents[3]
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
 RARE = {"quit", "fullscreen", "reload", "screenshot", "record"}
-RARE |= {"save_dialog", "save_again", "save_film"}
+RARE |= {"save_as", "save_again", "save_film"}
 LEFT_OUT = RARE | {"trace"}  # actions that are not tried at random: these, and one that takes minutes
 
 

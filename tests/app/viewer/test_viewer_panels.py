@@ -37,7 +37,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
-    driver.actions.panels.controls = driver.actions.panels.settings = driver.session.options.frozen = True
+    driver.actions.options.controls = driver.actions.options.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in STAGES:
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -61,14 +61,11 @@ def label(name: str) -> str:
 
 def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: Driver) -> None:
     """Every setting of views has a widget. A number is typed by Ctrl+click, also beyond the slider's span; a choice is clicked in
-    its list; a box is clicked; `auto` is switched off first."""
+    its list; a box is clicked."""
     assert {label(name) for name in SETTINGS.keys() - OF_RENDERS} <= shown(panel)
     changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "weights": "paper", "gradients": False}
     for name, expected in changes.items():
         old, camera = panel.session.settings(0)[1], panel.session.camera
-        if value(panel, name) == "auto":
-            panel.click(*panel.find("auto", beside=label(name)).at())
-            assert value(panel, name) == pytest.approx(old.threshold, abs=1e-3)
         widget = panel.find(label(name))
         if isinstance(expected, str):
             rows = 1 + list(SETTINGS[name].choices).index(expected)

@@ -63,7 +63,7 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
         assert buffer.box[1] > 0.0, "the panel is not scrolled to the settings"
         settings = driver.session.settings(0)[1]
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
-        assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.lights
+        assert driver.session.options.discs and driver.actions.options.settings and not driver.actions.options.lights
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
         failed = driver.actions.save_preferences(driver.wnd.size, False)
         assert failed is not None and str(room) in failed
@@ -78,11 +78,11 @@ def test_without_a_display_one_line_says_what_to_do(tmp_path: Path) -> None:
     assert "irrsplat render" in done.stderr and "xvfb-run" in done.stderr
 
 
-def test_on_a_finer_monitor_text_is_larger(driver: Driver) -> None:
+def test_on_a_finer_monitor_text_is_larger(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice the scale, twice the height of the menu bar: as many rows again hold nothing of the picture."""
     rows = []
     for scale in (1.0, 2.0, 1.0):
-        driver.viewer.controls.scale_changed(scale)
+        monkeypatch.setattr(Desktop, "scale", scale)
         driver.frame(4)
         rows.append(int((driver.window() != driver.canvas()).any(-1)[:, 240:].mean(1).cumprod().round().sum()))
     assert rows[0] == rows[2] > 10 and rows[1] == pytest.approx(2 * rows[0], abs=2)

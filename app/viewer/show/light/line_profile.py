@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from math import dist
 
-import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import pixel_of
-from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.app.viewer.view_options import Point
 
-COUNT = 200  # points along a line
+COUNT = 100  # points along a line
 
 
 @dataclass(frozen=True)
@@ -38,24 +35,12 @@ class Profile:
 def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:
     """Return the profile of the buffer `name` between two points; a surface that hides the line counts in its place."""
     buffer, share, view = BUFFERS[name], np.linspace(0.0, 1.0, COUNT), source.view
-    points, read = np.array(start) + share[:, None] * np.subtract(end, start), _whole_textures()
+    points = np.array(start) + share[:, None] * np.subtract(end, start)
     places = [pixel_of(view.camera, view.gbuffer.position.size, (x, y, z)) for x, y, z in points.tolist()]
-    found = [None if place is None else buffer.value(read, source, *place) for place in places]
+    found = [None if place is None else buffer.value(source, *place) for place in places]
     channels = max((len(value) for value in found if value is not None), default=1)
     values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
     if name == "position":
         values = values + source.origin
     names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
-    return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
-
-
-def _whole_textures() -> Texels:
-    """Return a reader of texels that reads each texture once, whole."""
-
-    @cache
-    def whole(texture: moderngl.Texture) -> np.ndarray:
-        values = np.frombuffer(texture.read(), "u1" if texture.dtype == "f1" else texture.dtype)
-        values = values.astype(np.float32) / (255.0 if texture.dtype == "f1" else 1.0)
-        return values.reshape(texture.height, texture.width, texture.components)[::-1]
-
-    return lambda texture, x, y: whole(texture)[y, x]
+    return Profile(share * dist(start, end), values, buffer.legend(source).unit, names)

@@ -11,14 +11,13 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, described, light_name, light_units, surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, object_name
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
 from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import linear_from_srgb, srgb
-from irrsplat.scene.model import Material, Mesh
+from irrsplat.scene.model import Mesh
 
 
 def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float, float, float]]:
@@ -54,12 +53,6 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     for i, edited in enumerate(editor.lights):
         if imgui.selectable(f"{light_name(edited.light, i)}  ({edited.light.kind})##{i}", i == editor.light)[0]:
             editor.pick_light(i)
-    if imgui.begin_combo(layout.label("new light"), "add"):
-        for kind in KINDS:
-            if imgui.selectable(kind, False)[0]:
-                actions.attempt(lambda kind=kind: actions.add_light(kind))  # type: ignore[misc]
-        imgui.end_combo()
-    imgui.set_item_tooltip("where the camera looks")
     if editor.light is not None:
         imgui.separator()
         _draw_light(actions, layout, editor.light)
@@ -79,10 +72,7 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     edited = _coloured(layout, _placed(actions, layout, edited))
     if imgui.button("reset"):
         edited = LightEdit.of(edited.loaded)
-    imgui.same_line()
-    if imgui.button("delete"):
-        actions.attempt(lambda: editor.delete_light(number))
-    elif edited != before:
+    if edited != before:
         actions.attempt(lambda: editor.set_light(number, edited))
 
 
@@ -138,7 +128,7 @@ def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
 def draw_rings(actions: Actions, layout: Layout) -> None:
     """Draw a ring in the picture where each light is, while the panel is open; that of the selected light is filled."""
     editor = actions.editor
-    if not actions.panels.lights:
+    if not actions.options.lights:
         return
     with layout.over_picture() as draw:
         for i, edited in enumerate(editor.lights):
@@ -152,7 +142,7 @@ def draw_rings(actions: Actions, layout: Layout) -> None:
                 draw.add_circle_filled(place, 5.0, colour)
 
 
-_DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_DARKEST = 1e-3  # W/(m² sr)
 _ROWS = 10  # of the list that are in sight; more are scrolled to
 _BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
 
@@ -163,7 +153,7 @@ def draw_object(actions: Actions, layout: Layout) -> None:
         return
     mesh, edit = editor.loaded.meshes[number], editor.edit.objects[number]
     imgui.text_wrapped(object_name(editor.loaded, number))
-    imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
+    imgui.text_disabled(f"{len(mesh.faces)} triangles")
     after = _object_painted(_object_placed(edit, layout, actions.session.scene.diagonal / 500.0), mesh, layout)
     if imgui.button("reset"):
         after = AS_LOADED
@@ -191,7 +181,8 @@ def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
         if changed:
             edit = replace(edit, albedo=albedo)
     emission = edit.emission if edit.emission is not None else material.emission
-    least = _DARKEST if needs_emission(material) else 0.0
+    textured = material.emission_texture is not None or material.filters
+    least = _DARKEST if textured and any(material.emission) else 0.0  # without any it would be drawn otherwise
     brightest = max(emission)
     tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
     full, now = surface_units(mesh, tint), surface_units(mesh, emission)
@@ -225,20 +216,3 @@ def draw_outliner(actions: Actions) -> None:
                 elif imgui.selectable(title, number == editor.mesh)[0]:
                     editor.mesh = number
     imgui.end_child()
-
-
-def needs_emission(material: Material) -> bool:
-    """True if the material must keep some emission: it has a texture of emission, or it filters light and emits."""
-    return any(material.emission) and (material.emission_texture is not None or material.filters)
-
-
-def describe_material(mesh: Mesh) -> str:
-    """A mesh's material in a few words."""
-    material = mesh.material
-    words = ["unlit"] if material.unlit else []
-    words += ["emissive"] if any(material.emission) else []
-    words += ["texture"] if material.albedo_texture is not None else []
-    words += ["normal map"] if material.normal_texture is not None else []
-    words += ["vertex colours"] if mesh.colors is not None else []
-    words += ["transparent"] if material.filters else ["alpha mask"] if material.alpha_mode == "mask" else []
-    return ", ".join(words) or "plain"

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.ui.layout import AMBER, READABLE, WHITE, Layout, dot, line
+from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, dot, line
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.light_scale import STEPS, false_colours
@@ -36,18 +36,15 @@ def draw_light_scale(actions: Actions, layout: Layout) -> None:
         factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
         highest = None if scale.highest is None else scale.highest * factor
         scale, high = replace(scale, unit=_UNITS[chosen], highest=highest), high * factor
-    maximum = label("maximum")
-    flipped, automatic = imgui.checkbox("auto", scale.highest is None)
-    imgui.set_item_tooltip("a round number above nearly all that is seen")
-    if flipped:
-        scale = replace(scale, highest=None if automatic else high)
-    imgui.set_next_item_width(layout.beside(layout.widget, READABLE * layout.scale))
-    imgui.begin_disabled(scale.highest is None)
-    moved, value = imgui.slider_float(maximum, high, _LEAST, _MOST, "%.4g", imgui.SliderFlags_.logarithmic)
-    imgui.end_disabled()
+    form = "%.4g (auto)" if scale.highest is None else "%.4g"
+    moved, value = imgui.slider_float(label("maximum"), high, _LEAST, _MOST, form, imgui.SliderFlags_.logarithmic)
     imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
-    if moved and scale.highest is not None and value > 0.0:
+    if moved and value > 0.0:
         scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
+    if imgui.small_button("auto"):
+        scale = replace(scale, highest=None)
+    imgui.set_item_tooltip("a round number above nearly all that is seen")
+    imgui.same_line()
     scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
     imgui.set_item_tooltip("isolines between the steps of the scale")
     session.options.light_scale = scale

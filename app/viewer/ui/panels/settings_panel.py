@@ -8,40 +8,29 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
-from irrsplat.app.viewer.ui.layout import READABLE, Layout
+from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 Value = float | int | bool | str
 
-# ends of sliders whose ranges are far wider than usual values; other values are typed (Ctrl+click)
-_SPANS: dict[str, tuple[float, float]] = {
-    "adapt": (0.0, 2.0),
-    "seed": (0, 100),
-    "bounces": (0, 16),
-    "radius_min": (0.0, 5.0),
-    "radius_max": (0.0, 20.0),
+SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends of their sliders; other values are typed
+    "a": (0.01, 2.0),
     "tolerance": (0.0, 100.0),
-    "warmup": (0, 5000),
-    "max_records": (1000, 1_000_000),
+    "blend": (0.0, 1.0),
     "exposure": (-10.0, 10.0),
-    "budget": (10.0, 1000.0),
-    "viewer_samples": (0, 256),
-    "viewer_quality": (0.0, 5.0),
 }
-_LOGARITHMIC = {
-    *("a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"),
-}
+_LOGARITHMIC = ("a", "tolerance")
+_STEP = 0.01  # of a value, for a pixel of a drag
 _STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
 _OPEN = ("splat", "examine", "composite")  # stages that are unfolded at first
 _TOOLTIP = 28.0  # width of the text, in heights of the font
-_COSTLY = ("shadow", "gather")  # stages whose settings make every record anew: their numbers are typed
 
 
 def draw_settings(actions: Actions, layout: Layout) -> None:
     """Draw all settings of the side that panels change, stage by stage."""
-    panels = actions.panels
+    options = actions.options
     for stage in _STAGES:
-        if panels.sought and SETTINGS[panels.sought].stage == stage:
+        if options.sought and SETTINGS[options.sought].stage == stage:
             imgui.set_next_item_open(True)
         if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
             for declaration in SETTINGS.values():
@@ -70,13 +59,13 @@ def draw_presets(actions: Actions, layout: Layout) -> None:
 
 
 def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
-    """Draw one line: the widget, its name, and an arrow back to the preset's value where it differs."""
+    """Draw one line: the widget, its name, and an arrow back to its word, such as auto, or to the preset's value."""
     chosen, settings = actions.session.settings(actions.session.options.side)
     value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
     imgui.push_id(d.name)
-    if d.name == actions.panels.sought:
+    if d.name == actions.options.sought:
         imgui.set_scroll_here_y()
-        actions.panels.sought = ""
+        actions.options.sought = ""
     imgui.begin_group()
     new = _widget(actions, layout, d, value)
     imgui.end_group()
@@ -88,11 +77,12 @@ def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
             imgui.text_disabled("Ctrl+click: type a number")
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
-    if value != base:
+    back = d.word if d.word and value != d.word else base
+    if value != back:
         imgui.same_line()
         if imgui.small_button("←"):
-            new = base
-        imgui.set_item_tooltip(f"back to {_in_words(base)}")
+            new = back
+        imgui.set_item_tooltip(f"back to {_in_words(back)}")
     imgui.pop_id()
     if new != value:
         changed = cast(SettingValues, {d.name: new})
@@ -109,35 +99,27 @@ def _widget(actions: Actions, layout: Layout, d: Declaration, value: Value) -> V
     if d.kind == "choice":
         imgui.set_next_item_width(width)
         return d.choices[imgui.combo(label, d.choices.index(str(value)), list(d.choices))[1]]
-    if not d.word:
-        return _number(d, label, value, width)
-    flipped, automatic = imgui.checkbox(d.word, value == d.word)
-    width = layout.beside(width, READABLE * layout.scale)
-    resolved = _resolved(actions, d)
-    if flipped:
-        return d.word if automatic else round(resolved, 3)
-    imgui.begin_disabled(automatic)
-    moved = _number(d, label, resolved if automatic else value, width)
-    imgui.end_disabled()
-    return value if automatic else moved
-
-
-def _number(d: Declaration, label: str, value: Value, width: float) -> Value:
-    """Draw a slider, or a field to type into where a change makes every record anew; return its value."""
-    low, high = _SPANS.get(d.name, (d.low or 0, d.high or 0))
-    flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
-    imgui.set_next_item_width(width)
-    unit = f" {d.unit.replace('%', '%%')}" if d.unit and not d.word else ""
-    entered = imgui.InputTextFlags_.enter_returns_true
-    now: float
-    if d.kind == "int" and d.stage in _COSTLY:
-        moved, now = imgui.input_int(label, cast(int, value), 0, 0, entered)
-    elif d.kind == "int":
-        moved, now = imgui.slider_int(label, cast(int, value), int(low), int(high), f"%d{unit}", flags)
-    else:
-        moved, now = imgui.slider_float(label, cast(float, value), float(low), float(high), f"%.3g{unit}", flags)
-    now = min(max(float(f"{now:.6g}") if d.kind == "float" else now, d.low or 0), d.high or 0)  # imgui's are float32
+    number = _resolved(actions, d) if value == d.word else cast(float, value)
+    moved, now = _number(d, label, number, f" ({d.word})" if value == d.word else "", width)
     return now if moved else value
+
+
+def _number(d: Declaration, label: str, number: float, word: str, width: float) -> tuple[bool, float]:
+    """Draw a slider for one of the first settings, for another one a field to drag or to type into.
+
+    Return True if the user has changed it, and its number. word: stands behind it.
+    """
+    least, most = d.low or 0, d.high or 0
+    imgui.set_next_item_width(width)
+    unit = (f" {d.unit}" if d.unit and not d.word else word).replace("%", "%%")
+    if d.name in SLIDERS:
+        flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
+        moved, now = imgui.slider_float(label, number, *SLIDERS[d.name], f"%.3g{unit}", flags)
+    elif d.kind == "int":
+        moved, now = imgui.drag_int(label, int(number), max(_STEP * abs(number), 0.1), int(least), int(most), f"%d{unit}")
+    else:
+        moved, now = imgui.drag_float(label, number, max(_STEP * abs(number), 0.001), least, most, f"%.3g{unit}")
+    return moved, min(max(float(f"{now:.6g}") if d.kind == "float" else now, least), most)  # imgui's are float32
 
 
 def _resolved(actions: Actions, d: Declaration) -> float:

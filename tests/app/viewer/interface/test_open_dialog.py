@@ -15,11 +15,11 @@ from tests.support.viewing import Driver, push, write_room
 
 
 def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
-    """A path from the working folder, one from the scene's folder, a bundled name. Esc closes the dialog."""
+    """A path from the working folder, a whole path, a bundled name. Esc closes the prompt."""
     (tmp_path / "inner").mkdir()
-    write_room(tmp_path / "inner").rename(tmp_path / "inner" / "found.scene")
+    whole = write_room(tmp_path / "inner").rename(tmp_path / "inner" / "found.scene")
     driver.session.options.frozen = True
-    for typed, name in (("inner/found.scene", "found"), ("found.scene", "found"), ("furnace", "furnace")):
+    for typed, name in (("inner/found.scene", "found"), (str(whole), "found"), ("furnace", "furnace")):
         push(driver, "Ctrl+O")
         driver.frame(3)
         driver.type(typed)
@@ -27,7 +27,7 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
         driver.frame(2)
         assert driver.session.scene.name == name and driver.actions.prompt is None
     driver.resize((640, 400), density=0.25)
-    driver.actions.panels.scale = 2.0
+    driver.actions.options.scale = 2.0
     push(driver, "Ctrl+O")
     driver.frame(6)
     assert driver.find("").box[0] > 0.0, "the line is not scrolled out of the prompt"
