@@ -90,6 +90,7 @@ const float BIAS = 0.1;       // of depth, in sizes of a texel
 const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
 const float CURVED = 0.5;     // texels: in a fold of a curved surface the next facet rises before the plane of this one
 const float BESIDE = 2.0;     // as BIAS, and three steps of its slope
+const float STRAIGHT = 0.9999;  // cosine of the angle between interpolated and geometric normal of a flat surface, at least
 
 // By how much of depth the shadow map's texel `offset` texels from the receiver sees something before the receiver's tangent plane;
 // below 0: behind it. The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope.
@@ -193,10 +194,11 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     if (taps == 1)
     {
         float own = shadow_gap(t, vec2(0.0));
-        vec2 away = fract(t.texel) - 0.5;  // from the texel's centre towards more of the receiver
-        if (own >= -t.beside) return float(own <= t.tolerance);
-        float next = shadow_gap(t, abs(away.x) > abs(away.y) ? vec2(sign(away.x), 0.0) : vec2(0.0, sign(away.y)));
-        return float((next >= -t.beside ? next : own) <= t.tolerance);
+        // a flat receiver is seen by its texel, or the texel's centre lies past an edge of it: then the texel across the point's
+        // quarter lies inside of an edge in either direction
+        if (own >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.beside)) return float(own <= t.tolerance);
+        float next = shadow_gap(t, sign(fract(t.texel) - 0.5));
+        return float(next >= -t.beside ? next <= rounding : own <= t.tolerance);
     }
 #if SHADOW_RAYS || SHADOW_MARKS
     // If the four texels around the receiver all see its plane, it is lit. If they all see something before it, it is in shadow.
