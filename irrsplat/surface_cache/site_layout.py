@@ -27,6 +27,7 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
+COARSE_SITES = 4000  # of a coarse level, however many parts a scene has: a half is twice as far off, for a tenth of the time
 MAX_SITES = 1 << 15
 MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 80 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
@@ -67,7 +68,7 @@ class Detail:
     @property
     def most(self) -> int:
         """The greatest number of sites."""
-        return MAX_REFINED_SITES if self.level > 0 else MAX_SITES
+        return COARSE_SITES if self.level < 0 else MAX_REFINED_SITES if self.level > 0 else MAX_SITES
 
 
 FULL = Detail(1.0, 1.0)
@@ -182,12 +183,14 @@ class SiteChooser:
         """
         vertices, faces, _ = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        corners = vertex_column(vertices, "position")[faces].astype(float)
+        corners = vertex_column(vertices, "position")[faces]
         area, counts = triangle_areas(corners), np.zeros(len(faces))
-        low, high = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.minimum, np.maximum))
-        for place, reach in zip(places, _ROOMS * rooms, strict=True):
-            away = np.linalg.norm(place - np.clip(place, low, high), axis=1)
-            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach / np.maximum(away, 1e-30), 1.0) ** 4
+        columns = np.ascontiguousarray(corners.transpose(1, 2, 0))  # of the first, the second and the third corners
+        low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
+        for place, reach in zip(places.astype(np.float32), (_ROOMS * rooms).astype(np.float32), strict=True):
+            sides = zip(low, high, place, strict=True)  # of the triangles' boxes; squares of the distances from these:
+            away = sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides)
+            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 

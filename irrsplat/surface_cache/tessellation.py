@@ -69,7 +69,8 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndar
     face, face_of_cell = (np.repeat(np.arange(len(faces)), of) for of in (counts, n * n))
     position, normal = np.empty((2, len(face), 3), np.float32)
     area = size[face]
-    position[begin[tiny]], normal[begin[tiny]] = (of[tiny].sum(1) / np.float32(3.0) for of in (p, normals))
+    middles = ((of[:, 0] + of[:, 1] + of[:, 2])[tiny] / np.float32(3.0) for of in (p, normals))
+    position[begin[tiny]], normal[begin[tiny]] = middles
 
     large = np.flatnonzero(~tiny[face])
     of = face[large]
