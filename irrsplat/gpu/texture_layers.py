@@ -18,7 +18,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.scene.image_means import area_means, coverage
 from irrsplat.scene.model import Image, Material, Texture
 
-MOST_TEXELS = 1024  # along a side of a layer
+MOST_TEXELS = 256, 1024  # along a side of a layer: a ray stands for the mean of some centimetres; and where there are holes
 _LEAST_TEXELS = 16
 _BYTES = 8 * 4 / 3  # per texel of four half floats, with its share of the mip-maps
 
@@ -69,7 +69,8 @@ def plan(keys: Iterable[LayerKey], most_bytes: float, most_layers: int) -> Layer
     largest = max((max(key.image.pixels.shape[:2]) for key in kept), default=1)
     of_use = 1 << max(largest - 1, 0).bit_length()
     fits = math.sqrt(most_bytes / (_BYTES * max(len(kept), 1)))
-    side = max(min(of_use, MOST_TEXELS, 1 << int(math.log2(max(fits, 1.0)))), 1)
+    most = MOST_TEXELS[any(key.cutoff > 0.0 for key in kept)]
+    side = max(min(of_use, most, 1 << int(math.log2(max(fits, 1.0)))), 1)
     means = {key: layer_texels(key, 1)[0, 0] for key in every[len(kept) :]}
     return LayerPlan({key: i for i, key in enumerate(kept)}, side, means)
 

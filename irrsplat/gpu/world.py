@@ -30,7 +30,7 @@ from irrsplat.scene.visible_parts import SceneParts
 
 Made = TypeVar("Made")
 
-_LARGE = 100_000  # triangles
+_LARGE = 20_000  # triangles
 
 
 class World(Owner):
@@ -179,7 +179,7 @@ class World(Owner):
 
     @property
     def large(self) -> bool:
-        """True if processing all triangles takes seconds."""
+        """True if processing all triangles takes more than a tenth of a second."""
         return self.geometry.triangles >= _LARGE
 
     def prebuild(self, tree: bool = False, caster: bool = False) -> None:

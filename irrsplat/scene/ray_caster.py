@@ -6,6 +6,7 @@ The package is imported by RayCaster, so that other ways of gathering work witho
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.util import find_spec
@@ -89,17 +90,18 @@ class RayCaster:
         else:
             hit = self._scene.run(origins, directions, output=True)
             found, ends = hit["primID"], hit["tfar"]
-        nearer = self._between_holes(origins, directions, ends)
+        nearer, _ = self._between_holes(origins, directions, ends)
         return np.where(nearer < 0, found, nearer)
 
-    def _between_holes(self, origins: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return (N,) int, the first cut-out triangle that each ray hits outside of its holes, -1: none.
+    def _between_holes(self, origins: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return (N,) int, the first cut-out triangle that each ray hits outside of its holes, -1: none; and (N,) float32, where
+        it does: at its end for none.
 
         ends: (N,) float32, of the rays, in lengths of the directions.
         """
-        found = np.full(len(origins), -1)
+        found, at = np.full(len(origins), -1), ends.copy()
         if self._cut_out is None or self._holes is None:
-            return found
+            return found, at
         left = np.flatnonzero(self._cut_out.run(origins, directions, ends.copy()) >= 0)  # writes into the last array
         origin, way, far = origins[left], directions[left], ends[left]
         for _ in range(_LAYERS):
@@ -109,30 +111,52 @@ class RayCaster:
             met = np.flatnonzero(hit["primID"] >= 0)
             number, u, v = hit["primID"][met] + self._holes.first, hit["u"][met], hit["v"][met]
             passed = self._holes.passed(number, np.stack([1.0 - u - v, u, v], axis=1))
-            found[left[met[~passed]]] = number[~passed]
+            there = met[~passed]
+            found[left[there]], at[left[there]] = number[~passed], ends[left[there]] - far[there] + hit["tfar"][there]
             on = met[passed]
             gone = hit["tfar"][on] + self._behind / np.maximum(np.linalg.norm(way[on], axis=1), 1e-30)
             left = left[on]
             origin, way, far = origin[on] + gone[:, None] * way[on], way[on], far[on] - gone
-        return found
+        return found, at
 
     def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) bool: True if nothing occludes the segments from `starts` to `ends`, (N, 3) metres each."""
-        found, step = np.ones(len(starts), bool), _rays_per_call(len(starts))
+        found = np.ones(len(starts), bool)
         starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
 
-        def test(first: int) -> None:
-            """Trace `step` segments from `first` on."""
-            start = starts[first : first + step]
-            away, free = ends[first : first + step] - start, found[first : first + step]
+        def test(some: slice) -> None:
+            """Trace some of the segments."""
+            start, away, free = starts[some], ends[some] - starts[some], found[some]
             if self._scene is not None:
                 free[:] = self._scene.run(start, away, np.ones(len(away), np.float32), query="OCCLUDED") < 0  # up to the ends
             if self._cut_out is not None:
-                free[free] = self._between_holes(start[free], away[free], np.ones(int(free.sum()), np.float32)) < 0
+                free[free] = self._between_holes(start[free], away[free], np.ones(int(free.sum()), np.float32))[0] < 0
 
-        for _ in _threads().map(test, range(0, len(starts), step)):
-            pass
+        _in_parts(len(starts), test)
         return found
+
+    def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return (N,) float32, the share of segments from `starts` to `ends`, (N, 3) metres each, to the first hit; 1: none."""
+        found = np.ones(len(starts), np.float32)
+        starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
+
+        def trace(some: slice) -> None:
+            """Trace some of the segments."""
+            start, away = starts[some], ends[some] - starts[some]
+            if self._scene is not None:
+                found[some] = self._scene.run(start, away, found[some].copy(), query="DISTANCE")
+            if self._cut_out is not None:
+                found[some] = self._between_holes(start, away, found[some])[1]
+
+        _in_parts(len(starts), trace)
+        return found
+
+
+def _in_parts(rays: int, trace: Callable[[slice], None]) -> None:
+    """Call `trace` in several threads, each time for a part of so many rays."""
+    step = _rays_per_call(rays)
+    for _ in _threads().map(trace, (slice(first, first + step) for first in range(0, rays, step))):
+        pass
 
 
 def _tree(positions: np.ndarray, faces: np.ndarray) -> Any:

@@ -20,6 +20,7 @@ _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31
 _BLOCKS = 3.0, 12.0  # steps of near_sites: sides of blocks in which a site is looked for, a wide one where a small one has none
 _AT_ONCE = 16_384  # members, for each of which near_sites compares some ten sites
 _MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
+_BEYOND = 1.001  # as far as the point between: the first segment ends behind a surface on which that lies
 _CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
 
 
@@ -42,11 +43,11 @@ class Members:
         return Members(self.position[numbers], self.normal[numbers], self.geometric[numbers], self.eye[numbers])
 
 
-def both_sides(tessellation: Tessellation, offset: float) -> Members:
-    """The points on the side that their winding tells, then all of them on the other; eyes `offset` metres above."""
-    position = np.concatenate([tessellation.position] * 2)
-    normal, geometric = (np.concatenate([n, -n]) for n in (tessellation.normal, tessellation.geometric))
-    return Members(position, normal, geometric, (position + offset * geometric.astype(float)).astype(np.float32))
+def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inner: np.ndarray) -> Members:
+    """The points `outer` (N,) on the side that their winding tells, then `inner` (K,) on the other; eyes `offset` metres up."""
+    position = tessellation.position[np.concatenate([outer, inner])]
+    normal, geometric = (np.concatenate([n[outer], -n[inner]]) for n in (tessellation.normal, tessellation.geometric))
+    return Members(position, normal, geometric, position + np.float32(offset) * geometric)
 
 
 def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
@@ -73,14 +74,12 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
     return np.concatenate(found)
 
 
-def voxel_keys(members: Members, size: float) -> np.ndarray:
+def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
     """(M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the sphere."""
-    low = [float(at.min(initial=np.inf)) for at in members.position.T]
+    low = [float(at.min(initial=np.inf)) for at in position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
-    x, y, z = (
-        ((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(members.position.T, low, strict=True)
-    )
-    normal = np.ascontiguousarray(members.normal.T)  # by columns: the same along the short axis takes ten times as long
+    x, y, z = (((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(position.T, low, strict=True))
+    normal = np.ascontiguousarray(normal.T)  # by columns: the same along the short axis takes ten times as long
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
@@ -88,17 +87,23 @@ def voxel_keys(members: Members, size: float) -> np.ndarray:
     return key
 
 
-def merged(points: Members, area: np.ndarray, sheet: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of one sheet that lie in one voxel of `size` metres and face alike become one member, since a fine mesh has far
-    more triangles than light there has changes.
+def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Merge points of very small triangles that lie in one voxel of `size` metres and face alike: a fine mesh has far more
+    triangles than light there has changes.
 
-    area: (M,) m² that each stands for. sheet: (M,) which points may become one; -1: this one stays itself. Returns the members
-    (K,), as numbers of points: of each voxel the one nearest to their mean; and which of them each point is now, (M,).
+    mesh: (F,) the number of each triangle's mesh; only points of one mesh are merged. Returns the points (K,) that stay, of each
+    voxel the one nearest to their mean; and which of these each point is now, (P,).
     """
-    key, fine = np.arange(len(points)), np.flatnonzero(sheet >= 0)
-    _, voxel = np.unique(voxel_keys(points[fine], size), return_inverse=True)
-    key[fine] = len(points) + voxel.ravel() * (sheet.max(initial=0) + 1) + sheet[fine]
-    return choose_sites(key, points.position, area, 0.0, len(points))
+    fine = tessellation.alone
+    stays = np.ones(len(tessellation.face), bool)
+    stays[fine] = False
+    kept, which = np.flatnonzero(stays), np.cumsum(stays) - 1
+    position = tessellation.position[fine]
+    _, voxel = np.unique(voxel_keys(position, tessellation.normal[fine], size), return_inverse=True)
+    key = voxel.ravel() * (mesh.max(initial=0) + 1) + mesh[tessellation.face[fine]]
+    chosen, site = choose_sites(key, position, tessellation.area[fine], 0.0, len(fine))
+    which[fine] = len(kept) + site
+    return np.concatenate([kept, fine[chosen]]), which
 
 
 def choose_sites(
@@ -140,7 +145,8 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
     found = np.full((len(asking), most), -1)
     for block in _BLOCKS:
         left = np.flatnonzero(found[:, 0] < 0)
-        blocks = voxel_keys(members[np.concatenate([sites, asking[left]])], block * size) >> 5  # without the normals' parts
+        both = np.concatenate([sites, asking[left]])
+        blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 5  # without the normals' parts
         order = np.argsort(blocks[: len(sites)], kind="stable")
         known = blocks[order]
         for first in range(0, len(left), _AT_ONCE):
@@ -160,18 +166,20 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
     return found
 
 
-def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, 3, 3): from the eyes of members `a` (N,) to those of `b` by a point between, over what bulges there.
+def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return starts and ends (N + K, 3) of the segments that are free where members `a` (N,) see members `b`.
 
-    Where the surface is convex that point is where the tangents of an arc between them meet, and a little higher; on one plane,
-    and where the surface is concave, the line is straight.
+    The first N segments start at the eyes of `a`. Where the surface is concave or flat, they end at those of `b`. Where it is
+    convex, a second segment follows. The two meet at a point over what bulges there: where the tangents of an arc between a and b
+    meet, and a little higher. The third result has the numbers (K,) of the first ones, of which the last K are the second ones.
     """
-    start, end = members.eye[a].astype(float), members.eye[b].astype(float)
-    n_a, n_b = members.geometric[a].astype(float), members.geometric[b].astype(float)
-    apart = end - start
-    bulges = (apart * (n_b - n_a)).sum(1) > 0.0
-    both = n_a + n_b
+    start, end = members.eye[a], members.eye[b]
+    n_a, n_b = members.geometric[a], members.geometric[b]
+    bent = np.flatnonzero(np.einsum("nx,nx->n", end - start, n_b - n_a) > 0.0)
+    from_a, to_b, apart, both = start[bent], end[bent], n_b[bent] - n_a[bent], n_a[bent] + n_b[bent]
     # |n_a − n_b|/|n_a + n_b| is the tangent of half the angle between them
-    slope = np.linalg.norm(n_b - n_a, axis=1) / np.maximum((both * both).sum(1), 1e-30)
-    rise = np.where(bulges, 0.5 * _CLEARANCE * np.linalg.norm(apart, axis=1) * slope, 0.0)
-    return np.stack([start, 0.5 * (start + end) + rise[:, None] * both, end], axis=1).astype(np.float32)
+    slope = np.linalg.norm(apart, axis=1) / np.maximum(np.einsum("nx,nx->n", both, both), 1e-30)
+    rise = 0.5 * _CLEARANCE * np.linalg.norm(to_b - from_a, axis=1) * slope
+    between = 0.5 * (from_a + to_b) + rise[:, None] * both
+    end[bent] = from_a + np.float32(_BEYOND) * (between - from_a)
+    return np.concatenate([start, between]), np.concatenate([end, to_b]), bent

@@ -6,8 +6,8 @@ together and face alike form a cluster. One member of the cluster is the site of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 
 import numpy as np
@@ -27,20 +27,19 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
+COARSE_SITES = 4000  # of a coarse level, however many parts a scene has: a half is twice as far off, for a tenth of the time
 MAX_SITES = 1 << 15
 MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 80 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 10  # sites near by that a member without a site of its own is compared with at the end
-_HALVINGS = 12  # of an edge, to find what stands on it
 _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
 _MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
 VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _PLACES = 32  # lights and cameras, at most, around which the surfaces are cut finely
 _DIRECTIONS = 64  # in which their surroundings are measured
-_OCTAVES = 16  # of distances there, down from the diagonal
-_ROOMS = 4.0  # times as far as these surroundings surfaces count in full; beyond, steps grow by the square of the distance
+_ROOMS = 3.0  # times as far as these surroundings surfaces count in full; beyond, steps grow by the square of the distance
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
@@ -69,7 +68,7 @@ class Detail:
     @property
     def most(self) -> int:
         """The greatest number of sites."""
-        return MAX_REFINED_SITES if self.level > 0 else MAX_SITES
+        return COARSE_SITES if self.level < 0 else MAX_REFINED_SITES if self.level > 0 else MAX_SITES
 
 
 FULL = Detail(1.0, 1.0)
@@ -108,10 +107,12 @@ class SiteLayout:
 
 @dataclass(frozen=True)
 class Clusters:
-    """The tessellation of steps of `spacing` metres, M members on both sides of it, and the keys (M,) of their clusters.
+    """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side.
+    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values where no gather
+    is needed to know them, else -1. first: the sites among the members without a value, and which of them is each one's, as
+    clustering.choose_sites has them.
     """
 
     tessellation: Tessellation
@@ -121,6 +122,8 @@ class Clusters:
     area: np.ndarray
     face: np.ndarray
     member: np.ndarray
+    value: np.ndarray
+    first: tuple[np.ndarray, np.ndarray]
 
     def sites(self, at: np.ndarray) -> Sites:
         """The members `at` (N,) as places for records."""
@@ -133,20 +136,20 @@ class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
     unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from the
-    surface to the origin of a site's rays. visibility: True for each free sight line of (N, 3, 3), see VisibilityPass.
-    detail: of the surface cache.
+    surface to the origin of a site's rays. reach: the visible share of segments, see RayCaster.reach. detail: of the surface
+    cache.
     """
 
     scene: Scene
     unlit: np.ndarray
     offset: float
-    visibility: Callable[[np.ndarray], np.ndarray]
+    reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
 
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
         clusters = yield from self._cluster()
-        value = yield from in_background(partial(self.known_values, clusters), _CUT)
+        value = clusters.value
         chosen = yield from self.assign(clusters, value)
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
@@ -162,23 +165,15 @@ class SiteChooser:
         vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
         points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        while True:
-            clusters, sites = yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT)
-            yield _CUT
-            about, most = (share * self.detail.most for share in _FIRST_SHARE)
-            if sites <= most:
-                return clusters
-            spacing *= 1.05 * float(np.sqrt(sites / about))
+        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT))
 
     def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return (N,) metres, to a factor of two: the upper quartile of distances from `places` (N, 3) to surfaces."""
-        lengths = self.scene.diagonal * 0.5 ** np.arange(_OCTAVES)
-        ways = lengths[:, None, None, None, None] * sphere(_DIRECTIONS)[:, None]
-        lines = places[:, None, None] + np.array([0.0, 0.5, 1.0])[:, None] * ways
-        free = yield from self.free(lines.reshape(-1, 3, 3).astype(np.float32), 0.0)
-        reach = np.where(free.reshape(lines.shape[:3]), lengths[:, None, None], 0.0).max(0, initial=0.0)
-        met = reach < lengths[0]
-        return np.array([np.quantile(one[hit], 0.75) if hit.any() else lengths[0] for one, hit in zip(reach, met, strict=True)])
+        """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
+        far = self.scene.diagonal
+        starts = np.repeat(places, _DIRECTIONS, axis=0)
+        reach = yield from self._free_shares(starts, starts + far * np.tile(sphere(_DIRECTIONS), (len(places), 1)), 0.0)
+        rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
+        return far * np.array(rooms)
 
     def _surfaces(self, places: np.ndarray, rooms: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
         """Return the vertices, the faces that light sees, as flatten has them, the area in m² that counts of them, and factors
@@ -188,45 +183,51 @@ class SiteChooser:
         """
         vertices, faces, _ = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        corners = vertex_column(vertices, "position")[faces].astype(float)
+        corners = vertex_column(vertices, "position")[faces]
         area, counts = triangle_areas(corners), np.zeros(len(faces))
-        low, high = (reduce(extreme, corners.swapaxes(0, 1)) for extreme in (np.minimum, np.maximum))
-        for place, reach in zip(places, _ROOMS * rooms, strict=True):
-            away = np.linalg.norm(place - np.clip(place, low, high), axis=1)
-            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach / np.maximum(away, 1e-30), 1.0) ** 4
+        columns = np.ascontiguousarray(corners.transpose(1, 2, 0))  # of the first, the second and the third corners
+        low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
+        for place, reach in zip(places.astype(np.float32), (_ROOMS * rooms).astype(np.float32), strict=True):
+            sides = zip(low, high, place, strict=True)  # of the triangles' boxes; squares of the distances from these:
+            away = sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides)
+            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, int]:
-        """The clusters of a tessellation of steps of `spacing` · `wider` (F,) metres, and how many of them would have a site."""
-        tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
-        points, area = clustering.both_sides(tessellation, self.offset), np.tile(tessellation.area, 2)
-        chosen, member = clustering.merged(points, area, self._sheets(tessellation), _MERGED * spacing)
-        members, area = points[chosen], np.bincount(member, weights=area, minlength=len(chosen))
-        face = tessellation.face[chosen % max(len(tessellation.face), 1)]  # either side's points are in their order
-        keys = clustering.voxel_keys(members, VOXEL * spacing)
-        clusters = Clusters(tessellation, members, keys, spacing, area, face, member.reshape(2, -1))
-        left = np.flatnonzero(self.known_values(clusters) < 0)
-        sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
-        return clusters, len(sites)
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> Clusters:
+        """The clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long.
 
-    def _sheets(self, tessellation: Tessellation) -> np.ndarray:
-        """(2 P,) of the points on both sides, which of them may be merged: those of very small triangles, with others on the same
-        side of the same mesh, whose number this is; -1 for the rest."""
+        Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
+        """
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        sheet = np.full(len(tessellation.face), -1)
-        sheet[tessellation.alone] = mesh[tessellation.face[tessellation.alone]]
-        return np.concatenate([sheet, np.where(sheet < 0, -1, sheet + len(self.scene.meshes))])
+        tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
+        points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
+        unlit = self.unlit[tessellation.face[points]]
+        inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
+        number = np.full(len(points), len(inner) - 1)
+        number[inner] = np.arange(len(inner))
+        members = clustering.both_sides(tessellation, self.offset, points, points[inner])
+        member = np.stack([which, len(points) + number[which]])
+        area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
+        face = tessellation.face[np.concatenate([points, points[inner]])]
+        value = self._known_values(members)
+        value[len(points) :][unlit[inner]] = DARK_VALUE
+        left = np.flatnonzero(value < 0)
+        about, most = (share * self.detail.most for share in _FIRST_SHARE)
+        while True:
+            keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing)
+            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, (left, left))
+            first = self._choose(clusters, left, len(left), self._min_area(clusters))
+            if len(first[0]) <= most:
+                return replace(clusters, first=first)
+            spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
 
-    def known_values(self, clusters: Clusters) -> np.ndarray:
+    def _known_values(self, members: Members) -> np.ndarray:
         """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
-        value = np.full(len(clusters.members), -1)
+        value = np.full(len(members), -1)
         if self.scene.environment is None and not any(self.scene.sky_gradient):  # else it depends on where a member faces
-            value[clustering.sees_nothing(clusters.members, self.scene.bounds)] = SKY_VALUE
-        inner = np.zeros(len(value), bool)
-        inner[clusters.member[1]] = True
-        value[inner & self.unlit[clusters.face]] = DARK_VALUE
-        value[~clusters.members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
+            value[clustering.sees_nothing(members, self.scene.bounds)] = SKY_VALUE
+        value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
     @staticmethod
@@ -246,9 +247,11 @@ class SiteChooser:
         members = clusters.members
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
-            min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-            choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
-            chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
+            chosen, site_of = clusters.first
+            if number:
+                min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
+                choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+                chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
             chosen = left[chosen]
@@ -268,8 +271,10 @@ class SiteChooser:
         full of them lost a third of its second bounce.
         """
         members, left = clusters.members, np.flatnonzero(value < 0)
+        _, first, cluster = np.unique(clusters.keys[left], return_index=True, return_inverse=True)
         size = VOXEL * clusters.spacing
-        near = yield from in_background(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
+        finding = partial(clustering.near_sites, members, left[first], gathered, size, _ALTERNATIVES)
+        near = (yield from in_background(finding, _SHARED_OUT))[cluster.ravel()]  # all of a cluster by the first of it
         for site in near.T:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[pending], gathered[site[pending]], _SHARED_OUT)
@@ -285,9 +290,10 @@ class SiteChooser:
             corners = clusters.member[side][clusters.tessellation.corners]
             cells[:, :3] = value[corners]
             unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
-            free = np.ones((len(unlike), 3), bool)  # of each corner, whether the other two see each other
-            for k in range(3):
-                free[:, k] = yield from self.see(members, corners[unlike, k - 2], corners[unlike, k - 1], _FOUND)
+            pairs = np.sort(corners[unlike][:, [[1, 2], [2, 0], [0, 1]]], axis=-1)  # opposite to each corner
+            key, pair = np.unique(pairs[..., 0] * len(members) + pairs[..., 1], return_inverse=True)
+            seen = yield from self.see(members, *np.divmod(key, len(members)), _FOUND)
+            free = seen[pair.reshape(-1, 3)]  # of each corner, whether the other two see each other
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
             cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
@@ -296,8 +302,7 @@ class SiteChooser:
         return np.concatenate(table)
 
     def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """(N, 3, 2) how far one sees from each corner of cells along the edges to the next one and to the one after, in shares of
-        the edge: within what _HALVINGS of it can tell, and inf where it is free.
+        """(N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free ones.
 
         eyes: (N, 3, 3) metres, of the corners. free: (N, 3) of each corner, whether the other two see each other.
         """
@@ -305,28 +310,26 @@ class SiteChooser:
         corners, steps = np.indices((3, 2)).reshape(2, -1)
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
-        start, end = eyes[cell, corners[way]], eyes[cell, ends[way]]
-        low, size = np.zeros(len(cell)), 1.0
-        for _ in range(_HALVINGS):
-            size *= 0.5
-            middle = start + (low + size)[:, None] * (end - start)
-            lines = np.stack([start, 0.5 * (start + middle), middle], axis=1).astype(np.float32)
-            low += size * (yield from self.free(lines, _FOUND))
-        reach[cell, corners[way], steps[way]] = low + 0.5 * size
+        starts, ends_there = eyes[cell, corners[way]], eyes[cell, ends[way]]
+        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there, _FOUND)
         return reach
 
     def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
         """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
-        seen[apart] = yield from self.free(clustering.sight_lines(members, a[apart], b[apart]), done)
+        starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
+        free = (yield from self._free_shares(starts, ends, done)) >= 1.0
+        seen[apart] = free[: len(apart)]
+        seen[apart[bent]] &= free[len(apart) :]
         return seen
 
-    def free(self, lines: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """(N,) which of these sight lines (N, 3, 3) nothing is in the way of; yields `done` from batch to batch."""
-        free = np.ones(len(lines), bool)
-        for some in _batches(len(lines)):
-            free[some] = self.visibility(lines[some])
+    def _free_shares(self, starts: np.ndarray, ends: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
+        """(N,) the visible share of segments, see RayCaster.reach; yields `done` from batch to batch."""
+        free = np.ones(len(starts), np.float32)
+        for first in range(0, len(starts), VisibilityPass.capacity):
+            some = slice(first, first + VisibilityPass.capacity)
+            free[some] = self.reach(starts[some], ends[some])
             yield done
         return free
 
@@ -337,11 +340,6 @@ def _interesting(scene: Scene) -> np.ndarray:
     shining = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
     places = np.array([*(camera.eye for camera in scene.cameras), *lights, *shining], float).reshape(-1, 3)
     return places[:: -(-len(places) // _PLACES) or 1]
-
-
-def _batches(count: int) -> Iterator[slice]:
-    """Return slices of `count` lines, each of at most the visibility pass's capacity."""
-    return (slice(first, first + VisibilityPass.capacity) for first in range(0, count, VisibilityPass.capacity))
 
 
 def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -254,7 +254,7 @@ class SiteLevel(Owner):
         while self.laid_out is None:
             if self._steps.choosing is None:
                 offset = offset_of(self._scene)
-                self._steps.choosing = SiteChooser(self._scene, self._unlit, offset, self._rays.see, self.detail).layout()
+                self._steps.choosing = SiteChooser(self._scene, self._unlit, offset, self._rays.reach, self.detail).layout()
             try:
                 self._steps.chosen = next(self._steps.choosing)
             except StopIteration as end:

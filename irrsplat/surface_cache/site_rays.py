@@ -25,7 +25,7 @@ from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import Detail
 from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
-from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
+from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
@@ -122,11 +122,11 @@ class SiteRays(Owner):
             share[:, texels] = np.where(below, 0.0, gather.share.ravel()[texels])
         return share
 
-    def see(self, lines: np.ndarray) -> np.ndarray:
-        """(N,) which of these sight lines (N, 3, 3) are free."""
+    def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """(N,) the visible share of segments, see RayCaster.reach."""
         if self._embree:
-            return seen_by_embree(self.world.caster, lines)
-        return self._visibility(self.world.ray_uniforms, lines)
+            return self.world.caster.reach(starts, ends)
+        return self._visibility(self.world.ray_uniforms, starts, ends)
 
 
 class PlaceSearch:

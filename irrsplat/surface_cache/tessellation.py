@@ -24,10 +24,10 @@ class Tessellation:
 
     table: (F, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell.
     corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
-    shaders/surface_cache/lookup.glsl. No two cells share a point; a very small cell has one point for all three corners.
-    position: (P, 3) of the points, moved by `inset` metres into their cells, so that a point on the edge of a wall sees the wall.
-    normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding tells.
-    face: (P,) the triangles' numbers. area: (P,) m², the share of its cell that each stands for.
+    shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one for all three corners.
+    position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that a point on the edge of a wall sees
+    the wall. normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding
+    tells. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point.
     """
 
     table: np.ndarray
@@ -56,62 +56,53 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndar
 
     vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
     """
-    p, normals = (vertex_column(vertices, name)[faces].astype(float) for name in ("position", "normal"))
-    edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    lengths = (np.einsum("fx,fx->f", e, e) for e in (*edges, edges[1] - edges[0]))
-    longest = np.sqrt(reduce(np.maximum, lengths))
+    p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
+    edges = (p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1])
+    longest = np.sqrt(reduce(np.maximum, (np.einsum("fx,fx->f", e, e) for e in edges)))
     n = steps(longest, spacing)
-    first = np.cumsum(n * n) - n * n
-    table = np.stack([n, first], axis=1).astype(np.float32)
-
     unit, size = triangle_normals(p)
-    geometric = np.ascontiguousarray(unit.T)
-    face = np.repeat(np.arange(len(faces)), n * n)
+    geometric = unit.T.astype(np.float32)
+
     tiny = longest <= _SMALL * spacing
-    small = tiny[face]
-    ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
-    corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
-    count = int(ends[-1]) if len(ends) else 0
-    position, shading, facing = np.empty((3, count, 3), np.float32)
-    made = Tessellation(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
-    _place_small(made, p, normals, np.flatnonzero(tiny), corners[small, 0], (geometric, size))
-    cells = np.flatnonzero(~small)
-    of, at = face[cells], corners[cells]
-    i, j = _corners(cells - first[of], n[of])
-    u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
-    place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
-    inward = place.mean(1, keepdims=True) - place
-    length = np.linalg.norm(inward, axis=-1, keepdims=True)
-    position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
-    normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
-    normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
-    facing[at], made.face[at] = geometric[of, None], of[:, None]
-    made.area[at] = 1.0 / 3.0 * (size / (n * n))[of, None]
-    return made
+    counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2)
+    begin, first = (np.cumsum(of) - of for of in (counts, n * n))
+    face, face_of_cell = (np.repeat(np.arange(len(faces)), of) for of in (counts, n * n))
+    position, normal = np.empty((2, len(face), 3), np.float32)
+    area = size[face]
+    middles = ((of[:, 0] + of[:, 1] + of[:, 2])[tiny] / np.float32(3.0) for of in (p, normals))
+    position[begin[tiny]], normal[begin[tiny]] = middles
 
+    large = np.flatnonzero(~tiny[face])
+    of = face[large]
+    i, j = _grid(large - begin[of], n[of])
+    weights = np.stack([n[of] - i - j, i, j], axis=1).astype(np.float32) / n[of][:, None].astype(np.float32)
+    lattice = (_inset(p[~tiny], inset), normals[~tiny])
+    number = (np.cumsum(~tiny) - 1)[of]
+    position[large], normal[large] = (np.einsum("pk,pkx->px", weights, corner[number]) for corner in lattice)
+    cells_at = np.array([6, 3, 1])[(i == 0).astype(np.intp) + (j == 0) + (i + j == n[of])]  # inside, on an edge, at a corner
+    area[large] *= cells_at / (3.0 * n[of] ** 2)
 
-def _place_small(
-    made: Tessellation,
-    p: np.ndarray,
-    normals: np.ndarray,
-    faces: np.ndarray,
-    at: np.ndarray,
-    plane: tuple[np.ndarray, np.ndarray],
-) -> None:
-    """Fill in the points `at` (N,) of very small `faces` (N,), one each, which are most of a fine mesh.
+    corners = np.repeat(begin[face_of_cell][:, None], 3, axis=1)
+    large = np.flatnonzero(~tiny[face_of_cell])
+    of = face_of_cell[large]
+    i, j = _corners(large - first[of], n[of])
+    corners[large] += j * (2 * n[of][:, None] + 3 - j) // 2 + i
 
-    p, normals: (F, 3, 3) of all triangles' corners. plane: (F, 3) their unit normals and (F,) their areas.
-    """
-    facing, area = plane[0][faces], plane[1][faces]
-    place, normal = (np.take(of[:, 0] + of[:, 1] + of[:, 2], faces, axis=0) / 3.0 for of in (p, normals))
-    made.position[at] = place
-    length = np.sqrt(np.einsum("nx,nx->n", normal, normal))
-    length *= np.sign(np.einsum("nx,nx->n", normal, facing))
+    facing = geometric[face]
+    length = np.sqrt(np.einsum("px,px->p", normal, normal))
+    length *= np.sign(np.einsum("px,px->p", normal, facing))
     known = length != 0.0
-    made.normal[at] = np.where(known[:, None], normal / np.where(known, length, 1.0)[:, None], facing)
-    made.geometric[at], made.face[at], made.area[at] = facing, faces, area
+    normal = np.where(known[:, None], normal / np.where(known, length, 1.0)[:, None], facing)
+    table = np.stack([n, first], axis=1).astype(np.float32)
+    return Tessellation(table, corners, position, normal, facing, face, area)
+
+
+def _inset(p: np.ndarray, inset: float) -> np.ndarray:
+    """(N, 3, 3) the corners `p` of triangles, moved by `inset` metres towards their mean, at most half of the way."""
+    inward = p.mean(1, keepdims=True) - p
+    length = np.linalg.norm(inward, axis=-1, keepdims=True)
+    moved: np.ndarray = p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5)
+    return moved
 
 
 def steps(longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
@@ -135,3 +126,10 @@ def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         np.stack([i + odd, i + 1 - odd, i + odd], axis=1),
         np.stack([j + odd, j + odd, j + 1 - odd], axis=1),
     )
+
+
+def _grid(point: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) each, steps along the two edges to the points of triangles, numbered row by row: row j has n - j + 1 points."""
+    left = (n + 1) * (n + 2) // 2 - 1 - point  # points after this one
+    after = ((np.sqrt(8 * left + 1) - 1.0) / 2.0).astype(np.intp)  # rows after its own; squares are exact
+    return after - (left - after * (after + 1) // 2), n - after

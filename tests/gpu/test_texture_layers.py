@@ -41,10 +41,11 @@ def test_means_are_those_of_what_a_texel_covers(height: int, width: int, side: i
     "count, size, most_bytes, side",
     [(1, 100, 64 << 20, 128), (1, 8192, 64 << 20, 1024), (50, 2048, 64 << 20, 256), (3, 5, 64 << 20, 8), (2, 512, 30000, 32)],
 )
-def test_layers_are_as_large_as_is_of_use_and_fits(count: int, size: int, most_bytes: int, side: int) -> None:
-    keys = [LayerKey(Image(np.zeros((1, size, 4), np.uint8)), 0.0) for _ in range(count)]
+@pytest.mark.parametrize("cutoff, most", [(0.0, 256), (0.5, 1024)])
+def test_layers_are_as_large_as_is_of_use(count: int, size: int, most_bytes: int, side: int, cutoff: float, most: int) -> None:
+    keys = [LayerKey(Image(np.zeros((1, size, 4), np.uint8)), cutoff) for _ in range(count)]
     found = plan(keys, most_bytes, 256)
-    assert found.side == side and len(found.layers) == count and found.size <= most_bytes
+    assert found.side == min(side, most) and len(found.layers) == count and found.size <= most_bytes
 
 
 def test_the_images_of_least_area_go_without_layers(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:

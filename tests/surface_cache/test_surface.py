@@ -15,7 +15,8 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.clustering import sight_lines, unlit_interiors
+from irrsplat.surface_cache.clustering import unlit_interiors
+from irrsplat.surface_cache.site_layout import FULL, SiteChooser
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
@@ -39,14 +40,11 @@ def test_a_triangle_has_as_many_steps_as_its_longest_edge_needs() -> None:
 
 
 def test_cells_fill_their_triangles() -> None:
-    """A floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m) has n² cells per triangle with three points each.
-
-    All areas are equal, and every point of the triangle lies in a cell.
-    """
+    """A floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m) has n² cells per triangle, of (n + 1)(n + 2)/2 points.
+    Each point has a third of the cells at it, and every point of the triangle lies in a cell."""
     found = cut(scene(quad((0, 0, 0), (0, 0, 2), (4, 0, 0))), 1.0)
-    assert found.cells == 50 and len(found.position) == 150 and found.table[:, 0].tolist() == [5, 5]
-    assert found.table[:, 1].tolist() == [0, 25]
-    assert found.area.sum() == pytest.approx(8.0) and np.allclose(found.area, 8.0 / 150)
+    assert found.cells == 50 and len(found.position) == 42 and found.table.tolist() == [[5, 0], [5, 25]]
+    assert np.allclose(found.area, np.bincount(found.corners.ravel()) * 8.0 / 150) and (found.face[found.corners[25:]] == 1).all()
     assert np.allclose(found.geometric, (0, 1, 0)) and np.allclose(found.normal, (0, 1, 0))
     corners = found.position[found.corners][..., [0, 2]].astype(float)
     u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -88,21 +86,21 @@ def test_what_no_light_reaches() -> None:
 
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
-    """Straight lines past a wall and through it; tangents over a ball; around a corner."""
+    """Straight lines past a wall and through it; tangents over a ball, by rays in a shader and by Embree."""
     wall, sight = World(ctx, scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0)))), VisibilityPass(ctx)
-    a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
-    ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
-    assert sight(wall.ray_uniforms, ways.astype("f4")).tolist() == [False, True, True, True]
-    many = np.tile(ways.astype("f4"), (300, 1, 1))
-    assert (sight(wall.ray_uniforms, many) == np.tile([False, True, True, True], 300)).all()
-
-    some = clustering.both_sides(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
-    ball = World(ctx, scene(sphere((0, 0, 0), 1.0)))
-    pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
-    near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
-    assert sight(ball.ray_uniforms, sight_lines(some, *pairs[:, near])).all(), "on the outside, over the bulge"
-    assert sight(ball.ray_uniforms, sight_lines(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
-    assert not sight(ball.ray_uniforms, sight_lines(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
+    ends = np.tile([[0.5, 0.5, 0.0], [0.0, 1.2, 0.0], [-0.5, 0.5, 0.0]], (300, 1))
+    for reach in (lambda *ends: sight(wall.ray_uniforms, *ends), wall.caster.reach):
+        assert np.allclose(reach(np.tile(ends[2], (900, 1)), ends), np.tile([0.5, 1.0, 1.0], 300), atol=1e-6)
+    tessellation = cut(scene(sphere((0, 0, 0), 1.0)), 2.0)
+    every = np.arange(len(tessellation.face))
+    some, ball = clustering.both_sides(tessellation, 1e-3, every, every), World(ctx, scene(sphere((0, 0, 0), 1.0)))
+    pairs = np.random.default_rng(4).integers(0, len(every), (2000, 2)).T
+    near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
+    near = np.concatenate([near, near + len(every)], axis=1)
+    for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
+        chooser = SiteChooser(ball.scene, np.zeros(0, bool), 1e-3, reach, FULL)
+        assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1], 0.0))), "outside over the bulge, inside straight"
+        assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every), 0.0))), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------

@@ -70,13 +70,6 @@ Hit bvh_closest(vec3 o, vec3 d, float nearest)
     return bvh_between(o, d, nearest, FARTHEST_HIT);
 }
 
-// Whether nothing stands between two points.
-bool bvh_free(vec3 a, vec3 b)
-{
-    float far = length(b - a);
-    return far == 0.0 || bvh_between(a, (b - a) / far, 0.0, far).t >= far;
-}
-
 // Whether nothing stands between the eye and what lies `away` from it, at the distance r. Where it is not `possible` that light
 // comes from there, or that is where the eye is (as with records that an atlas has no more of), no ray is sent.
 bool bvh_way_free(vec3 eye, vec3 away, float r, bool possible)
