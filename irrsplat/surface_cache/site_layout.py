@@ -271,10 +271,12 @@ class SiteChooser:
         full of them lost a third of its second bounce.
         """
         members, left = clusters.members, np.flatnonzero(value < 0)
-        _, first, cluster = np.unique(clusters.keys[left], return_index=True, return_inverse=True)
+        # a coarse level compares one member of each cluster; in a full one, a groove's members take other sites than its rim's
+        keys = clusters.keys[left] if self.detail == COARSE else left
+        _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
         size = VOXEL * clusters.spacing
         finding = partial(clustering.near_sites, members, left[first], gathered, size, _ALTERNATIVES)
-        near = (yield from in_background(finding, _SHARED_OUT))[cluster.ravel()]  # all of a cluster by the first of it
+        near = (yield from in_background(finding, _SHARED_OUT))[cluster.ravel()]
         for site in near.T:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[pending], gathered[site[pending]], _SHARED_OUT)
