@@ -111,11 +111,11 @@ class CompositePass(Owner):
             stop_for_input(self.target.ctx)
         return self.fill_target.textures[0]
 
-    def exposure(self, image: moderngl.Texture, gbuffer: GBuffer) -> float:
-        """Return the stops of image.tonemap.exposure_of for the image."""
+    def exposure(self, image: moderngl.Texture, gbuffer: GBuffer, unshadowed: float = 0.0) -> float:
+        """Return the stops of image.tonemap.automatic_exposure for the image."""
         self.meter(self.meter_target, image=image, position=gbuffer.position, block=self.meter_block, **gbuffer.material_uniforms)
         total, lit, _, _ = self.meter_target.read().reshape(-1, 4).sum(0, dtype=float).tolist()
-        return automatic_exposure(total, lit)
+        return automatic_exposure(total, lit, unshadowed)
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
         """Draw the image into `target` (of equal size) as display values: exposed by `exposure` stops, filmic, sRGB."""

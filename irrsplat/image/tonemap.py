@@ -10,6 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, FILMIC
 from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, srgb
 
+_DARK = 1e-3  # of the light without shadows: more than leaks past the rims of walls in shadow maps
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
     [
@@ -55,13 +56,20 @@ def metered(radiance: np.ndarray, reflectance: np.ndarray | float) -> tuple[floa
     return float(logs.sum()), float(logs.size)
 
 
-def automatic_exposure(total: float, lit: float) -> float:
+def automatic_exposure(total: float, lit: float, unshadowed: float = 0.0) -> float:
     """Return the stops that map mid grey in the picture's mean light to mid grey; 0 without a lit pixel.
 
     total, lit: from `metered`. Light is metered, not reflectance: white rooms are white, dark ones dark. The mean is geometric,
-    so that a few bright pixels count little, and rounded, so that tiles agree.
+    so that a few bright pixels count little, and rounded, so that tiles agree. unshadowed: W/(m² sr), luminance of a white
+    surface that no shadow falls on. A picture with less than _DARK of `unshadowed` shows a sealed room, and gets darker with its
+    light.
     """
-    return round(-total / lit, 4) if lit else 0.0
+    if not lit:
+        return 0.0
+    mean = 2.0 ** (total / lit)
+    if mean < unshadowed:
+        mean = min(mean + (_DARK * unshadowed) ** 2 / mean, unshadowed)
+    return round(-math.log2(mean), 4)
 
 
 def viridis(t: np.ndarray) -> np.ndarray:

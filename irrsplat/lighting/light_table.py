@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
+from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import ROUNDING
 from irrsplat.lighting.luminaire_table import halvings, photometries
@@ -162,3 +163,24 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
         **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),
     }
+
+
+def unshadowed_luminance(scene: Scene) -> float:
+    """Return the luminance in W/(m² sr) of a white surface that faces all lights of the scene, without any shadow.
+
+    The surface is in the middle of the scene. No light counts as nearer than half of the diagonal.
+    """
+    low, high = scene.shaded_bounds
+    total, nearest = 0.0, max(0.5 * float(np.linalg.norm(high - low)), 1e-30)
+    for light in scene.lights:
+        shine = float(np.asarray(light.color, float) @ LUMINANCE)
+        distance = max(float(np.linalg.norm(np.subtract(light.position, 0.5 * (low + high)))), nearest)
+        constant, linear, quadratic = light.attenuation
+        if light.photometry is not None:
+            shine = light.output[1] / (np.pi * LUMINOUS_EFFICACY * distance**2)
+        elif light.physical:
+            shine /= np.pi * distance**2
+        elif not light.directional:
+            shine /= max(constant + linear * distance + quadratic * distance**2, 1e-30)
+        total += shine
+    return total

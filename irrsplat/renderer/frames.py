@@ -23,6 +23,7 @@ from irrsplat.indirect.refinement import Refiner
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
+from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.renderer.moving import MovingViews
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
@@ -231,7 +232,12 @@ class Frames(Owner):
         exposure = self.state.settings.exposure
         if exposure != "auto":
             return float(exposure)
-        return self.composite_pass(view).exposure(view.image, view.gbuffer)
+        return self.automatic_stops(view)
+
+    def automatic_stops(self, view: View) -> float:
+        """The automatic exposure of a view in stops."""
+        unshadowed = unshadowed_luminance(self.state.scene)
+        return self.composite_pass(view).exposure(view.image, view.gbuffer, unshadowed)
 
     def progress(self) -> Progress:
         """Return the progress of the present view."""

@@ -247,6 +247,10 @@ class Renderer(Tenant):
             exposure = self.stops(view)
         self.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
 
+    def automatic_stops(self, view: View) -> float:
+        """The automatic exposure of a view in stops, whatever the settings have."""
+        return self._frames.automatic_stops(view)
+
     def stops(self, view: View) -> float:
         """The exposure of a view in stops, as the settings have it."""
         return self._frames.stops(view)

@@ -19,6 +19,7 @@ from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import View, reflectance, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
 from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.records.culling import reaching
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
@@ -172,7 +173,8 @@ class TiledPictures:
                 except KeyboardInterrupt:
                     stopped, samples = True, 1
         assert view is not None
-        return TiledPicture(arrays, view, automatic_exposure(*light.tolist()), none_reach, stopped)
+        stops = automatic_exposure(float(light[0]), float(light[1]), unshadowed_luminance(state.scene))
+        return TiledPicture(arrays, view, stops, none_reach, stopped)
 
     def _drawn(self, here: State, camera: Camera, done: Round, samples: int) -> View:
         """Return the picture of a part."""

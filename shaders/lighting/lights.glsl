@@ -197,7 +197,10 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         // a flat receiver is seen by its texel, or the texel's centre lies past an edge of it: then the texel across the point's
         // quarter lies inside of an edge in either direction
         if (own >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.beside)) return float(own <= t.tolerance);
-        float next = shadow_gap(t, sign(fract(t.texel) - 0.5));
+        vec2 inward = sign(fract(t.texel) - 0.5), slope = abs(t.plane.xy);
+        float next = shadow_gap(t, inward);
+        // near a second edge, too: across a receiver that the light sees edge on
+        if (next < -t.beside) next = shadow_gap(t, slope.x > slope.y ? vec2(inward.x, 0.0) : vec2(0.0, inward.y));
         return float(next >= -t.beside ? next <= rounding : own <= t.tolerance);
     }
 #if SHADOW_RAYS || SHADOW_MARKS

@@ -69,6 +69,18 @@ def test_the_meter_is_numpys(ctx: moderngl.Context, size: tuple[int, int]) -> No
     assert meter.exposure(texture(ctx, 0.0 * image), gbuffer) == 0.0
 
 
+def test_the_exposure_leaves_a_dark_room_dark() -> None:
+    """From 3 % of the unshadowed light on, the exposure is that of the light. At 0.1 % it is a stop less.
+
+    Below, it falls to the exposure of unshadowed light.
+    """
+    lights = np.array([100.0, 10.0, 1.0, 0.3, 1e-2, 1e-3, 1e-5, 1e-9])
+    stops = np.array([tonemap.automatic_exposure(7.0 * np.log2(light), 7.0, 10.0) for light in lights])
+    alone = np.array([tonemap.automatic_exposure(7.0 * np.log2(light), 7.0) for light in lights])
+    assert np.allclose(stops[:4], alone[:4], atol=0.002) and stops[4] == pytest.approx(alone[4] - 1.0, abs=1e-3)
+    assert (np.diff(stops[4:]) <= 0.0).all() and stops[-1] == pytest.approx(-np.log2(10.0), abs=1e-3)
+
+
 @pytest.mark.parametrize("exposure", [-3.0, 0.0, 2.5])
 def test_the_screen_shows_what_the_file_holds(ctx: moderngl.Context, exposure: float) -> None:
     """CompositePass.show against display.tonemap: at a pixel within the dither's half step of 8 bits, in the mean far less."""

@@ -12,11 +12,15 @@ import moderngl
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.record_frame import eye_positions
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.lighting.light_table import unshadowed_luminance
+from irrsplat.scene.model import Camera, Light, Scene
 from tests.support.leaky import (
+    GREY,
     LUMINANCE,
+    RED,
     SIZE,
     WALL,
     Look,
@@ -25,10 +29,12 @@ from tests.support.leaky import (
     look,
     random_cameras,
     resting,
+    room,
     rooms,
     table,
     truth,
 )
+from tests.support.worlds import box, lamp, scene
 
 SMALL = (100, 75)
 LIT = (camera((-0.3, 1.2, 1.6), (-3.5, 0.8, -1)), camera((-3.6, 1.6, 1.6), (0, 0.4, -0.5)))
@@ -145,3 +151,22 @@ def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: s
     wrong = float((np.abs(found - exact) > 0.3 * exact).mean())
     measured = f"bias {off.mean():+.2%}, {wrong:.2%} of the pixels off by 30 %, {off.min():+.0%} to {off.max():+.0%} of the mean"
     assert abs(off.mean()) < 0.02 and wrong <= 0.008 and off.max() < 0.4 and off.min() > -0.5, measured
+
+
+OUT_OF_DOORS = (lamp((0.0, 9.0, 0.0), 1e4), lamp((3.0, 8.0, 1.3), 1e4), Light((1, 2, 0.5), (5, 5, 5), directional=True))
+
+
+@pytest.mark.parametrize("light", OUT_OF_DOORS)
+def test_a_sealed_room_is_dark_by_day(ctx: moderngl.Context, light: Light) -> None:
+    """No light enters a room of thin walls on a wide ground: E is below 2e-4 of the light out of doors, and most of the picture black.
+
+    Shadow maps let some 4e-5 pass where a texel at the rim of a wall sees past it. Texels that saw the ground 1 cm below the
+    floor let ten times as much pass.
+    """
+    ground = box((-20, -0.11, -20), (20, -0.01, 20), GREY)
+    world = scene(room(), box((0, 0, -0.5), (1, 1, 0.5), RED), ground, lights=(light,))
+    with irrsplat.Renderer(world, SMALL, preset="preview", ctx=ctx, bounces=1) as renderer:
+        frame = renderer.render(camera((-1.5, 1.7, 1.6), (0.5, 0.8, 0.0)))
+    share = float((frame.irradiance @ LUMINANCE).mean()) / (np.pi * unshadowed_luminance(world))
+    assert share < 2e-4, f"{share:.1e} of the light leaks"
+    assert np.quantile(frame.picture[..., :3], 0.8) < 0.02

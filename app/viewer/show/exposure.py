@@ -59,7 +59,7 @@ class AutoExposure:
         before = self._lit
         if view is not self._view and not self._held:
             self._view = view
-            self._aim(renderer.composite_pass(view).exposure(view.image, view.gbuffer))
+            self._aim(renderer.automatic_stops(view))
         if not before:  # nothing to move from
             self.stops = self._goal
             return

@@ -30,7 +30,7 @@ def test_a_filling_dark_scene_keeps_its_exposure_until_all_light_is_there() -> N
         assert session.at_rest
         assert max((abs(b - a) for (a, b), now in zip(pairwise(stops), filling[1:], strict=True) if now), default=0.0) < 0.05
         view = session.views[0]
-        needed = session.renderers[0].composite_pass(view).exposure(view.image, view.gbuffer)
+        needed = session.renderers[0].automatic_stops(view)
         assert stops[-1] == pytest.approx(needed, abs=0.011)
         darker = [replace(light, color=cast(Any, tuple(2.0**-20 * c for c in light.color))) for light in dark]
         for change in (
