@@ -45,7 +45,7 @@ _BORDERS: dict[str, tuple[str, ...]] = {
     "shading of hits": ("gather.trace:TraceGather.__call__", "gather.plane:PlaneGather.__call__"),
     "shadow samples": ("gather.light_samples:LightSamplePass.__call__", "gather.light_samples:LightSearch.light_samples"),
     "sky shares": ("gather.sky_share:SkyShares.__call__",),
-    "reduction": ("gather.reduce:ReducePass.__call__", "gather.reduce:ReducePass.noise"),
+    "reduction": ("gather.reduce:ReducePass.__call__",),
     "surface cache": ("surface_cache.cache:SurfaceCache.advance",),
     "transport": (
         "surface_cache.transport:Transport.__init__",

@@ -158,7 +158,7 @@ OUT_OF_DOORS = (lamp((0.0, 9.0, 0.0), 1e4), lamp((3.0, 8.0, 1.3), 1e4), Light((1
 
 @pytest.mark.parametrize("light", OUT_OF_DOORS)
 def test_a_sealed_room_is_dark_by_day(ctx: moderngl.Context, light: Light) -> None:
-    """No light enters a room of thin walls on a wide ground: E is below 2e-4 of the light out of doors, and most of the picture black.
+    """No light enters a room of thin walls on a wide ground: E is below 2e-4 of that outside, and most of the picture is black.
 
     Shadow maps let some 4e-5 pass where a texel at the rim of a wall sees past it. Texels that saw the ground 1 cm below the
     floor let ten times as much pass.
