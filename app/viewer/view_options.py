@@ -22,6 +22,19 @@ SPLITS: dict[Split, str] = {  # and their titles
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
 KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # from one session to the next
+_INTERFACE = (
+    "controls",
+    "settings",
+    "lights",
+    "outliner",
+    "hidden",
+    "fullscreen",
+    "close_menus",
+    "context_menu",
+    "sought",
+    "scale",
+)
+_OTHERWISE = ("buffers", "line", "surface")  # reach the picture by its sides, and by what is drawn over it
 SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # of the side panel
 
 
@@ -59,6 +72,10 @@ class ViewOptions:
     context_menu: bool = False  # opens in the next frame
     sought: str = ""  # the setting that its list scrolls to
     scale: float = 1.0  # of text and widgets; the monitor has another one
+
+    def of_picture(self) -> dict[str, object]:
+        """Return the options that the picture depends on directly. Parts of the interface open without a new picture."""
+        return {name: value for name, value in vars(self).items() if name not in (*_INTERFACE, *_OTHERWISE)}
 
     def kept(self) -> dict[str, object]:
         """Return what is on of all that is kept from one session to the next, plain JSON."""

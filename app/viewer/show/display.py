@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import dist
 from typing import cast
 
@@ -53,7 +52,7 @@ class Display(Owner):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
         plane = Identity(session.plane.measured)
-        inputs = sides, replace(options, buffers=[], line=None, surface=None), plane, options.inspect and cursor, Identity(screen)
+        inputs = sides, options.of_picture(), plane, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
