@@ -173,14 +173,7 @@ def unshadowed_luminance(scene: Scene) -> float:
     low, high = scene.shaded_bounds
     total, nearest = 0.0, max(0.5 * float(np.linalg.norm(high - low)), 1e-30)
     for light in scene.lights:
-        shine = float(np.asarray(light.color, float) @ LUMINANCE)
         distance = max(float(np.linalg.norm(np.subtract(light.position, 0.5 * (low + high)))), nearest)
-        constant, linear, quadratic = light.attenuation
-        if light.photometry is not None:
-            shine = light.output[1] / (np.pi * LUMINOUS_EFFICACY * distance**2)
-        elif light.physical:
-            shine /= np.pi * distance**2
-        elif not light.directional:
-            shine /= max(constant + linear * distance + quadratic * distance**2, 1e-30)
-        total += shine
+        peak = light.output[1] / LUMINOUS_EFFICACY if light.photometry is not None else float(LUMINANCE @ np.asarray(light.color))
+        total += peak * light.strength(distance) / np.pi
     return total

@@ -112,7 +112,7 @@ def light_units(light: Light) -> dict[str, float]:
         return {"lux": math.pi * shine}
     constant, linear, quadratic = light.attenuation
     if not light.physical and (constant or linear):
-        return {"lux at 1 m": math.pi * shine / (constant + linear + quadratic)}
+        return {"lux at 1 m": light.strength(1.0) * shine}
     candela = shine if light.physical else math.pi * shine / quadratic
     return {"candela": candela} if light.has_cone else {"lumen": 4.0 * math.pi * candela, "candela": candela}
 

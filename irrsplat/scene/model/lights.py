@@ -153,6 +153,18 @@ class Light:
         target = None if self.spot_target is None else moved(self.spot_target, by)
         return replace(self, position=moved(self.position, by), spot_target=target)
 
+    def strength(self, distance: float) -> float:
+        """Return the irradiance of a surface that faces the light at `distance` metres, W/m² per unit of colour, or of intensity.
+
+        Cone and photometry are left out.
+        """
+        if self.directional:
+            return math.pi
+        if self.physical:
+            return 1.0 / max(distance * distance, 1e-30)
+        constant, linear, quadratic = self.attenuation
+        return math.pi / max(constant + linear * distance + quadratic * distance * distance, 1e-30)
+
     @property
     def has_cone(self) -> bool:
         """True for a spot, with spot_target, spot_cutoff, spot_inner and spot_exponent."""

@@ -83,10 +83,7 @@ def _unoccluded(light: Light, p: np.ndarray, n: np.ndarray) -> tuple[np.ndarray,
     toward = np.asarray(light.position, float) - (0.0 if light.directional else p)
     d = float(np.linalg.norm(toward))
     w = toward / max(d, 1e-30)
-    strength = math.pi
-    if not light.directional:
-        k_c, k_l, k_q = light.attenuation
-        strength = 1.0 / max(d * d, 1e-30) if light.physical else math.pi / (k_c + k_l * d + k_q * d * d)
+    strength = light.strength(d)
     if light.has_cone and light.spot_cutoff not in (90.0, 180.0):  # by the format these mean no cone
         strength *= _cone(light, -w)
     elif light.photometry is not None:
