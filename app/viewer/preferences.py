@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import platformdirs
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
+from irrsplat.core.words import quote
 from irrsplat.scene import bundled
-from irrsplat.settings import PRESETS, SETTINGS, SettingValues
+from irrsplat.settings import PRESETS, SETTINGS, SettingValues, check_name
 
 VERSION = 1  # of the file
 RECENT = 10  # scenes
@@ -74,39 +76,48 @@ def save(preferences: Preferences) -> str | None:
 
 
 def load() -> tuple[Preferences, list[str]]:
-    """Return the saved preferences, or defaults and a one-line notice for a file that cannot be used; never raise.
-
-    Settings that this version does not have are left out.
-    """
+    """Return the saved preferences, and a one-line notice for what cannot be used; never raise. Defaults replace it."""
     try:
-        data = json.loads((folder() / _FILE).read_text(encoding="utf-8"))
-        if data.pop("version") != VERSION:
+        data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
+        json.dumps(data, allow_nan=False)  # NaN and infinity are no JSON
+        if not isinstance(data, dict) or data.get("version") != VERSION:
             raise ValueError(f"not of version {VERSION}")
-        found = Preferences(**data)
-        found.size = found.size and _size(*found.size)
-        found.values = cast(SettingValues, {name: value for name, value in found.values.items() if _fits(name, value)})
-        found.recent = [source for source in found.recent if os.path.isabs(source) or source in bundled()]
-        if found.preset not in PRESETS or not isinstance(found.ui, dict) or not isinstance(found.scale, (int, float)):
-            raise ValueError("no preferences of the viewer")
     except FileNotFoundError:
         return Preferences(), []
-    except (IrrsplatError, OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (IrrsplatError, OSError, ValueError, RecursionError) as error:
         return Preferences(), [_line(f"{_FILE} cannot be used ({error}); defaults replace it")]
-    return found, []
+    found, wrong = Preferences(), list[str]()
+    for name, good in _GOOD.items():
+        if name in data and good(data[name]):
+            setattr(found, name, data[name])
+        elif name in data:
+            wrong.append(quote(name))
+    found.size = None if found.size is None else (found.size[0], found.size[1])
+    found.recent = list(dict.fromkeys(s for s in found.recent if isinstance(s, str) and (os.path.isabs(s) or s in bundled())))
+    values: dict[str, object] = {}
+    for name, value in found.values.items():
+        try:
+            check_name(name)
+            values[name] = SETTINGS[name].check(value)
+        except (InputError, OverflowError):
+            wrong.append(f"setting {quote(name)}")
+    found.values = cast(SettingValues, values)
+    return found, [f"{_FILE}: left out: {', '.join(wrong)}"] if wrong else []
 
 
-def _size(width: int, height: int) -> tuple[int, int]:
-    if not all(type(side) is int and 1 <= side <= SIDE for side in (width, height)):
-        raise ValueError(f"a window of {width}x{height} pixels")
-    return width, height
+def _is_size(it: Any) -> bool:
+    return it is None or (isinstance(it, list) and len(it) == 2 and all(type(n) is int and 1 <= n <= SIDE for n in it))
 
 
-def _fits(name: str, value: object) -> bool:
-    """Return True if a setting of this name may have this value."""
-    try:
-        return name in SETTINGS and SETTINGS[name].check(value) == value
-    except (InputError, OverflowError):
-        return False
+_GOOD: dict[str, Callable[[Any], bool]] = {
+    "size": _is_size,
+    "fullscreen": lambda it: isinstance(it, bool),
+    "preset": lambda it: isinstance(it, str) and it in PRESETS,
+    "values": lambda it: isinstance(it, dict),
+    "ui": lambda it: isinstance(it, dict),
+    "recent": lambda it: isinstance(it, list),
+    "scale": lambda it: type(it) in (int, float),
+}
 
 
 def _line(said: object) -> str:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from irrsplat.app.viewer.view_options import point_of
+from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
@@ -14,6 +15,7 @@ PITCH = math.radians(89.0)  # the steepest that `look` and `orbit` go, up and do
 STALL = 0.25  # seconds: the longest time step that counts, so that after a stall the camera does not leap through a wall
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
+STEPS = 200.0  # of a wheel in one call; more would overflow
 _AROUND = 1.03  # of the distance at which a box just fits: a little room
 POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
 
@@ -21,13 +23,16 @@ POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from 
 class FreeCamera:
     """A camera that flies, looks and orbits. It always stays valid; where nothing moved, it stays the same object.
 
-    Lengths in metres, world space, right-handed. Moves beyond FAR diagonals from the first camera are ignored. A roll stays until
-    the first look or orbit. camera: the present one; its target lies straight ahead, at the distance of the last pivot. first:
-    the one that `home` goes back to. speed: metres per second.
+    Lengths in metres, world space, right-handed. Arguments that are not finite, and moves beyond FAR diagonals from the first
+    camera, are ignored. A roll stays until the first look or orbit. camera: the present one; its target lies straight ahead, at
+    the distance of the last pivot. first: the one that `home` goes back to. speed: metres per second.
     """
 
     def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
-        """Start at `camera`. diagonal: the scene's, > 0; it scales the speed. up: the world's up; None: the nearest axis."""
+        """Start at `camera`. diagonal: the scene's, > 0; it scales the speed. up: the world's up; None: the nearest axis.
+
+        Raises InputError where `up` has no direction.
+        """
         self.camera = self.first = camera
         self.speed = diagonal / 6.0
         self._diagonal = diagonal
@@ -56,7 +61,9 @@ class FreeCamera:
 
     def change_speed(self, steps: float) -> None:
         """Multiply the speed by 1.2 for each step of the wheel; it stays between 1e-3 and 10 diagonals a second."""
-        self.speed = min(max(self.speed * 1.2**steps, 1e-3 * self._diagonal), 10.0 * self._diagonal)
+        factor = 1.2 ** min(max(steps, -STEPS), STEPS)
+        if math.isfinite(factor):
+            self.speed = min(max(self.speed * factor, 1e-3 * self._diagonal), 10.0 * self._diagonal)
 
     def dolly(self, steps: float, pivot: tuple[float, float, float] | None = None) -> None:
         """Go towards `pivot` (None: the target), or away where `steps` is negative: each step leaves 9/10 of the distance.
@@ -69,7 +76,7 @@ class FreeCamera:
         if steps == 0.0 or (steps > 0.0 and distance <= least):
             return
         out = offset / distance if distance > 0.0 else self.camera.axes[2]
-        self._stand(about + out * max(distance * 0.9**steps, least), about=about)
+        self._stand(about + out * max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least), about=about)
 
     def frame(self, bounds: np.ndarray, aspect: float) -> None:
         """Go where all of a box is just in the picture, without turning. bounds: (2, 3), its least and greatest corner; aspect:
@@ -93,7 +100,7 @@ class FreeCamera:
         before = self.camera.axes
         yaw, now = _angles(before, self._world)
         pitch = min(max(now - down, -PITCH), PITCH)
-        if right == 0.0 and (down == 0.0 or abs(pitch - now) < POLE):
+        if not math.isfinite(right + down) or (right == 0.0 and (down == 0.0 or abs(pitch - now) < POLE)):
             return
         axes, eye = _axes(yaw + right, pitch, self._world), np.asarray(self.camera.eye)
         # the pivot keeps its view space position: axes' (about - eye') = axes (about - eye)
@@ -102,7 +109,7 @@ class FreeCamera:
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
         """Put the camera at `eye`, if it may go there, with `axes` (None: as they are), its target as far as `about`."""
         camera, up = self.camera, self.camera.up if axes is None else point_of(self._world[1])
-        if axes is None and np.array_equal(eye, camera.eye):
+        if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
         if math.dist(eye, self.first.eye) > max(FAR * self._diagonal, math.dist(camera.eye, self.first.eye)):
             return
@@ -120,7 +127,10 @@ class FreeCamera:
 
 def _basis(up: np.ndarray) -> np.ndarray:
     """(3, 3) rows: east, up and south, unit and right-handed, for a world whose up is `up` (any length)."""
-    up = up / np.linalg.norm(up)
+    length = float(np.linalg.norm(up))
+    if not 0.0 < length < math.inf:
+        raise InputError("the world's up vector has no direction; give another up")
+    up = up / length
     # y up: east is x and south is z, as in a camera that looks down -z
     east = np.cross(up, np.eye(3)[2] if abs(up[2]) < 0.9 else -np.eye(3)[1])
     east = east / np.linalg.norm(east)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -42,6 +42,7 @@ def test_what_is_saved_comes_back(place: Path) -> None:
     """Types come back, too; no partial file stays. Without files there are defaults, and reading makes no folder."""
     assert load() == (Preferences(), []) and not place.parent.exists()
     assert save(FULL) is None
+    (place / "viewer.json").write_bytes(b"\xef\xbb\xbf" + (place / "viewer.json").read_bytes())  # an editor's byte order mark
     back, notices = load()
     assert (back, notices) == (FULL, [])
     assert [type(v) for v in back.values.values()] == [type(v) for v in FULL.values.values()]
@@ -52,10 +53,16 @@ def test_what_is_saved_comes_back(place: Path) -> None:
     assert load() == (Preferences(), []) and names(place) == {"viewer.json"}
 
 
-@pytest.mark.parametrize("content", [
-    bytes(range(256)), b"[1]", b'{"version": 2, "size": [100, 100]}',
-    b'{"version": 1, "size": [0, 100]}', b'{"version": 1, "ui": 7}',
-])  # fmt: skip
+DAMAGED = {
+    "binary": bytes(range(256)),
+    "later": b'{"version": 2, "size": [100, 100]}',
+    "infinite": b'{"version": 1, "ui": {"x": 1e999}}',
+    "deep": b'{"version": 1, "ui": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
+    "list": b"[1]",
+}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED)
 def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
     place.mkdir(parents=True)
     (place / "viewer.json").write_bytes(content)
@@ -64,10 +71,26 @@ def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
     assert save(FULL) is None and load() == (FULL, [])
 
 
-def test_settings_of_another_version_are_left_out(place: Path) -> None:
-    values: Any = {"a": 99, "splines": 3, "seed": 7, "gather": "photons", "viewer_samples": 8, "samples": 10**400}
-    save(replace(FULL, values=values, recent=["relative.obj", "/kept.obj"]))
-    assert load() == (replace(FULL, values={"seed": 7, "viewer_samples": 8}, recent=["/kept.obj"]), [])
+def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path) -> None:
+    """There is no notice about the unknown key `later`."""
+    save(FULL)
+    data = json.loads((place / "viewer.json").read_text())
+    data |= {"preset": "gone", "later": 1, "size": [0, 100], "fullscreen": "yes", "recent": ["relative.obj", "/kept.obj", 7]}
+    data["values"] = {
+        "a": 99,
+        "splines": 3,
+        "seed": 7,
+        "bounces": True,
+        "gather": "photons",
+        "viewer_samples": 8,
+        "samples": 10**400,
+    }
+    (place / "viewer.json").write_text(json.dumps(data))
+    back, (notice,) = load()
+    assert back == Preferences(ui=FULL.ui, values={"seed": 7, "viewer_samples": 8}, recent=["/kept.obj"])
+    for word in ("preset", "size", "fullscreen", "'a'", "splines", "bounces", "gather", "samples"):
+        assert word in notice
+    assert one_line(notice)
 
 
 def test_what_cannot_be_written_or_read_is_told_and_nothing_is_lost(place: Path) -> None:
