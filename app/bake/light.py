@@ -35,13 +35,13 @@ _NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the ro
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Light of records at places: irradiance (H, W, 3) in W/m², valid where `served` (H, W).
+    """Light of records at places: irradiance (H, W, 3) in W/m², valid where `covered` (H, W).
 
     records: records in the cache. converged: True if no place requests another record.
     """
 
     irradiance: np.ndarray
-    served: np.ndarray
+    covered: np.ndarray
     records: int
     converged: bool
 
@@ -94,10 +94,10 @@ class PlaceLight(Tenant):
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)
             totals, _ = splats.read()
-        served = where.seen & (totals[..., 3] > 0.0)
-        irradiance = np.where(served[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
+        covered = where.seen & (totals[..., 3] > 0.0)
+        irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
-        return Gathered(irradiance, served, self.cache.count, view.phase is Phase.SETTLED)
+        return Gathered(irradiance, covered, self.cache.count, view.phase is Phase.SETTLED)
 
     def _reach(self, texel: float) -> Reach:
         """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""

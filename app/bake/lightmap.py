@@ -119,7 +119,7 @@ def _baked(
     unseen = hidden(scene, all_of_them)
     lit = all_of_them.but(unseen)
     gathered = lights.gathered(lit, texel, lambda share, words: notify(0.1 + 0.7 * share, words))
-    lit = lit.but(~gathered.served)
+    lit = lit.but(~gathered.covered)
 
     from scipy import ndimage
 

@@ -14,7 +14,7 @@ from irrsplat.meter.readings import Status
 from irrsplat.meter.solids import inside_solids
 from irrsplat.reference.surfaces import Points, Surfaces
 from irrsplat.scene import ray_caster
-from irrsplat.scene.looks import in_order
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Mesh, Scene
 
 _TRIED = 48  # triangles of an open mesh that are tested on both sides, at most

@@ -190,7 +190,7 @@ class _Found:
         back[order] = np.arange(len(root))
         row, column = (v[back] for v in _places_of(len(root)))
         picked = {name: values[row, column][None] for name, values in vars(where).items()}
-        indirect, straight, seen = gathered.irradiance[row, column], direct[row, column], gathered.served[row, column]
+        indirect, straight, seen = gathered.irradiance[row, column], direct[row, column], gathered.covered[row, column]
         total = indirect + (straight if self.light == "all" else 0.0)
         self._sum, self._count = self._sum + float(total[seen].max(1).sum()), self._count + int(seen.sum())
         return _Known(total, indirect, straight, seen, Places(**picked))

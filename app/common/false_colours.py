@@ -66,9 +66,9 @@ class FalseColours:
         """Return the frame's light and depth, (H, W) each; set an automatic end of the scale above the light."""
         from irrsplat.image.output import false_colours
 
-        lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
+        direct = renderer.read_direct_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
-        light = (lamps + values) @ self.scale.weights
+        light = (direct + values) @ self.scale.weights
         depth = frame.depth
         if self.buffer in ("image", "emission"):  # a visible sky counts as light
             depth = np.where(np.isfinite(depth) | (light > 0.0), np.minimum(depth, np.float32(1e9)), depth)

@@ -145,7 +145,7 @@ class Session(Owner):
 
     def _at_rest(self, progress: Progress) -> bool:
         """Return True if the cache and the picture of a side stay as they are."""
-        return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.fading)
+        return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.accumulating)
 
     def _refined(self, renderer: Renderer, progress: Progress) -> bool:
         """Return True if the refinement of a side has ended."""

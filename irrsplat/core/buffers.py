@@ -307,7 +307,7 @@ class Records:
 
     def read(self, *names: str) -> dict[str, np.ndarray]:
         """Return columns of the records by name, (N, …) float32 each, after waiting for the GPU."""
-        wanted = {texture for name in names for texture, _ in record_layout.COLUMNS[name].slots}
-        texels = {name: np.frombuffer(self.textures[name].read(), "f4") for name in wanted}
+        requested = {texture for name in names for texture, _ in record_layout.COLUMNS[name].slots}
+        texels = {name: np.frombuffer(self.textures[name].read(), "f4") for name in requested}
         rows = {name: data.reshape(-1, record_layout.TEXTURES[name])[: self.count] for name, data in texels.items()}
         return {name: record_layout.unpack(rows, name) for name in names}

@@ -21,7 +21,7 @@ GOLDEN_ANGLE = 2.39996323  # radians between successive points of a spiral
 SHORT = 1e-4  # of the distance: margin of a shadow ray before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: largest distance of a float32 position from its surface
 SKY_RAY_TEXELS = 3.0  # sky texels per ray's solid angle: interpolation widens one texel to the whole
-TOLD = 1e-13  # Σ k of a pixel below which only records within closed meshes contribute
+COVERED = 1e-13  # Σ k of a pixel below which only records within closed meshes contribute
 BRIGHT = 32.0  # times the luminance floor: errors at greater luminances count less than in proportion
 FALSE_COLOURS = 64  # entries of the viewer's scale of light
 
@@ -42,7 +42,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "GOLDEN_ANGLE": GOLDEN_ANGLE,
     "SHORT": SHORT,
     "ROUNDING": ROUNDING,
-    "TOLD": TOLD,
+    "COVERED": COVERED,
     "BRIGHT": BRIGHT,
     "FALSE_COLOURS": FALSE_COLOURS,
     "SKY_RAY_TEXELS": SKY_RAY_TEXELS,

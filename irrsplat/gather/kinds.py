@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 
 from irrsplat.core.errors import InputError
-from irrsplat.gather.look import Gather
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.plane import PlaneGather
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import context

@@ -8,7 +8,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
-from irrsplat.gather.look import Gather
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Resource

@@ -23,7 +23,7 @@ from irrsplat.scene.model import Camera, part_drawn
 
 _APART = 0.018  # of the image height: greatest density of the new records of one check
 SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
-_DOUBT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
+_SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
 _CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
@@ -131,10 +131,10 @@ class SpotCheck:
     stage: int = 0
 
     @property
-    def doubtful(self) -> Spots:
+    def significant(self) -> Spots:
         """The places where the present probes differ from the cache; before the last probes, only the worst of close ones."""
         off = self.spots.difference(self.found)
-        there = off > _DOUBT[self.stage]
+        there = off > _SIGNIFICANT[self.stage]
         left = self.spots[there]
         return left[left.peaks(off[there])] if self.stage == len(SIDES) - 2 else left
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table

@@ -116,7 +116,7 @@ class Pace:
         if stuck and spread < prior:
             self._overhead += _EXPLORE * (1.0 + self._overhead)
 
-    def batches(self, wanted: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
+    def batches(self, requested: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
         """Yield batch sizes of at most `capacity` until all items are done or the budget ends; at least one item, but none while
         input waits.
 
@@ -126,8 +126,8 @@ class Pace:
         done, last, step = 0, 0, max(_STEP, _STEP_RAYS // max(rays, 1) if rays else 0)
         if not self._sums[0] and rays:
             self._overhead = _FIRST_RAYS / rays
-        while done < wanted:
-            count = min(wanted - done, capacity)
+        while done < requested:
+            count = min(requested - done, capacity)
             if budget.limited and input_waits():
                 return
             if budget.limited:

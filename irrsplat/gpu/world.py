@@ -19,10 +19,10 @@ from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.scene.appearance import numbered_alike, runs
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.looks import numbered_alike, runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import Holes, face_counts

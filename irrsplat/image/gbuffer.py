@@ -17,11 +17,11 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Region, Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
-from irrsplat.scene.looks import Look, Run
+from irrsplat.scene.appearance import Appearance, Run
 from irrsplat.scene.model import Camera, Part, part_drawn, part_of
 from irrsplat.scene.visible_parts import SceneParts
 
-_NEAR = 1e-6  # of the far distance: used by the matrix only, since nothing is clipped there
+_NEAR = 1e-6  # of the far distance: used by the matrix only, since no clipping takes place
 _EDGE_ON = 5e-7  # of the eye's coordinates: closer to a triangle's plane, the eye lies in the plane
 _SURFACES = DrawState(depth="<", depth_clamp=True)
 _BEHIND = 0.9998  # in clip space: behind all surfaces (depth < 0.992), in front of the empty depth buffer (1)
@@ -112,32 +112,33 @@ class GBufferPass(Owner):
         if self._batched[0] is not runs:
             kinds: dict[tuple[object, ...], list[Run]] = {}
             for run in runs:
-                kinds.setdefault((run.look.single_sided, *_defines(run.look).values()), []).append(run)
+                kinds.setdefault((run.appearance.single_sided, *_defines(run.appearance).values()), []).append(run)
             self._batched = runs, tuple(map(self._batch, kinds.values()))
         return self._batched[1]
 
     def _batch(self, runs: Sequence[Run]) -> _Batch:
-        look, surfaces, filters, glows = runs[0].look, [], [], []
+        appearance, surfaces, filters, glows = runs[0].appearance, [], [], []
         for run in runs:
-            look = run.look
-            if look.solid:
-                surfaces.append(_draw(run, self._map_uniforms(look) | {"first_triangle": run.first}))
-            if look.filters:
-                tint = {"alpha_cutoff": look.alpha_cutoff}
-                filters.append(_draw(run, self._map_uniforms(replace(look, emission=None, normal=None)) | tint))
-                if look.glows:
-                    glows.append(_draw(run, self._map_uniforms(replace(look, normal=None)) | tint))
-        return _Batch(_defines(look), "back" if look.single_sided else None, tuple(surfaces), tuple(filters), tuple(glows))
+            appearance = run.appearance
+            if appearance.solid:
+                surfaces.append(_draw(run, self._map_uniforms(appearance) | {"first_triangle": run.first}))
+            if appearance.filters:
+                tint = {"alpha_cutoff": appearance.alpha_cutoff}
+                filters.append(_draw(run, self._map_uniforms(replace(appearance, emission=None, normal=None)) | tint))
+                if appearance.glows:
+                    glows.append(_draw(run, self._map_uniforms(replace(appearance, normal=None)) | tint))
+        draws = tuple(surfaces), tuple(filters), tuple(glows)
+        return _Batch(_defines(appearance), "back" if appearance.single_sided else None, *draws)
 
-    def _map_uniforms(self, look: Look) -> Uniforms:
+    def _map_uniforms(self, appearance: Appearance) -> Uniforms:
         """Return the uniforms of shaders/image/texture_map.glsl."""
         uniforms: Uniforms = {}
-        for name, texture in (("albedo", look.albedo), ("emission", look.emission), ("normal", look.normal)):
+        for name, texture in (("albedo", appearance.albedo), ("emission", appearance.emission), ("normal", appearance.normal)):
             if texture is not None:
                 uniforms |= {
-                    f"{name}_map": self.maps(texture, name != "normal", look.alpha_cutoff if name == "albedo" else 0.0)
+                    f"{name}_map": self.maps(texture, name != "normal", appearance.alpha_cutoff if name == "albedo" else 0.0)
                 } | map_uniforms(name, texture)
-        return uniforms | ({"normal_scale": look.normal_scale} if look.normal is not None else {})
+        return uniforms | ({"normal_scale": appearance.normal_scale} if appearance.normal is not None else {})
 
     def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
         """Return the g-buffer of `camera` in textures of `target` (default: this pass's), valid until its next use."""
@@ -249,14 +250,14 @@ class GBufferPass(Owner):
         return Filters(tint, draw("NEAREST", target.also("opacity", 1), _SURFACES, 0.0), glow)
 
 
-def _defines(look: Look) -> dict[str, int]:
-    """Return the shader defines of a look."""
+def _defines(appearance: Appearance) -> dict[str, int]:
+    """Return the shader defines of a draw state."""
     return {
-        "ALBEDO_MAP": int(look.albedo is not None),
-        "EMISSION_MAP": int(look.emission is not None),
-        "NORMAL_MAP": int(look.normal is not None),
-        "MASK": int(look.alpha == "mask"),
-        "BLEND": int(look.alpha == "blend"),
+        "ALBEDO_MAP": int(appearance.albedo is not None),
+        "EMISSION_MAP": int(appearance.emission is not None),
+        "NORMAL_MAP": int(appearance.normal is not None),
+        "MASK": int(appearance.alpha == "mask"),
+        "BLEND": int(appearance.alpha == "blend"),
     }
 
 

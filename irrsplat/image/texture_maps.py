@@ -13,8 +13,8 @@ import numpy as np
 from irrsplat.gpu.context import describe
 from irrsplat.gpu.program import SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.scene.appearance import Run
 from irrsplat.scene.image_means import half
-from irrsplat.scene.looks import Run
 from irrsplat.scene.model import Image, Texture
 
 _SRGB8_ALPHA8 = 0x8C43
@@ -35,11 +35,11 @@ class _Use:
 
 def _uses(runs: Sequence[Run]) -> tuple[_Use, ...]:
     """Return the images of these runs, once per encoding."""
-    looks = dict.fromkeys(run.look for run in runs)
-    colours = (_Use(look.albedo.image, True, look.alpha_cutoff) for look in looks if look.albedo is not None)
-    shining = (_Use(look.emission.image, True) for look in looks if look.emission is not None)
-    normals = (_Use(look.normal.image, False) for look in looks if look.normal is not None)
-    return tuple(dict.fromkeys([*colours, *shining, *normals]))
+    appearances = dict.fromkeys(run.appearance for run in runs)
+    colours = (_Use(one.albedo.image, True, one.alpha_cutoff) for one in appearances if one.albedo is not None)
+    emissions = (_Use(one.emission.image, True) for one in appearances if one.emission is not None)
+    normals = (_Use(one.normal.image, False) for one in appearances if one.normal is not None)
+    return tuple(dict.fromkeys([*colours, *emissions, *normals]))
 
 
 def halvings(sizes: Iterable[tuple[int, int]], memory: float, side: int) -> list[int]:

@@ -14,7 +14,7 @@ from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.color import LUMINANCE, MID_GREY
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import as_png
-from irrsplat.core.glsl import TOLD
+from irrsplat.core.glsl import COVERED
 from irrsplat.core.vectors import check_finite
 from irrsplat.gpu.target import pixels
 from irrsplat.image.backdrop import Backdrop, display_picture
@@ -33,7 +33,7 @@ class View:
     camera: relative to the scene's origin, like the g-buffer's positions. sums: (Σ k·E, Σ k), with quotient E: the splat buffer's
     own, or temporally filtered. samples: per pixel. With several samples, `image`, `direct`, `indirect`, `emission` (including
     the sky) and `alpha` are means; with one, indirect and emission are None and follow from other buffers. All others are sampled
-    at pixel centres. fading: True while temporal accumulation has not reached the records' E.
+    at pixel centres. accumulating: True while temporal accumulation has not reached the records' E.
     reader: the renderer's method that makes the frame of `read`; a weak reference, so that a view does not keep its renderer.
     """
 
@@ -48,7 +48,7 @@ class View:
     indirect: moderngl.Texture | None = None
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
-    fading: bool = False
+    accumulating: bool = False
     reader: Reader | None = field(default=None, repr=False, compare=False)
 
     def read(self) -> Frame:
@@ -79,7 +79,8 @@ class Progress:
     covered when the round began. renewed: records recomputed in this frame; stale: records that wait for recomputation. complete:
     False while the round has sites left, or the view is splatted at every other pixel. surface: finished share of the surface
     cache, 0..1. full: the view needs more records than `max_records`. sampled: finished share of a render's samples, 0..1. error:
-    estimated relative RMSE of the indirect irradiance, or None. refined: True if no further refinement is due. fading: see View.
+    estimated relative RMSE of the indirect irradiance, or None. refined: True if no further refinement is due. accumulating: see
+    View.
     """
 
     round: int
@@ -94,12 +95,12 @@ class Progress:
     sampled: float = 0.0
     error: float | None = None
     refined: bool = False
-    fading: bool = False
+    accumulating: bool = False
 
     @property
     def still(self) -> bool:
         """True if nothing was gathered, nothing is left to gather, and the picture is final."""
-        return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale or self.fading)
+        return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale or self.accumulating)
 
     @property
     def done(self) -> bool:
@@ -109,8 +110,8 @@ class Progress:
 
 def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
     """Return the number of visible pixels (top row first) that no record reaches."""
-    untold = (pixels(view.splats.sums)[..., 3] <= TOLD) & (pixels(view.splats.weight)[..., 0] <= 0.0)
-    return int(np.count_nonzero((_seen(view)[..., 0] & untold)[rows_columns]))
+    uncovered_here = (pixels(view.splats.sums)[..., 3] <= COVERED) & (pixels(view.splats.weight)[..., 0] <= 0.0)
+    return int(np.count_nonzero((_seen(view)[..., 0] & uncovered_here)[rows_columns]))
 
 
 def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
@@ -134,8 +135,8 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
 
     names: the required buffers, None for all; others are empty, (0, 0) or (0, 0, 3).
     """
-    wanted = CHANNELS.keys() if names is None else set(names)
-    made = {name: make(view) for name, make in _BUFFERS.items() if name in wanted}
+    requested = CHANNELS.keys() if names is None else set(names)
+    made = {name: make(view) for name, make in _BUFFERS.items() if name in requested}
     return frame_of(made, records, stats, view)
 
 

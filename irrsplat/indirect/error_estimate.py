@@ -20,7 +20,7 @@ CHECKS = 384  # pixels under test for the error estimate
 _AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
 _KEPT = 0.5  # weight of the sums of earlier steps
 _FAIR = 0.5  # share of the pixels' probability that is the same for all
-_LEAST = 0.4  # of what the picture differs from tests: its squared error is no less, as one test in a dark place may outweigh all
+_LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
 _GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
 
@@ -99,7 +99,7 @@ class ErrorSums:
 
 
 def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(N,) the squared differences of (N, 3), mean over channels."""
+    """Return (N,) the squared differences of (N, 3), mean over channels."""
     mean: np.ndarray = ((values.astype(float) - others) ** 2).mean(1)
     return mean
 
@@ -108,7 +108,7 @@ def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) ->
     """Return CHECKS of the smooth pixels, as the error leaves out edges.
 
     Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
-    a share of its mean. off: as in Seen.smooth.
+    a share of its mean. off: see Seen.smooth.
     """
     from scipy import ndimage
 

@@ -22,12 +22,14 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Part, measure
 from irrsplat.settings import Settings
 
-_TILES = 100  # along the picture's height, or what measure has in its place
+_TILES = 100  # tiles along the picture's height (see `measure`)
 
 
 def tile_side(size: tuple[int, int], pixel_stride: int) -> int:
-    """The side of a tile in pixels of the sums, in a picture of `size` (width, height) of which every `pixel_stride`-th pixel has
-    sums in both directions: tiles are about as wide on screen for any, and have fewer pixels."""
+    """Return the side of a tile in pixels that have sums, in a picture of `size` (width, height).
+
+    pixel_stride: of the pixels with sums. A tile is about equally wide on screen for every stride.
+    """
     return max(2, max(2, int(measure(size)) // _TILES) // pixel_stride)
 
 
@@ -71,7 +73,7 @@ class Examination:
         return float(self.requests.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
-        """The sites of the given tiles (rows, columns)."""
+        """Return the sites of the given tiles (rows, columns)."""
         geometric = octahedral_decode(*self.octahedral[tiles].T)
         return Sites(self.position[tiles], self.normal[tiles], geometric, self.triangle[tiles].astype(np.intp))
 
@@ -80,8 +82,8 @@ class Examination:
 class Screen:
     """A view for the examination: the `size` (width, height) of its picture, with sums at every `pixel_stride`-th pixel.
 
-    sums: an object that differs when the sums do. examine: finds what is missing, by settings. spots: finds the places for a spot
-    check, where every pixel has sums. gbuffer, splats: of a view that is drawn whole.
+    sums: an object that differs when the sums do. examine: returns the examination by settings. spots: finds the places for a
+    spot check, where every pixel has sums. gbuffer, splats: of a view that is drawn whole.
     """
 
     size: tuple[int, int]
@@ -107,9 +109,9 @@ class ExaminePass(Owner):
         return (*self.programs, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
-        """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
+        """Return every tile's count of pixels that request a record, by `tolerance` and `spread`, and its pixel of least weight.
 
-        part: of the picture, which these are of, where it is not the whole; it begins where a tile does.
+        part: the part of the picture that the buffers hold, which begins at a tile's corner; None for the whole picture.
         """
         size, stride = gbuffer.position.size, splats.pixel_stride
         whole, corner = (size, (0, 0)) if part is None else (part.whole, part.corner)
@@ -147,6 +149,7 @@ class ExaminePass(Owner):
 
 
 def _stride(count: int) -> int:
-    """A number coprime to `count`, near its golden section: steps by it visit all places, and successive ones lie apart."""
-    wanted = max(1, round(0.618 * count))
-    return next(n for n in range(wanted, wanted + count + 1) if math.gcd(n, count) == 1)
+    """Return a number coprime to `count`, near its golden section: such steps visit all places, and successive places lie
+    apart."""
+    requested = max(1, round(0.618 * count))
+    return next(n for n in range(requested, requested + count + 1) if math.gcd(n, count) == 1)

@@ -17,7 +17,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, Sites
 from irrsplat.core.vectors import octahedral_decode
-from irrsplat.gather.look import Gather
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.target import pixels
 from irrsplat.records.weight import record_weight, view_radius
 from irrsplat.scene.model import Camera
@@ -41,16 +41,16 @@ class Seen:
     lit_normal: np.ndarray | None = None
 
     def site(self, row: int, column: int) -> Sites:
-        """The pixel as a place for one record."""
+        """Return the pixel as a place for one record."""
         return self.sites((slice(row, row + 1), column))
 
     def sites(self, at: tuple[Any, ...]) -> Sites:
-        """The pixels at an index of rows and columns as places for records."""
+        """Return the pixels at an index of rows and columns as places for records."""
         triangle = None if self.triangle is None else self.triangle[at]
         return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
 
     def smooth(self, off: float) -> np.ndarray:
-        """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
+        """Return (H, W), True where a pixel's 3×3 neighbours have about its normal and lie near its tangent plane."""
         smooth = np.zeros_like(self.mask)
         inner = (slice(1, -1), slice(1, -1))
         height, width = self.mask.shape
@@ -68,13 +68,15 @@ class Seen:
 
 
 class View:
-    """A view as the algorithm goes through it: `seen`, and how many of its first samples are made (`warmed`)."""
+    """The paper's traversal of a view. seen: its g-buffer. warmed: the number of warm-up records made so far."""
 
     def __init__(self, gbuffer: GBuffer, warmed: int) -> None:
         self.seen, self.warmed = read_back(gbuffer), warmed
 
-    def ask(self, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings) -> tuple[Sites, np.ndarray, float]:
-        """Make the first samples, or else traverse the view, as far as `record` goes: what `traverse` returns."""
+    def advance(
+        self, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
+    ) -> tuple[Sites, np.ndarray, float]:
+        """Make the warm-up records, then traverse the view until `record` stops. Return the results of `traverse`."""
         if self.warmed >= settings.warmup:
             return traverse(self.seen, weight, record, camera, settings)
         sites, values = warm_up(self.seen, record, settings, self.warmed)
@@ -83,7 +85,7 @@ class View:
 
 
 def read_back(gbuffer: GBuffer) -> Seen:
-    """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
+    """Read the visible points and their normals back to the CPU (section 3.2)."""
     position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))
     mask = position[..., 3] > 0.0
     triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
@@ -92,9 +94,9 @@ def read_back(gbuffer: GBuffer) -> Seen:
 
 
 class Recorder:
-    """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU.
+    """Recorder of one record at a time: a picture of the scene from the record, and a sum on the CPU (section 3.4).
 
-    goes_on is asked after each record; where it says no, `stopped` is True from then on, and who makes records makes no more.
+    goes_on: called after each record; after False, `stopped` is True and the caller makes no further records.
     """
 
     def __init__(
@@ -107,7 +109,7 @@ class Recorder:
         self.stopped = False
 
     def __call__(self, site: Sites) -> np.ndarray:
-        """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
+        """Return (4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
         atlas = self.gather(self.light, site, np.zeros(1), 0)
         width, height = atlas.cell
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
@@ -120,7 +122,7 @@ class Recorder:
         return np.array([*E, R], "f4")
 
     def _sky(self, atlas: Atlas) -> np.ndarray:
-        """(3,) the sky's radiance, or (H, W, 3) that in the directions of the texels where it is not the same all around."""
+        """Return (3,) the radiance of a uniform sky, or (H, W, 3) the radiance in the directions of the texels."""
         scene = self.gather.world.scene
         if scene.environment is None and not any(scene.sky_gradient):
             return np.asarray(scene.sky, "f4")
@@ -136,7 +138,10 @@ class Recorder:
 
 
 def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:
-    """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R. first: so many are made already."""
+    """Make records at visible pixels chosen at random (step 1). Return their sites and (N, 4) values E, R.
+
+    first: the number of records made before.
+    """
     visible = np.argwhere(seen.mask)
     chosen = np.random.default_rng(settings.seed).permutation(len(visible))[first : settings.warmup]
     sites, values = [], []
@@ -151,9 +156,9 @@ def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) ->
 def traverse(
     seen: Seen, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
 ) -> tuple[Sites, np.ndarray, float]:
-    """Step 3: the pixels in scan order; where Σw (H, W) is too low a record is made, and its weight splatted on the CPU.
+    """Traverse the pixels in scan order: make a record where Σw (H, W) is too low, and splat its weight on the CPU (step 3).
 
-    Returns the new records' sites, their (N, 4) values E, R, and the share of the seen pixels that lacked one at first.
+    Return the new records' sites, their (N, 4) values E, R, and the share of the seen pixels that lacked one at first.
     """
     weight = weight.copy()
     sites, values = [], []
@@ -161,8 +166,8 @@ def traverse(
     for row in range(len(weight)):
         column = 0
         while not record.stopped:
-            asking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
-            column += int(asking.argmax()) if asking.any() else len(asking)
+            lacking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
+            column += int(lacking.argmax()) if lacking.any() else len(lacking)
             if column == weight.shape[1]:
                 break
             site = seen.site(row, column)
@@ -174,7 +179,7 @@ def traverse(
 
 
 def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: Camera, settings: Settings) -> None:
-    """Section 3.5.2: add a record's w to the CPU's copy of the weights, in the box of pixels that bounds its sphere."""
+    """Add a record's w to the CPU's copy of the weights, in the box of pixels that bounds its sphere (section 3.5.2)."""
     height, width = weight.shape
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
@@ -187,7 +192,7 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
 
 
 def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) -> tuple[slice, slice]:
-    """The rows and columns of pixels (top row first) that a sphere may cover; all of them where it reaches the eye's plane."""
+    """Return the rows and columns of pixels (top row first) that a sphere may cover; all if it reaches the eye's plane."""
     x, y, z = camera.axes @ (centre - np.asarray(camera.eye))
     if -z <= r:
         return slice(0, height), slice(0, width)

@@ -29,14 +29,14 @@ from irrsplat.scene.model import Camera
 
 _STILL = 1.3  # times the change of E by a finer level of the surface cache: its own error
 _WORTH = 1.2  # times the error of the finest surface cache: an error that more records hardly reduce
-_BETWEEN = 0.3  # of the squared error aimed at: what the surface cache may be off by, or it is refined further
+_BETWEEN = 0.3  # of the squared target error: the surface cache's share, above which it is refined further
 LAST = 40  # steps
-_LEAVE = 0.8  # of the picture's error: where it is less, nothing is refined
+_LEAVE = 0.8  # of the picture's error: pixels with less are not refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
 _STEP = 2.0  # levels at once
 _FINEST = 256  # side of the finest gather
-_RAYS = 2.0  # of the squared error aimed at: what that of records by their few rays may be, as several contribute to a pixel
-_AIM = 3.0  # times less than the present error is what a step aims at, unless the refinement ends before
+_RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, since several contribute to a pixel
+_AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Refinement:
     by its last level, None without a new level. surface_error: W/m², estimated remaining error of E by the surface cache.
     tested: sums of all tests. doublings: of the sides of gathers for the next step.
 
-    The rest belongs to the next step. check: the pixels under test. uncertainty: (H, W) W²/m⁴. next_levels: None before they
+    The next step has the following fields. check: the pixels under test. uncertainty: (H, W) W²/m⁴. next_levels: None before they
     are chosen. finer: numbers of old records that still need more rays. fill: its progress as a view. ended: True if nothing
     more is or can be refined.
     """
@@ -141,7 +141,7 @@ class Refiner(Owner):
                     break
         except InputWaits:  # before any record was made: the next tick takes the same step
             raise
-        except BaseException:  # the cache no longer holds what the step assumes: the refinement restarts
+        except BaseException:  # the step's assumptions about the cache no longer hold: the refinement restarts
             self.state = replace(self.state, broken=True, check=None)
             raise
 
@@ -165,7 +165,7 @@ class Refiner(Owner):
         return int(min(least * 2**doublings, max(_FINEST, least)))
 
     def _light(self, state: Refinement, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
-        """Refine the surface cache, correct the records by it, and find out what it still lacks."""
+        """Refine the surface cache, correct the records by it, and estimate its remaining error."""
         gatherer, cache, camera = self.scheduler.gatherer, self.cache, state.levels.camera
         surface = gatherer.surface_now
         if surface is None or (state.changes is None and not surface.may_refine):
@@ -176,8 +176,8 @@ class Refiner(Owner):
         if len(state.changes) < cache.count:
             more = gatherer.correct_by_refinement(shadows, np.arange(len(state.changes), cache.count), budget)
             return replace(state, changes=np.concatenate([state.changes, more]))
-        served = self.scheduler.served(gbuffer, camera)[:, None]
-        weights = served / max(float(served.sum()), 1e-20)
+        pixels_covered = self.scheduler.pixels_covered(gbuffer, camera)[:, None]
+        weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         surface_error = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
         self._surface_error, index = (surface.refinements, surface_error), state.step % 2
         self.scheduler.limit_radii(replace(state.fill, phase=Phase.FILL))  # the last test's records are new
@@ -221,7 +221,7 @@ class Refiner(Owner):
         return replace(state, error=error, last_error=error)
 
     def _choose(self, state: Refinement, gbuffer: GBuffer) -> Refinement:
-        """The levels of the next step, and the records that have to look more finely for it."""
+        """Choose the levels of the next step, and the records that need more rays for it."""
         from scipy import ndimage
 
         assert state.uncertainty is not None
@@ -237,8 +237,8 @@ class Refiner(Owner):
         self._splats[index].forget()
         side, sizes = self._side(state.doublings), self.cache.column("gather_size")
         known = np.where(sizes > 0, sizes, self._side(0))
-        served = self.scheduler.served(gbuffer, levels.camera)
-        return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (served > 0.0)))
+        pixels_covered = self.scheduler.pixels_covered(gbuffer, levels.camera)
+        return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (pixels_covered > 0.0)))
 
     def _regather_finer(self, state: Refinement, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather records again that need more rays."""

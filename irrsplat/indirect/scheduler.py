@@ -43,7 +43,7 @@ class RoundResult:
     complete: bool
 
 
-NOTHING_ASKED = RoundResult(0, True)
+NOTHING_REQUESTED = RoundResult(0, True)
 
 
 class RecordScheduler(Owner):
@@ -77,7 +77,7 @@ class RecordScheduler(Owner):
         gradients = self.settings.gradients
         return self._passes.get("refresh_order", gradients, lambda: RefreshOrder(self.ctx, gradients))
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
         """Apply other settings and another state of the scene.
@@ -107,7 +107,7 @@ class RecordScheduler(Owner):
         return self.gatherer.regather(shadows, numbers, budget)
 
     def limit_radii(self, view: ViewState, last: bool = False) -> tuple[ViewState, bool]:
-        """Compare new records with all others, as AdaptiveRadius does, and old ones as well if a view begins or, `last`, ends.
+        """Compare new records with all others, see AdaptiveRadius, and old ones as well if a view begins or, `last`, ends.
 
         Return the view, and True if the reach of an old record has changed.
         """
@@ -133,7 +133,7 @@ class RecordScheduler(Owner):
         return len(self.cache.stale) > 0 or self.gatherer.provisional
 
     def need(self, screen: Screen) -> Need:
-        """Return what the view lacks now. Nothing is gathered."""
+        """Return the present need of the view, without a gather."""
         settings = self.settings
         with self.timers("examine"):
             return Need.found(screen.examine(settings), screen.pixel_stride, (screen.sums, settings.request_criteria))
@@ -141,13 +141,13 @@ class RecordScheduler(Owner):
     def gather_missing(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
-        """Gather where the view lacks records, as far as the budget goes.
+        """Gather records that the view requests, within the budget.
 
         side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
         """
         scan = self.settings.placement == "scan" and not side
         close = partial(self._close, screen=screen, shadows=shadows, budget=budget, spots=not (scan or side))
-        result = NOTHING_ASKED
+        result = NOTHING_REQUESTED
         if scan:
             view, result = self._scan(view, screen, shadows, camera, budget)
         elif view.queue is None:
@@ -155,15 +155,15 @@ class RecordScheduler(Owner):
             if self._changing:
                 view = replace(view, check=None)
             elif view.check is not None:
-                return self._check(view, screen, shadows, budget, True), replace(NOTHING_ASKED, complete=False)
+                return self._check(view, screen, shadows, budget, True), replace(NOTHING_REQUESTED, complete=False)
             if view.phase is Phase.CLOSE:
                 view, ended, _ = close(view)
-                return replace(view, rounds=view.rounds + ended), replace(NOTHING_ASKED, complete=False)
+                return replace(view, rounds=view.rounds + ended), replace(NOTHING_REQUESTED, complete=False)
             view = self._requested(view, screen, camera, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
-            done = self.gatherer.gather(shadows, _asked_by(sites, camera, screen.size), budget, side, near)
+            done = self.gatherer.gather(shadows, _requested_by(sites, camera, screen.size), budget, side, near)
             view = replace(view, queue=view.queue.without(done))
             result = RoundResult(done, view.queue is None)
 
@@ -187,7 +187,7 @@ class RecordScheduler(Owner):
         return view, replace(result, complete=result.new > 0 or settled)
 
     def _requested(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
-        """Return the view with the queue of a new round, coarse to fine; None if there is nothing to gather."""
+        """Return the view with the queue of a new round, coarse to fine; None without a request."""
         view, (sites, near) = self._select(view, screen)
         room = self.room if side else self._room(len(sites), camera, screen.size)
         sites, full = sites[:room], room < len(sites)
@@ -201,7 +201,7 @@ class RecordScheduler(Owner):
         Both make many tiles request records again, so that they do not wait for the last few tiles. Return the view, True if one
         part is done, and True if that was the last part and changed nothing.
         """
-        if self._changing:  # every pixel is splatted meanwhile, and the rest waits
+        if self._changing:  # every pixel is splatted meanwhile, and the other work waits
             coarse = view.pixel_stride > 1
             return (replace(view, pixel_stride=1, phase=Phase.FILL) if coarse else view), coarse, False
         if not (view.checked or view.pixel_stride > 1):
@@ -213,13 +213,13 @@ class RecordScheduler(Owner):
         return replace(view, pixel_stride=1, phase=Phase.FILL), True, unchanged
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
-        """The places of a view, or of the part of it that `camera` draws, for a spot check, as SpotPass has them."""
+        """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""
         size = gbuffer.position.size
         with self.timers("examine"):
             return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
 
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
-        """Advance the spot check of a view that requests no record, as far as the budget goes, and queue records where it fails.
+        """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
         There is no check with little room for further records, nor with settings that ignore inter-record variance.
         """
@@ -237,16 +237,16 @@ class RecordScheduler(Owner):
                 return replace(view, check=check)
             if check.stage == len(SIDES) - 1:
                 break
-            check = SpotCheck(check.whole, check.doubtful, stage=check.stage + 1)
+            check = SpotCheck(check.whole, check.significant, stage=check.stage + 1)
             if budget.left <= 0.0:
                 return replace(view, check=check)
-        sites = check.doubtful.sites[: self.room]
+        sites = check.significant.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
         return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
 
-    def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
+    def _room(self, requested: int, camera: Camera, size: tuple[int, int]) -> int:
         """Evict records to make room for new records where eviction is allowed; return the free number of records."""
-        numbers = kept(self.cache, wanted, camera, size, self.settings)
+        numbers = kept(self.cache, requested, camera, size, self.settings)
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
@@ -276,7 +276,7 @@ class RecordScheduler(Owner):
                 step += 1
                 board = chessboard(step, reach, requests)
                 tiles = choose(found.requests, board, settings.seed + step)
-            step += requests > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
+            step += requests > 0  # an examination without requests is no step: small ticks may have any number of them
             return replace(view, need=need, step=step), Queue(found.at(tiles), board.last)
 
     def _scan(
@@ -284,7 +284,7 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
         scan, gbuffer, splats = view.scan, screen.gbuffer, screen.splats
-        assert gbuffer is not None and splats is not None  # such a view is drawn whole
+        assert gbuffer is not None and splats is not None  # the scan draws whole views alone
         if scan is None:
             with self.timers("gbuffer"):
                 scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
@@ -292,7 +292,7 @@ class RecordScheduler(Owner):
         room, of = self._room(1, camera, gbuffer.position.size), (screen.sums, self.settings.request_criteria)
         view = replace(view, scan=scan, full=not room)
         if not room:
-            return replace(view, need=self.need(screen)), NOTHING_ASKED
+            return replace(view, need=self.need(screen)), NOTHING_REQUESTED
         more = iter(range(1, room))
 
         def goes_on() -> bool:
@@ -300,15 +300,15 @@ class RecordScheduler(Owner):
 
         record = paper_scan.Recorder(self.gatherer.gather_pass, self.gatherer.light(shadows), goes_on)
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
-            sites, values, missing = scan.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
+            sites, values, missing = scan.advance(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
-            self.cache.append(_asked_by(sites, camera, gbuffer.position.size), values)
+            self.cache.append(_requested_by(sites, camera, gbuffer.position.size), values)
         return replace(view, need=Need(missing, of=of)), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
 
-    def served(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
-        """(N,) float32: about how many pixels of a view each record serves."""
+    def pixels_covered(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """Return (N,) float32, about the number of a view's pixels that each record covers."""
         return self.refresh_order.covered(self.cache.records, gbuffer, camera, self.settings)
 
     def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
@@ -332,7 +332,7 @@ class RecordScheduler(Owner):
         self.gatherer.resume_with(cast(BounceStatistics, dict(state.bounces)))
 
 
-def _asked_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:
+def _requested_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:
     """Return `sites` as requested by a view of `size` (width, height) from `camera`."""
     distance = np.linalg.norm(sites.position - np.asarray(camera.eye, "f4"), axis=1)
     return replace(sites, screen=camera.measure(size) * distance)

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-_FEW = 256  # tiles that need a record: so few are served at once, without going from coarse to fine
-FEWER = 64  # tiles that need a record: so few get one each; of more, neighbours would do with one together
+_FEW = 256  # tiles that request a record: so few get one at once, without going from coarse to fine
+FEWER = 64  # tiles that request a record: so few get one each; among more, neighbours share one
 
 
 class Chessboard(NamedTuple):
     """Squares of the screen that get a record each in a round.
 
-    width: of a square, in tiles. colour: of the squares that are used, 0 or 1 (-1: both). last: whether none but such rounds
-    follow, so that there are records about each site already.
+    width: of a square, in tiles. colour: of the squares that are used, 0 or 1 (-1: both). last: True if only rounds of this width
+    follow, so that each site has records around it.
     """
 
     width: int
@@ -23,28 +23,28 @@ class Chessboard(NamedTuple):
     last: bool
 
 
-def chessboard(step: int, reach: float, asking: int) -> Chessboard:
-    """Return the chessboard for step 0, 1, 2, … of a view in which so many tiles are `asking`.
+def chessboard(step: int, reach: float, requests: int) -> Chessboard:
+    """Return the chessboard for step 0, 1, 2, … of a view with so many tiles that request a record (`requests`).
 
     The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with two steps for each width; then
-    come those of two tiles of both colours, and single tiles where few are asking. If only few are from the start, as after a
-    small move of the camera, it is these at once.
+    come those of two tiles of both colours, and single tiles where few request a record. A view with few requests from the start,
+    for example after a small move of the camera, begins with these.
     """
-    levels = 0 if asking < _FEW else max(int(math.log2(max(reach, 1.0))), 0)
+    levels = 0 if requests < _FEW else max(int(math.log2(max(reach, 1.0))), 0)
     if step < 2 * levels:
         return Chessboard(2 ** (levels - step // 2), step % 2, False)
-    if asking < _FEW and step == 0:
+    if requests < _FEW and step == 0:
         return Chessboard(2, -1, False)
-    return Chessboard(1 if asking < FEWER else 2, -1, True)
+    return Chessboard(1 if requests < FEWER else 2, -1, True)
 
 
-def choose(asking: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """The (rows, columns) of the chosen tiles: one at random in each used square of the board that has any with asking > 0.
+def choose(requests: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the (rows, columns) of the chosen tiles: a random tile with requests > 0 in each used square of the board.
 
     The tiles come in random order, so that the first few are spread over the screen.
     """
-    height, width = asking.shape
-    rows, columns = np.nonzero(asking > 0)
+    height, width = requests.shape
+    rows, columns = np.nonzero(requests > 0)
     if not len(rows):
         return rows, columns
     side, colour = board.width, board.colour

@@ -30,16 +30,16 @@ def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:
 
 
 class SplatPass(Owner):
-    """Adds records to a splat buffer of `size` (width, height), with their gradients or without.
+    """Pass that adds records to a splat buffer of `size` (width, height), with or without their gradients.
 
-    It has a second, smaller buffer for every other pixel in both directions: pixel_stride = 2 below; 1 is all of them.
+    A second, smaller buffer holds every other pixel in both directions, for pixel_stride = 2.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx = ctx
         self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
         defines = record_defines(gradients)
-        self.bends = gradients  # without them nothing is known of other normals
+        self.bends = gradients  # without gradients, E is known for the record's normal alone
         self.programs = {  # by whether there are normal maps, and whether the view is refined
             kind: Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]})
             for kind in product((0, 1) if gradients else (0,), (0, 1))
@@ -82,8 +82,10 @@ class SplatPass(Owner):
         target: Target | None = None,
         reach: moderngl.Texture | None = None,
     ) -> None:
-        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer).
-        reach: as in SplatBuffer."""
+        """Add the records of these numbers (N,), in their order, to `target` (default: this pass's own buffer).
+
+        reach: see SplatBuffer.
+        """
         width, height = self.target.size
         if not len(numbers):
             return
@@ -113,6 +115,6 @@ class SplatPass(Owner):
         )
 
     def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:
-        """Return the present sums, in the pass's own textures. luminance_floor: as in Records. reach: of the sums."""
+        """Return the present sums, in the pass's own textures. luminance_floor: see Records. reach: see SplatBuffer."""
         sums, weight = self._of(pixel_stride).textures
         return SplatBuffer(sums, weight, luminance_floor, pixel_stride, reach)

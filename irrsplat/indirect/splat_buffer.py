@@ -22,10 +22,12 @@ _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few
 
 
 def first_stride(settings: Settings, size: tuple[int, int]) -> int:
-    """The pixel stride with which a view of `size` begins: 2 for every other pixel first; 1 for all of them, as for the paper's
-    scan, which goes from pixel to pixel."""
-    wanted = settings.placement != "scan" and settings.most_bounces > 0
-    return 2 if wanted and size[1] >= _LEAST_HEIGHT else 1
+    """Return the pixel stride of the first rounds of a view of `size`: 2 for every other pixel, 1 for all pixels.
+
+    The paper's scan needs every pixel.
+    """
+    requested = settings.placement != "scan" and settings.most_bounces > 0
+    return 2 if requested and size[1] >= _LEAST_HEIGHT else 1
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class _Drawn:
 
 
 class ViewSplats(Owner):
-    """Keeps the splat buffer of views of `size` (width, height).
+    """The splat buffer of views of `size` (width, height).
 
     The sums are additive: while g-buffer, settings and the old records stay as they are, only new records are drawn. Equal inputs
     give the same SplatBuffer object, so that later stages can compare it by identity.
@@ -49,7 +51,7 @@ class ViewSplats(Owner):
         self.splat_pass = SplatPass(ctx, size, gradients)
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
-        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # of which sums, and all pixels of them
+        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -66,7 +68,7 @@ class ViewSplats(Owner):
         return None if self._drawn is None else self._drawn.sums
 
     def forget(self) -> None:
-        """Draw all of it again next time."""
+        """Splat all records again at the next update."""
         self._drawn = None
 
     def free_all_but_sums(self) -> None:
@@ -83,9 +85,11 @@ class ViewSplats(Owner):
         reach: moderngl.Texture | None = None,
         noted: bool = True,
     ) -> SplatBuffer:
-        """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2). reach: as in
-        SplatBuffer. noted: the cache is told which of them are seen, where all are drawn. Raises InputWaits between two batches
-        of records where input waits; the next call draws the others."""
+        """Return the sums of all records at every `pixel_stride`-th pixel in both directions (1 or 2).
+
+        reach: see SplatBuffer. noted: True if the cache marks the drawn records as seen. Raises InputWaits between two batches of
+        records while input waits; the next call draws the remaining batches.
+        """
         count = cache.count if settings.most_bounces > 0 else 0
         inputs = (
             gbuffer,
@@ -128,7 +132,7 @@ class ViewSplats(Owner):
         return self._upsampled[1]
 
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
-        """(H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
+        """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
         self.forget()
         self.splat_pass.clear(gbuffer)
         if records.count:

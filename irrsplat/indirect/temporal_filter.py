@@ -21,9 +21,11 @@ PICTURES = 8  # after the last change, over which all of it follows
 
 @dataclass(frozen=True)
 class _Shown:
-    """The last picture: its irradiance and how its surfaces were turned, by which camera, of what and of which scene, and how
-    many more of the same follow until it is what the records say. dimming: the factors by which all light has changed since, of
-    red, green and blue."""
+    """The last picture.
+
+    target: its irradiance and the facing of its surfaces. subject: all its inputs. scene: objects that differ after a change of
+    the scene. left: the number of pictures until accumulation has converged. dimming: factors of all light since, one for each
+    channel."""
 
     target: Target
     camera: Camera
@@ -34,7 +36,8 @@ class _Shown:
 
 
 class TemporalFilter(Owner):
-    """Blends the irradiance of a picture of `size` (width, height) with what the last one showed at each place of the world."""
+    """Filter that blends the irradiance of a picture of `size` (width, height) with the last picture's at each place of the
+    world."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
@@ -56,11 +59,11 @@ class TemporalFilter(Owner):
         )
 
     def forget(self) -> None:
-        """The next picture is what the records say."""
+        """Show the records' sums alone in the next picture."""
         self._shown = None
 
     def dim(self, factor: np.ndarray) -> None:
-        """Take what the last picture showed for what it would if all light were `factor` times as strong, (3,)."""
+        """Scale the light of the last picture by `factor`, (3,)."""
         if self._shown is not None:
             self._shown = replace(self._shown, dimming=tuple((np.array(self._shown.dimming) * factor).tolist()))
 
@@ -81,12 +84,11 @@ class TemporalFilter(Owner):
         surface: Uniforms | None = None,
         provisional: bool = False,
     ) -> SplatBuffer:
-        """Return the sums that the next picture shows: those of `splats` if nothing fades, else sums (w·E, w) of w = 1/depth in
-        textures of this pass.
+        """Return the sums of the next picture: `splats` after convergence, else (w·E, w) of w = 1/depth in textures of this pass.
 
-        scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
-        the surface cache for triangles numbered as in the scene: pixels without records keep what they showed, or take the value
-        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either. provisional: True for
+        scene: objects, one of which differs after a change of lights, meshes or the surface cache. surface: the uniforms of the
+        surface cache for triangles numbered as in the scene; None leaves pixels without records empty. With it, these keep the
+        last picture's light, or take the surface cache's value after a change and without a last picture. provisional: True for
         records that are far better than the last picture. Raises InputWaits between two parts of the picture.
         """
         shown, left, filling = self._shown, self.left(subject), surface is not None
@@ -137,7 +139,7 @@ class TemporalFilter(Owner):
         if shown is None:
             nothing, facing = (SampledTexture(texture, self.linear) for texture in self.nothing.textures)
             nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
-            return {"fading": False, "shown": nothing, "shown_facing": facing, "dimming": (1.0, 1.0, 1.0), **nowhere}
+            return {"accumulating": False, "shown": nothing, "shown_facing": facing, "dimming": (1.0, 1.0, 1.0), **nowhere}
         camera, (width, height), texels = shown.camera, self.size, np.array(shown.target.size)
         stride = -(-width // shown.target.size[0])
         irradiance, facing = (SampledTexture(texture, self.linear) for texture in shown.target.textures)
@@ -145,7 +147,7 @@ class TemporalFilter(Owner):
         scale = 0.5 * np.array(self.size) / stride / texels
         offset = scale + (0.5 - 0.5 / stride) / texels
         return {
-            "fading": True,
+            "accumulating": True,
             "shown": irradiance,
             "shown_facing": facing,
             "dimming": shown.dimming,

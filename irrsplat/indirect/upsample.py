@@ -15,7 +15,7 @@ from irrsplat.scene.model import Camera
 
 
 class UpsamplePass(Owner):
-    """Brings sums made at every other pixel of a view of `size` (width, height) to all of them.
+    """Upsampling of sums from every other pixel of a view of `size` (width, height) to all pixels.
 
     Most pixels lie between four coarse pixels of one surface, and take the linear interpolation of these. The others are marked
     in the depth buffer, so that a second draw reaches them alone; they search sixteen coarse pixels for those on their surface.
@@ -35,8 +35,10 @@ class UpsamplePass(Owner):
         return (self.squares, self.between, self.search, self.target, self.out)
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
-        pass's own. Raises InputWaits between two draws."""
+        """Return interpolated sums for every pixel: E, a weight of 1, and Σw. The textures belong to this pass.
+
+        Raises InputWaits between two draws.
+        """
         seen: dict[str, Any] = {"position": gbuffer.position, "normal": gbuffer.normal}
         self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
         stop_for_input(self.ctx)

@@ -28,7 +28,7 @@ class Phase(Enum):
 
 
 class Need(NamedTuple):
-    """The result of an examination: what a view lacks.
+    """The result of an examination.
 
     missing: under-covered share of the seen pixels, 0..1. holes: tiles with a pixel that no record covers. requests: tiles that
     request a record. of: the examined sums and the criteria.
@@ -41,7 +41,7 @@ class Need(NamedTuple):
 
     @classmethod
     def found(cls, examination: Examination, pixel_stride: int, of: tuple[object, ...]) -> Need:
-        """Return what an examination of every `pixel_stride`-th pixel has found.
+        """Return the need by an examination of every `pixel_stride`-th pixel.
 
         A quarter of the tiles requests a record if only every other pixel is examined.
         """
@@ -53,13 +53,13 @@ class Need(NamedTuple):
 
 
 class Queue(NamedTuple):
-    """Sites that wait for a gather. near: True if they are as dense as sites may be: their records cover only what is near."""
+    """Sites that wait for a gather. near: True if they are as dense as sites may be: their records cover only near surfaces."""
 
     sites: Sites
     near: bool
 
     def without(self, done: int) -> Queue | None:
-        """Return the queue after the first `done` sites; None if none is left."""
+        """Return the queue after the first `done` sites; None after the last site."""
         return Queue(self.sites[done:], self.near) if done < len(self.sites) else None
 
 
@@ -69,9 +69,9 @@ class ViewState:
 
     subject: all inputs of its requests, the camera first; empty for no view. pixel_stride: 2 while only every other pixel is
     splatted, in both directions. rounds: complete ones. stalled_rounds: in a row, without gain in coverage. step: of the site
-    selection, coarse to fine. need, before: at the beginning of the present round, and of the last complete one. queue: the rest
-    of the present round; None between rounds. check: the unfinished spot check; checked: True after it. full: True if the view
-    needs more records than there may be. scan: the view as the paper's algorithm traverses it.
+    selection, coarse to fine. need, before: at the beginning of the present round, and of the last complete one. queue: the
+    waiting sites of the present round; None between rounds. check: the unfinished spot check; checked: True after it. full: True
+    if the view needs more records than there may be. scan: the traversal of the paper's algorithm.
     """
 
     subject: tuple[object, ...] = ()

@@ -23,8 +23,8 @@ _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depen
 class _Progress:
     """Progress of the adaptation.
 
-    limited: records with limits. compared: records that are compared with all others as well. inputs: what both numbers belong
-    to: values of the settings, the number of refreshes and the luminance floor; empty before the first adaptation.
+    limited: records with limits. compared: records that are compared with all others as well. inputs: the inputs of
+    both: values of the settings, the number of refreshes and the luminance floor; empty before the first adaptation.
     """
 
     limited: int = 0

@@ -192,14 +192,14 @@ def _array(data: bytes) -> np.ndarray:
     return np.frombuffer(body, kind).reshape(shape).copy()
 
 
-def difference(made_for: CacheKey, wanted: CacheKey) -> str:
+def difference(made_for: CacheKey, requested: CacheKey) -> str:
     """Return the difference of a file's key from the requested one as a text; empty if there is none."""
-    if made_for.geometry != wanted.geometry:
+    if made_for.geometry != requested.geometry:
         return "for another scene, other materials or another sky"
-    if made_for.lights != wanted.lights:
+    if made_for.lights != requested.lights:
         return "for other lights"
-    if made_for.settings != wanted.settings:
-        return "with " + _differing(made_for.settings, wanted.settings)
+    if made_for.settings != requested.settings:
+        return "with " + _differing(made_for.settings, requested.settings)
     return ""
 
 

@@ -48,8 +48,8 @@ def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
     kept, before = np.ones(len(source), bool), np.zeros(0, bool)
     while not np.array_equal(kept, before):  # each record depends on earlier ones alone: the iteration ends
         before = kept
-        served = pairs.sums(kept) >= _ENOUGH * settings.threshold
-        kept = ~served | (pairs.sums(kept, source) == 0.0)
+        covered = pairs.sums(kept) >= _ENOUGH * settings.threshold
+        kept = ~covered | (pairs.sums(kept, source) == 0.0)
     return Merged(selected(whole, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
 
 
@@ -63,11 +63,11 @@ def prune(state: CacheState, settings: Settings, most: int | None = None) -> Mer
     pairs = _Pairs.among(table)
     kept = np.ones(len(table), bool)
     while most is None or kept.sum() > most:
-        served = pairs.sums(kept)
-        (left,) = np.nonzero(kept & (served >= _ENOUGH * settings.threshold)) if most is None else np.nonzero(kept)
+        total = pairs.sums(kept)
+        (left,) = np.nonzero(kept & (total >= _ENOUGH * settings.threshold)) if most is None else np.nonzero(kept)
         if not len(left):
             break
-        going = pairs.apart(left[np.argsort(-served[left], kind="stable")])
+        going = pairs.apart(left[np.argsort(-total[left], kind="stable")])
         if most is not None:  # a quarter at once: the cover of the remaining records falls with each drop
             going = going[: min(int(kept.sum()) - most, -(-len(going) // 4))]
         kept[going] = False
@@ -161,8 +161,8 @@ class _Pairs:
                 continue
             found = near.sparse_distance_matrix(tree, within, output_type="ndarray")
             i, j = part[found["i"]], found["j"]
-            wanted = i != j if source is None else j < i
-            i, j = i[wanted], j[wanted]
+            requested = i != j if source is None else j < i
+            i, j = i[requested], j[requested]
             w = table.weights(i, j)
             counts = w > 0.0
             chunks.append((i[counts], j[counts], w[counts]))

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from irrsplat.core.vectors import unit
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh
 
 _INSIDE = 0.3  # winding number above which a point lies within a mesh

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from irrsplat.scene.looks import order
+from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Image, Material, Scene
 
 

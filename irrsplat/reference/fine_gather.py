@@ -8,7 +8,7 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.timing.clock import now
-from irrsplat.gather.look import gather_records
+from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.world import World

@@ -152,7 +152,7 @@ def _world(scene: Scene) -> Any:
         # emitters would also light a hit directly, one bounce too many
         raise IrrsplatError("Mitsuba's own integrator is timed on scenes of plain colours, opaque, that lamps alone light")
     parts: dict[str, Any] = {f"mesh{i}": _mesh(mesh) for i, mesh in enumerate(scene.meshes) if len(mesh.faces)}
-    return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _lamp(light) for i, light in enumerate(scene.lights)}})
+    return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _light(light) for i, light in enumerate(scene.lights)}})
 
 
 def _mesh(mesh: Mesh) -> Any:
@@ -170,7 +170,7 @@ def _mesh(mesh: Mesh) -> Any:
     return made
 
 
-def _lamp(light: Light) -> dict[str, Any]:
+def _light(light: Light) -> dict[str, Any]:
     strength = {"type": "rgb", "value": [float(c) for c in light.color]}
     if light.directional:
         toward = [-float(x) for x in light.position]

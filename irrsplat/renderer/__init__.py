@@ -1,6 +1,6 @@
-"""The frame, and what callers of the library hold.
+"""The frame, and the public interface.
 
-renderer: `Renderer` and `render`, all that is public. state: what a renderer shows, as one value. stages: the stages of a
+renderer: `Renderer` and `render`, the public interface. state: a renderer's state, as one value. stages: the stages of a
 picture, each drawn when an input has changed. frames: the frame and its round, in the paper's order, and the refinement of a
 complete view.
 """

@@ -20,7 +20,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.refinement import Refiner
-from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
+from irrsplat.indirect.scheduler import NOTHING_REQUESTED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.lighting.light_table import unshadowed_luminance
@@ -36,9 +36,9 @@ _RENEWAL = 0.6  # of the time for gathering: the share of stale records while pi
 
 
 class Frames(Owner):
-    """Draws the frames of a world's views.
+    """The frames of a world's views.
 
-    state: how far they have come, replaced whole from frame to frame. reader: see View.
+    state: scene, settings and progress, replaced whole from frame to frame. reader: see View.
     """
 
     def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State, reader: Reader) -> None:
@@ -56,15 +56,15 @@ class Frames(Owner):
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
     def frame(self, camera: Camera, seconds: float | None, gather: bool = True, moving: bool = False) -> tuple[View, Progress]:
-        """One round and its picture, as Renderer.frame has them."""
+        """Return the picture and the progress of one round, see Renderer.frame."""
         self.timers.clear()
         budget = Budget(seconds)
         if self.refines:
-            if self._rests(camera):
+            if self._is_unchanged(camera):
                 return self.refined_view(camera)
             self.leave_refinement()
         if moving and self.moving.divisor(self.state) > 1:
-            self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
+            self.state = replace(self.state, view=ViewState())  # a smaller view may have gathered the whole view's requests
             return self.moving(self.state, camera, budget, gather)
         start, other = now(), (camera,) != self.state.view.subject[:1]
         dark = budget.limited and self.scheduler.gatherer.awaits_light and not self.cache.count
@@ -77,18 +77,18 @@ class Frames(Owner):
         if shown is not None and not done.progress.still and shown.bounced is bounced:
             older = replace(shown, age=shown.age + now() - start)
             self.state = replace(self.state, shown=older)
-            return shown.view, replace(done.progress, fading=shown.view.fading)
+            return shown.view, replace(done.progress, accumulating=shown.view.accumulating)
         start = now()
-        fading = budget.limited and self.state.settings.placement != "scan"
+        accumulating = budget.limited and self.state.settings.placement != "scan"
         # the first light does not wait for the programs of exact shadows
-        view = self.stages.draw_picture(self.state, done, fading, budget.limited, moving or dark)  # 2.4, 2.5
+        view = self.stages.draw_picture(self.state, done, accumulating, budget.limited, moving or dark)  # 2.4, 2.5
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
         if seconds is not None and other:
             self.moving.note(self.state.costs.splat + self.state.costs.picture, seconds)
         self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
-        return view, replace(done.progress, fading=view.fading)
+        return view, replace(done.progress, accumulating=view.accumulating)
 
     def round(
         self,
@@ -117,10 +117,10 @@ class Frames(Owner):
             part = budget.part(1.0 if view.coverage == 1.0 else _RENEWAL, reserve if picture else 0.0)
             renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed or len(cache.stale):
-            view = replace(view, stalled_rounds=0)  # other light may cover what stalled
+            view = replace(view, stalled_rounds=0)  # other light may end the stall
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
-            progress = self._progress(view, NOTHING_ASKED, renewed)
+            progress = self._progress(view, NOTHING_REQUESTED, renewed)
             return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
 
         start = now()
@@ -134,36 +134,36 @@ class Frames(Owner):
 
         of = screen.sums, state.settings.request_criteria
         if not bounces:
-            view, requests = replace(view, need=Need(missing=0.0)), NOTHING_ASKED
+            view, requests = replace(view, need=Need(missing=0.0)), NOTHING_REQUESTED
         elif not ready or view.stalled:
             view, requests = self._examine(view, screen, of, ready, gather)
         elif view.ended(of):
-            requests = NOTHING_ASKED
+            requests = NOTHING_REQUESTED
         else:  # 2.3 and 2.1
             view, requests = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
-        if requests.new and picture and budget.limited and len(cache.stale):  # a frame later, what moves has moved on
+        if requests.new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
         progress = self._progress(view, requests, renewed)
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, camera: Camera) -> Round:
-        """Return the round of a view by the present records: none is gathered, and nothing of other views is in the picture."""
+        """Return the round of a view by the present records: without a gather, and without temporal accumulation."""
         state = self.state
         shadows = self.follow_scene(state, self.stages)
         gbuffer = None if state.tile else self.stages.draw_gbuffer(state, camera)
-        self.scheduler.limit_radii(ViewState(), last=True)  # the cache may have no limits yet, or those of other settings
+        self.scheduler.limit_radii(ViewState(), last=True)  # the cache may have no limits yet, or limits by other settings
         screen = self._screen(state, camera, 1, self.stages)
         missing = self.scheduler.need(screen).missing if state.settings.most_bounces > 0 else 0.0
         return Round(camera, shadows, gbuffer, screen.splats, Progress(0, self.cache.count, 0, 1.0 - missing), frozen=True)
 
     def view_state(self, state: State, camera: Camera) -> ViewState:
-        """Return the progress of this view, which begins anew where anything differs that decides which records it requests."""
+        """Return the progress of this view. It restarts if an input of its requests differs."""
         view, subject = state.view, (camera, *state.view_subject)
         if view.subject == subject:
             return view
-        # coarse splats are interpolated between pixels, which would lose what normal maps add
-        whole = any(run.look.normal is not None for run in self.stages.world.runs)
+        # coarse splats are interpolated between pixels, which loses the detail of normal maps
+        whole = any(run.appearance.normal is not None for run in self.stages.world.runs)
         return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
 
     def follow_scene(self, state: State, stages: Stages) -> ShadowMaps:
@@ -196,15 +196,15 @@ class Frames(Owner):
 
         of: the sums and the criteria of the examination. ready: True if records have light. gather: True if they may be gathered.
         """
-        # the last round of a stalled view may have covered all; before the first record there is nothing to examine
+        # the last round of a stalled view may have covered all pixels; the first record comes before any examination
         if view.need.of != of and (self.cache.count or not gather):
             view = replace(view, need=self.scheduler.need(screen))
         if gather:  # records that wait for their light are left to gather
-            return view, replace(NOTHING_ASKED, complete=ready)
-        return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=view.pixel_stride == 1)
+            return view, replace(NOTHING_REQUESTED, complete=ready)
+        return replace(view, pixel_stride=1), replace(NOTHING_REQUESTED, complete=view.pixel_stride == 1)
 
     def _progress(self, view: ViewState, requests: RoundResult, renewed: int) -> Progress:
-        """Return the progress of a view by a round. renewed: records gathered again. Without bounces none waits for that."""
+        """Return the progress of a view by a round. renewed: the number of records that were gathered again."""
         gathers = self.state.settings.most_bounces > 0
         stale, made = (self.cache.waiting, self.scheduler.gatherer.surface_share) if gathers else (0, 1.0)
         return Progress(
@@ -212,36 +212,35 @@ class Frames(Owner):
         )
 
     def _picture_may_wait(self, camera: Camera) -> bool:
-        """True if the last picture can stay for another frame: only new records would change it, and drawing takes time from
-        gathering."""
+        """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""
         shown = self.state.shown
         if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
             return False
         costs, renewing = self.state.costs, len(self.scheduler.cache.stale) > 0
-        least = costs.splat + costs.picture if renewing else 0.0  # so that gathering gets half of the time
+        least = costs.splat + costs.picture if renewing else 0.0  # gathering gets half of the time
         return shown.age < max(min(_PICTURE_SHARE * costs.picture, _OLDEST_PICTURE), least)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
-        """The view of the last frame with more samples, as Renderer.accumulate has it."""
+        """Return the view of the last frame with more samples, see Renderer.accumulate."""
         if samples <= 1:
             return view
         return self.stages.accumulate(self.state, view, samples, Budget(seconds), on_progress)
 
     def stops(self, view: View) -> float:
-        """The exposure of a view in stops, as the settings have it."""
+        """Return the exposure of a view in stops by the settings."""
         exposure = self.state.settings.exposure
         if exposure != "auto":
             return float(exposure)
         return self.automatic_stops(view)
 
     def automatic_stops(self, view: View) -> float:
-        """The automatic exposure of a view in stops."""
+        """Return the automatic exposure of a view in stops."""
         unshadowed = unshadowed_luminance(self.state.scene)
         return self.composite_pass(view).exposure(view.image, view.gbuffer, unshadowed)
 
     def progress(self) -> Progress:
         """Return the progress of the present view."""
-        return self._progress(self.state.view, NOTHING_ASKED, 0)
+        return self._progress(self.state.view, NOTHING_REQUESTED, 0)
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""
@@ -252,9 +251,9 @@ class Frames(Owner):
     # ---- progressive refinement ------------------------------------------------------------------------------------
 
     def refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
-        """A step of a complete view's refinement, as Renderer.refine has it."""
+        """Return the picture and the progress after a step of refinement, see Renderer.refine."""
         budget, refiner = Budget(seconds), self._refiner
-        if refiner is not None and refiner.state is not None and (refiner.state.broken or not self._rests(camera)):
+        if refiner is not None and refiner.state is not None and (refiner.state.broken or not self._is_unchanged(camera)):
             self.leave_refinement()
         if not self.refines:
             state, view = self.state, self.state.view
@@ -285,7 +284,7 @@ class Frames(Owner):
     def _refiner(self) -> Refiner | None:
         return self._passes.find("refiner", Refiner)
 
-    def _rests(self, camera: Camera) -> bool:
+    def _is_unchanged(self, camera: Camera) -> bool:
         """True if the present view is the unchanged view of `camera` and no record is stale."""
         return self.view_state(self.state, camera) is self.state.view and not len(self.cache.stale)
 
@@ -301,11 +300,11 @@ class Frames(Owner):
         return stages.draw_picture(state, done), progress
 
     def leave_refinement(self) -> None:
-        """Return to the view as its settings have it."""
+        """Return to the view before refinement."""
         if self._refiner is not None:
             self._refiner.leave()
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def change_to(self, state: State) -> None:
         """Change to another scene, size or settings that have been validated."""
@@ -321,7 +320,7 @@ class Frames(Owner):
         self.state = state
 
     def _dimmed_view(self, after: State) -> ViewState:
-        """Return the progress of the present view after a mere dimming of lights, which the records follow at once."""
+        """Return the progress of the present view after a dimming of all lights, which scales the records."""
         view = self.state.view
         if view.subject[1:] != self.state.view_subject:
             return view

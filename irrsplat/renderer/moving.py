@@ -17,8 +17,8 @@ from irrsplat.renderer.state import Costs, Round, State
 from irrsplat.scene.model import Camera
 
 _MOST = 4  # the largest divisor of width and height
-_DRAWN = 0.8  # of a tick that drawing may take; the rest is for gathering
-_MARGIN = 0.7  # of that: a larger picture is drawn only if it is expected to take less
+_DRAWN = 0.8  # greatest share of a tick for drawing; the gather has the remaining time
+_MARGIN = 0.7  # of that share: a larger picture is drawn only if its expected time is less
 
 
 class MovingViews(Owner):
@@ -38,7 +38,7 @@ class MovingViews(Owner):
         return (self.stages,)
 
     def divisor(self, state: State) -> int:
-        """Return what the next view's width and height are divided by. The paper's scan examines whole pictures alone."""
+        """Return the divisor of the next view's width and height. The paper's scan examines whole pictures alone."""
         return self._divisor if state.settings.placement != "scan" else 1
 
     def size(self, state: State) -> tuple[int, int]:
@@ -62,12 +62,12 @@ class MovingViews(Owner):
         view = self.stages.draw_picture(small, done, state.settings.placement != "scan", hurried=True, moving=True)
         self.stages.ctx.finish()
         for texture in (view.image, view.alpha):
-            texture.filter = moderngl.LINEAR, moderngl.LINEAR  # what is larger interpolates it
+            texture.filter = moderngl.LINEAR, moderngl.LINEAR  # a larger target interpolates the picture
         self._costs = replace(small.costs, picture=now() - start)
         known, self._size = self._size == small.size, small.size
         if budget.seconds is not None and known:  # the first view of a size compiles programs
             self._divisor = divisor_after(divisor, seen + self._costs.splat + self._costs.picture, budget.seconds)
-        return view, replace(done.progress, fading=view.fading)
+        return view, replace(done.progress, accumulating=view.accumulating)
 
 
 def divisor_after(divisor: int, took: float, seconds: float) -> int:

@@ -1,6 +1,6 @@
 """The library's renderer: frames, whole renders and scene changes, in world space and any OpenGL context.
 
-Read `Frames.frame` (frames.py) for what a frame is, and `WholeRenders.render` (whole_renders.py) for what a render is.
+Read `Frames.frame` (frames.py) for the frame, and `WholeRenders.render` (whole_renders.py) for a render.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from irrsplat.records.scene_stamp import stamp
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
 from irrsplat.renderer.tiling import Tiling, check_whole
-from irrsplat.renderer.whole_renders import Wanted, WholeRenders
+from irrsplat.renderer.whole_renders import RenderRequest, WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
@@ -48,7 +48,7 @@ from irrsplat.settings import preset as settings_of
 class Renderer(Tenant):
     """Renderer of the views of one scene, with the irradiance records that these views requested.
 
-    scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
+    scene: a result of `irrsplat.load`. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current before each call (default: a new
     one without a window, current after every call). tile_size: pixels along a side of the tiles that `render` draws pictures in,
     with the same records and pixels, in less memory; 0: it draws them whole. Default: tiles where memory, or OpenGL's largest
@@ -59,7 +59,7 @@ class Renderer(Tenant):
     every call while another context than `ctx` is current.
     It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
     GLError. Each thread, and each process that was spawned, may make its own.
-    Use it in a `with` block, or call `release`, to free what it holds on the GPU.
+    Use it in a `with` block, or call `release`, to free its GPU memory.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Renderer(Tenant):
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
-        self._origin, scene = scene.origin, scene.local  # from here on all is relative to it but what callers give and get
+        self._origin, scene = scene.origin, scene.local  # only the callers' values are not relative to the origin
         state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
@@ -94,7 +94,7 @@ class Renderer(Tenant):
         """Return the resources that `release` frees, without the context."""
         return (self.world, self.cache, self.scheduler, self._frames)
 
-    # ---- what it is about ------------------------------------------------------------------------------------------
+    # ---- the present state ------------------------------------------------------------------------------------------
 
     @property
     def _state(self) -> State:
@@ -133,7 +133,7 @@ class Renderer(Tenant):
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
+        """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
             *self._tiling.notices(self._state),
             *self.stages.texture_maps(self._state).notices(self.world.runs),
@@ -142,32 +142,34 @@ class Renderer(Tenant):
 
     @property
     def splats(self) -> ViewSplats:
-        """Keeps the splat buffer of the present view."""
+        """The splat buffer of the present view."""
         return self.stages.splats(self._state)
 
     def composite_pass(self, view: View) -> CompositePass:
-        """Return what makes pictures of the size of a `view` that `frame` gave."""
+        """Return the pass that composites pictures of the size of a `view`."""
         return self._frames.composite_pass(view)
 
     def draw_shadows(self) -> ShadowMaps:
-        """The shadow maps of the scene as it is now."""
+        """Return the shadow maps of the present scene."""
         return self.stages.draw_shadows(self._state)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
         """Return the g-buffer of `camera`."""
         return self.stages.draw_gbuffer(self._state, camera)
 
-    def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
-        """(H, W, 3) W/m², top row first: the scene's direct irradiance at pixels' centres, whatever
-        the surface reflects; 0 where none is seen. camera: as for `render`."""
+    def read_direct_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
+        """Return (H, W, 3) the direct irradiance at pixels' centres, W/m², top row first; 0 without a surface.
+
+        The reflectance does not matter. camera: see `render`.
+        """
         self._use_whole()
         seen = self._seen_by(camera)
-        found: np.ndarray = pixels(self.stages.lamp_irradiance(self._state, self.draw_gbuffer(seen)))[..., :3].copy()
+        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, self.draw_gbuffer(seen)))[..., :3].copy()
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
-        """The scene's direct irradiance at every pixel of the present `view`, W/m²: a texture."""
-        return self.stages.lamp_irradiance(self._state, view.gbuffer)
+        """Return the direct irradiance at every pixel of the present `view`, W/m²: a texture."""
+        return self.stages.direct_irradiance(self._state, view.gbuffer)
 
     def _use_whole(self) -> None:
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
@@ -175,7 +177,7 @@ class Renderer(Tenant):
         check_whole(self._state)
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
-        """A caller's camera, relative to the origin."""
+        """Return a caller's camera relative to the origin."""
         found = self.scene.camera(camera)
         return found.shifted(np.negative(self._origin)) if any(self._origin) else found
 
@@ -188,12 +190,12 @@ class Renderer(Tenant):
         gather: bool = True,
         moving: bool = False,
     ) -> tuple[View, Progress]:
-        """One round: draw what the camera sees, splat what is new, gather where no record contributes to a pixel, and composite.
+        """Draw one round: the g-buffer, splats of new records, a gather where no record covers a pixel, and the composite.
 
-        seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a complete round).
-        gather: False leaves the cache as it is. What has not changed since the last call is not drawn again. While new records
-        are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
-        moving: the camera moves on; where pictures take longer than `seconds`, the view is smaller than `size`.
+        seconds: the frame budget in wall time; the remaining records are gathered in the next call (None: a complete round).
+        gather: False leaves the cache as it is. Unchanged buffers are not drawn again. Some ticks only gather, and return the
+        last view, while only new records differ and pictures take much of the budget.
+        moving: True if the camera moves on; the view is then smaller than `size` if pictures take longer than `seconds`.
         """
         self._use_whole()
         return self._frames.frame(self._seen_by(camera), seconds, gather, moving)
@@ -220,7 +222,7 @@ class Renderer(Tenant):
         return self._frames.can_refine
 
     def _read(self, view: View) -> Frame:
-        """Return a view's frame, as View.read has it."""
+        """Return a view's frame, see View.read."""
         self._use()
         return self._whole.read(view).placed(self._origin)
 
@@ -235,10 +237,10 @@ class Renderer(Tenant):
 
     def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:
         """Draw the image of a `view` that `frame` gave last into a framebuffer of the same size, such as a window's: exposed,
-        filmic, sRGB. exposure: stops; None: as the settings have it, which for "auto" waits for the GPU.
+        filmic, sRGB. exposure: stops; None: by the settings; "auto" among them waits for the GPU.
 
-        Only a sky is drawn where nothing is seen, else black. Framebuffer, viewport, depth test and blending are left as this
-        needs them. Raises InputError for a framebuffer of another size.
+        Pixels without a surface show a sky, or black. Framebuffer, viewport, depth test and blending are left changed. Raises
+        InputError for a framebuffer of another size.
         """
         self._use()
         if tuple(framebuffer.size) != view.image.size:
@@ -248,14 +250,14 @@ class Renderer(Tenant):
         self.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
 
     def automatic_stops(self, view: View) -> float:
-        """The automatic exposure of a view in stops, whatever the settings have."""
+        """Return the automatic exposure of a view in stops, also with another exposure in the settings."""
         return self._frames.automatic_stops(view)
 
     def stops(self, view: View) -> float:
-        """The exposure of a view in stops, as the settings have it."""
+        """Return the exposure of a view in stops by the settings."""
         return self._frames.stops(view)
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings, preset: str = "") -> None:
         """Apply other settings (called `preset` in the stats).
@@ -285,7 +287,7 @@ class Renderer(Tenant):
     def repaint(self, mesh: int | str, material: Material) -> None:
         """Apply another material to a mesh (its index in scene.meshes, or its name): other colours or another emission.
 
-        All records are gathered again in place, and keep their former values until then. An emissive mesh becomes an area light.
+        All records are gathered again in place, and keep their values until then. An emissive mesh becomes an area light.
         Raises InputError for an unknown mesh, and for a material with other textures, transmission or faces: load such a scene
         anew.
         """
@@ -310,7 +312,8 @@ class Renderer(Tenant):
         self._frames.change_to(self._tiling.checked(state, self.ctx, again=state.size != self.size))
 
     def reload(self) -> None:
-        """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
+        """Read the shaders' files again and draw with them; raises ShaderError for a faulty one, and keeps the former
+        programs."""
         self._use()
         program.reload(program.programs_of(self))
         self.renew()
@@ -322,7 +325,7 @@ class Renderer(Tenant):
         self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
-        """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
+        """Draw every buffer of the view again next time; without the present `records`, and the `lights`' shadow maps."""
         self._frames.forget(shadows=lights)
         if records:
             self.cache.truncate(0)
@@ -330,9 +333,9 @@ class Renderer(Tenant):
     # ---- files -----------------------------------------------------------------------------------------------------
 
     def save_cache(self, path: files.Pathlike) -> None:
-        """Write the records to a file, whole or not at all; `load_cache` goes on from it bit for bit, as if nothing had happened.
+        """Write the records to a file, whole or not at all; `load_cache` continues from it bit for bit.
 
-        Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
+        Raises InputError for a path that cannot be written, IrrsplatError if writing fails.
         """
         self._use()
         files.check_file(named(path))
@@ -340,7 +343,7 @@ class Renderer(Tenant):
         cache_file.write(path, cache_file.key(scene, scheduler.settings), scheduler.state(), stamp(scene))
 
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
-        """Take the records of a file in place of those that there are.
+        """Replace the records by those of a file.
 
         update: accept records of another state of the scene, or of other materials or lights. Records on meshes that have moved
         or are gone are removed; all others are gathered again when a view is rendered. Return the difference as a text; empty if
@@ -351,14 +354,14 @@ class Renderer(Tenant):
         self._use()
         self._frames.leave_refinement()
         scene, scheduler = self._state.scene, self.scheduler
-        wanted, reason = cache_file.key(scene, scheduler.settings), ""
+        key, reason = cache_file.key(scene, scheduler.settings), ""
         if update:
-            found, reason = cache_file.read_of_any_scene(named(path), wanted)
+            found, reason = cache_file.read_of_any_scene(named(path), key)
             scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
             if reason:
                 scheduler.cache.invalidate()
         else:
-            scheduler.restore(cache_file.read(named(path), wanted))
+            scheduler.restore(cache_file.read(named(path), key))
         self.forget(records=False)
         return reason
 
@@ -370,11 +373,11 @@ class Renderer(Tenant):
         progress: Callable[[Progress], None] | None = None,
         sparing: bool = False,
     ) -> tuple[View, Statistics]:
-        """Rounds until the examination finds nothing, at most MOST_ROUNDS; returns the view and its statistics.
+        """Draw rounds until the examination finds no request, at most MOST_ROUNDS; return the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
-        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
-        looked at but its image and alpha, so that the memory for others can be freed before they are made.
+        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: True if only image and
+        alpha of the view are read, so that the memory of other buffers can be freed early.
         """
         self._use_whole()
         return self._whole.converge(self._seen_by(camera), progress, sparing)
@@ -396,19 +399,18 @@ class Renderer(Tenant):
         buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
         picture takes half as much memory.
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
-        not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which take the light of
-        those around unless the setting `fill_holes` is off.
+        not on earlier views; stats["uncovered"] counts the pixels that no record covers, which take the light around
+        them unless the setting `fill_holes` is off.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. The remaining tiles of a picture in
         tiles get one sample a pixel; a second Ctrl-C ends the render without a frame.
-        Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of
-        their own.
+        Raises InputError for `figures`, or a `quality` among the settings, without `gather`: both need further records.
         """
         self._use()
-        wanted = Wanted(self._seen_by(camera), progress, figures, buffers, gather)
-        return self._whole.render(wanted).placed(self._origin)
+        request = RenderRequest(self._seen_by(camera), progress, figures, buffers, gather)
+        return self._whole.render(request).placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
-        """The share of the pixels that see a surface, 0..1, at which `camera` requests no record; the cache is left as it is."""
+        """Return the share of the pixels with a surface, 0..1, at which `camera` requests no record; the cache stays as it is."""
         self._use_whole()
         return self._whole.coverage(self._seen_by(camera))
 
@@ -424,6 +426,6 @@ def render(
     preset: str = "default",
     **settings: Unpack[SettingValues],
 ) -> Frame:
-    """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
+    """Render one view of `scene`, headless, until records cover every pixel; arguments and errors: see `Renderer`."""
     with Renderer(scene, size, preset, **settings) as renderer:
         return renderer.render(camera)

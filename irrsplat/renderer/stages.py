@@ -1,4 +1,4 @@
-"""The stages of a picture, each drawn when what it depends on has changed: shadows, g-buffer, direct light, composite."""
+"""The stages of a picture, each drawn after a change of its inputs: shadows, g-buffer, direct light, composite."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from irrsplat.surface_cache.cache import SurfaceCache
 
 
 class Lighting(NamedTuple):
-    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone. exact: as DirectPass has it."""
+    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone. exact: see DirectPass."""
 
     shadows: ShadowMaps
     casting: World | None
@@ -45,7 +45,7 @@ class Lighting(NamedTuple):
 
 
 class Stages(Owner):
-    """Draws the stages of the `world`'s pictures as a State has them, and keeps each result while it holds.
+    """The stages of the `world`'s pictures. Each result is kept until an input changes.
 
     reader: see View. whole: the stages of pictures of the full size, whose shadow maps and images these use.
     """
@@ -56,17 +56,17 @@ class Stages(Owner):
         self.ctx, self.world, self.scheduler, self.timers, self.whole = world.ctx, world, scheduler, timers, whole
         self.reader = reader
         self.antialiaser = Antialiaser(self.ctx, timers)
-        self._passes = Workshop()  # those that depend on size, lights or settings
-        self._memo = Memo()  # the results of the stages that are drawn whole
+        self._passes = Workshop()  # passes by their size, lights and settings
+        self._memo = Memo()  # the results of the stages
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self.antialiaser, self._passes)
 
-    # ---- what draws ------------------------------------------------------------------------------------------------
+    # ---- the passes ------------------------------------------------------------------------------------------------
 
     def texture_maps(self, state: State) -> TextureMaps:
-        """The images that the g-buffer's surfaces wear."""
+        """Return the textures of the g-buffer's surfaces."""
         if self.whole is not None:
             return self.whole.texture_maps(state)
         return self._passes.get("textures", (), lambda: TextureMaps(self.ctx))
@@ -80,9 +80,9 @@ class Stages(Owner):
         return self._passes.get("direct", (size, kinds), lambda: DirectPass(self.ctx, size, kinds))
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
-        """Return the world of shadow rays, as `shadow_caster` has it; None for a scene without lights.
+        """Return the world of shadow rays, see `shadow_caster`; None for a scene without lights.
 
-        hurried: None also where their tree is not built yet.
+        hurried: True for None as long as the tree of rays is not built.
         """
         late = hurried and not self.world.has_tree and self.scheduler.gatherer.awaits_light  # its build would delay that light
         if late or not state.scene.lights:
@@ -90,24 +90,24 @@ class Stages(Owner):
         return shadow_caster(self.world, state.settings, hurried)
 
     def splats(self, state: State) -> ViewSplats:
-        """Keeps the splat buffer of the present view."""
+        """Return the splat buffer of the present view."""
         made_of = state.size, state.settings.gradients
         return self._passes.get("splats", made_of, lambda: ViewSplats(self.ctx, *made_of, self.timers))
 
     def composite_pass(self, state: State) -> CompositePass:
-        """Makes pictures."""
+        """Return the pass that composites pictures."""
         size = state.size
         return self._passes.get("composite", size, lambda: CompositePass(self.ctx, size))
 
     @property
     def temporal_filter(self) -> TemporalFilter | None:
-        """Blends the irradiance of pictures with that of those before; None before the first picture."""
+        """The temporal accumulation of irradiance; None before the first picture."""
         return self._passes.find("temporal", TemporalFilter)
 
-    # ---- what is drawn ---------------------------------------------------------------------------------------------
+    # ---- the results -----------------------------------------------------------------------------------------------
 
     def draw_shadows(self, state: State) -> ShadowMaps:
-        """The shadow maps: by the lights, the meshes and the maps' size."""
+        """Return the shadow maps; they depend on the lights, the meshes and the maps' size."""
         if self.whole is not None:
             return self.whole.draw_shadows(state)
 
@@ -119,7 +119,7 @@ class Stages(Owner):
         return self._memo.get("shadows", _shadow_inputs(state), draw)
 
     def shadows(self, state: State) -> ShadowMaps | None:
-        """The shadow maps of the scene as it is in `state`; None before they are drawn."""
+        """Return the shadow maps of the scene in `state`; None before they are drawn."""
         if self.whole is not None:
             return self.whole.shadows(state)
         current = self._memo.holds("shadows", _shadow_inputs(state))
@@ -145,18 +145,20 @@ class Stages(Owner):
         """The present picture; None before it is drawn."""
         return self._memo.current("picture", View)
 
-    def lamp_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
+    def direct_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the direct irradiance by the scene's lights at every pixel of a g-buffer, W/m²."""
         size, shadows = gbuffer.position.size, self.draw_shadows(state)
         kinds, world = {**light_defines(state.scene), **self.world.material_defines}, self._casting(state)
-        lamps = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
-        return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows, world=world))
+        draw = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
+        return self._memo.get("direct irradiance", (gbuffer, shadows, draw), lambda: draw(gbuffer, shadows, world=world))
 
-    def draw_picture(self, state: State, done: Round, fading: bool = False, hurried: bool = False, moving: bool = False) -> View:
+    def draw_picture(
+        self, state: State, done: Round, accumulating: bool = False, hurried: bool = False, moving: bool = False
+    ) -> View:
         """Return the picture of a round: direct light, normalised indirect light, and their blend.
 
-        fading: True if temporal accumulation blends it with earlier pictures. hurried: True if direct light waits for no tree of
-        rays. moving: True if shadow maps alone decide the shadows.
+        accumulating: True if temporal accumulation blends it with earlier pictures. hurried: True if direct light waits for no
+        tree of rays. moving: True if shadow maps alone decide the shadows.
         """
         settings, gbuffer, splats = state.settings, done.gbuffer, done.splats
         assert gbuffer is not None and splats is not None
@@ -166,13 +168,13 @@ class Stages(Owner):
         backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
         subject = gbuffer, lighting, splats, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
-        if not fading:
+        if not accumulating:
             temporal_filter.forget()
         left = temporal_filter.left(subject)
 
         def draw() -> View:
             stop_for_input()
-            shown = self._accumulated(done, subject, surface) if fading or surface is not None else splats
+            shown = self._accumulated(done, subject, surface) if accumulating or surface is not None else splats
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums
             if done.sparing:
@@ -185,7 +187,7 @@ class Stages(Owner):
                 stop_for_input()
                 image, alpha = composite_pass(sums, direct, gbuffer, backdrop, done.camera, settings)
             buffers = gbuffer, direct, shown, sums, image, alpha
-            return View(done.camera, *buffers, backdrop=backdrop, fading=left > 0, reader=self.reader)
+            return View(done.camera, *buffers, backdrop=backdrop, accumulating=left > 0, reader=self.reader)
 
         return self._memo.get("picture", (subject, left), draw)
 
@@ -210,22 +212,21 @@ class Stages(Owner):
         return direct
 
     def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
-        """The picture that was drawn last with more `samples` a pixel, as Renderer.accumulate has it."""
+        """Return the last picture with more `samples` a pixel, see Renderer.accumulate."""
         passes = FramePasses(self._gbuffer_pass(state), self.splats(state).splat_pass, self._direct_pass(state))
         lit_by = self.draw_shadows(state), self._casting(state)
         inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings)
         return self.antialiaser(view, samples, budget, passes, inputs, on_progress)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:
-        """(H, W, 4) the sums of the first `count` records at every pixel of a view."""
+        """Return (H, W, 4) the sums of the first `count` records at every pixel of a view."""
         records = replace(self.scheduler.cache.records, count=count)
         return self.splats(state).read(records, self.draw_gbuffer(state, camera), camera, state.settings)
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def _spare(self, state: State, splats: SplatBuffer | None) -> None:
-        """Free what is not needed for the picture alone: all by which records are made, of the splats all but their sums, or,
-        for None, these as well."""
+        """Free all resources except those of the picture: the gathers, and the splat buffer except its sums (None: all of it)."""
         self.scheduler.gatherer.free_passes()
         if splats is not None:
             self.splats(state).free_all_but_sums()

@@ -35,7 +35,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class State:
-    """The one value of a renderer that changes from frame to frame.
+    """The value of a renderer that changes from frame to frame.
 
     view: the progress of the present view. shown: None before the first picture.
     tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole.
@@ -63,17 +63,17 @@ class State:
         return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
 
     def picture_subject(self, camera: Camera) -> tuple[object, ...]:
-        """All inputs of a picture except the records."""
+        """Return all inputs of a picture except the records."""
         scene = self.scene
         return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings
 
 
 @dataclass(frozen=True)
 class Round:
-    """The result of one round of a view, of which its picture is made.
+    """The result of one round of a view, from which its picture is made.
 
-    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if only the picture counts:
-    the splat buffer is freed once it is drawn. frozen: True if pixels without a record take the light of records alone.
+    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if the splat buffer is freed
+    once the picture is drawn. frozen: True if pixels without a record take the light of records alone.
     """
 
     camera: Camera

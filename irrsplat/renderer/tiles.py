@@ -26,7 +26,7 @@ from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
 from irrsplat.settings import Settings
 
-_MARGIN = 2  # pixels about a tile that its picture looks at
+_MARGIN = 2  # pixels around a tile that its picture needs
 
 Size = tuple[int, int]
 
@@ -97,7 +97,7 @@ class TileScreens:
         return found
 
     def _spots(self, state: State, camera: Camera) -> Spots:
-        """The places of all tiles for a spot check."""
+        """Return the places of all tiles for a spot check."""
         found: list[Spots] = []
         here = replace(state, size=(state.tile, state.tile))
         for corner in _grid(state.size, here.size):
@@ -124,7 +124,7 @@ class TiledPicture:
 
 
 class TiledPictures:
-    """Pictures that are drawn in tiles, by the records that there are."""
+    """Pictures that are drawn in tiles, by the present records."""
 
     def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
         self.stages, self.cache = stages, scheduler.cache
@@ -144,11 +144,11 @@ class TiledPictures:
         """
         settings, camera, frozen = state.settings, done.camera, done.frozen
         self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
-        wanted = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
+        requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
         arrays: dict[str, np.ndarray] = {}
         size = tuple(min(side, state.tile + 2 * _MARGIN) for side in state.size)
         here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
-        light = np.zeros(2)  # the sum of log₂ luminances, and how many pixels are lit
+        light = np.zeros(2)  # the sum of log₂ luminances, and the number of lit pixels
         tiles = list(_grid(state.size, (state.tile, state.tile)))
         for number, (left, bottom) in enumerate(tiles):
             x, y = (min(max(0, at - _MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
@@ -163,7 +163,7 @@ class TiledPictures:
             wide, high = min(state.tile, state.size[0] - left), min(state.tile, state.size[1] - bottom)
             rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
             mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
-            self._keep(view, wanted, arrays, state.size, (rows, slice(left, left + wide)), mine)
+            self._keep(view, requested, arrays, state.size, (rows, slice(left, left + wide)), mine)
             light += metered(arrays["image"][rows, left : left + wide], reflectance(view)[mine])
             if frozen and settings.most_bounces > 0:
                 none_reach += uncovered(view, mine)
@@ -189,7 +189,7 @@ class TiledPictures:
 
     @staticmethod
     def _keep(view: View, names: Collection[str], arrays: dict[str, np.ndarray], size: Size, there: Any, mine: Any) -> None:
-        """Copy what is `mine` of a part's buffers to where it belongs in the whole picture's."""
+        """Copy the rows and columns `mine` of a part's buffers into the whole picture's buffers."""
         for name in names:
             values = values_of(view, name)
             if name not in arrays:
@@ -204,5 +204,5 @@ def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:
 
 
 def _empty(like: Examination, shape: Size) -> Examination:
-    """An examination of so many rows and columns, to be filled."""
+    """Return an empty examination of so many rows and columns."""
     return Examination(**{name: np.zeros((*shape, *values.shape[2:]), values.dtype) for name, values in vars(like).items()})

@@ -14,31 +14,38 @@ from irrsplat.lighting import gl_limits
 from irrsplat.renderer.state import State
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
-TILE = 1024  # pixels along a side of tiles, where nobody says how many
+TILE = 1024  # pixels along a side of tiles by default
 
 
 class Tiling:
-    """The choice of a renderer. tile_size: pixels along a side of tiles; 0: none are drawn; None: they are where a picture
-    is too large otherwise. Raises InputError for what is neither."""
+    """The choice of a renderer.
+
+    tile_size: pixels along a side of tiles; 0: no tiles; None: tiles for pictures that are too large otherwise. Raises InputError
+    for other values.
+    """
 
     def __init__(self, tile_size: int | None) -> None:
-        self._wanted = None if tile_size is None else _checked(tile_size)
+        self._requested = None if tile_size is None else _checked(tile_size)
 
     def fitting(self, state: State, ctx: moderngl.Context, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
-        """`state` with tiles where its pictures, and these `buffers` of them, are drawn in such; raises InputError where they do
-        not fit into memory, or into a texture."""
+        """Return `state`, with tiles if its pictures with these `buffers` need them.
+
+        Raises InputError for pictures that do not fit into memory, or into a texture.
+        """
         software = bool(context.describe(ctx)["software"])
-        tile, size = self._wanted or state.tile, state.size
+        tile, size = self._requested or state.tile, state.size
         short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        if self._wanted is None and not tile and (short is not None or max(size) > gl_limits.largest(ctx)):
+        if self._requested is None and not tile and (short is not None or max(size) > gl_limits.largest(ctx)):
             tile = TILE
             short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
         gl_limits.check_memory(short)
         return replace(state, tile=tile)
 
     def checked(self, state: State, ctx: moderngl.Context, again: bool) -> State:
-        """`state` as `fitting` has it, where it is of another size (`again`), once all that it draws at once is within OpenGL's
-        limits; raises InputError where it is not."""
+        """Return `state`, with tiles if it needs them; see `fitting`. again: True for a state of another size.
+
+        Raises InputError for pictures beyond the limits of OpenGL.
+        """
         state = self.fitting(replace(state, tile=0), ctx) if again else state
         at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
         gl_limits.check(ctx, at_once, state.scene, state.settings.shadow_size)
@@ -46,14 +53,14 @@ class Tiling:
 
     def notices(self, state: State) -> tuple[str, ...]:
         """Return the notice for the user if a picture is tiled without a request."""
-        if self._wanted is not None or not state.tile:
+        if self._requested is not None or not state.tile:
             return ()
         width, height = state.size
         return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
 
 
 def check_whole(state: State) -> None:
-    """Raises InputError where views are drawn in tiles."""
+    """Raise InputError if views are drawn in tiles."""
     if state.tile:
         width, height = state.size
         raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
@@ -62,8 +69,8 @@ def check_whole(state: State) -> None:
 def check_tiled(state: State, figures: bool) -> None:
     """Raise InputError if a tiled picture cannot meet the request."""
     settings = state.settings
-    asked = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
-    if not_there := [name for name, wanted in asked.items() if wanted]:
+    features = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
+    if not_there := [name for name, requested in features.items() if requested]:
         width, height = state.size
         raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
 

@@ -29,11 +29,11 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import MOST_ROUNDS
 
 OnRound = Callable[[Progress], None]
-_TOLD = 1.0  # seconds after which progress is told while a render is refined
+_REPORT_INTERVAL = 1.0  # seconds between two reports of progress while a render is refined
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RenderRequest:
     """A caller's request for a render; see Renderer.render. buffers: None for all."""
 
     camera: Camera
@@ -43,7 +43,7 @@ class Wanted:
     gather: bool = True
 
     def check(self, quality: float) -> None:
-        """Raises InputError for what cannot be, with this `quality` among the settings."""
+        """Raise InputError for a request that is impossible with this `quality` among the settings."""
         check_names(self.buffers)
         if not self.gather and (self.figures or quality):
             raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
@@ -55,8 +55,11 @@ class Wanted:
 
 
 class WholeRenders:
-    """Renders whole views by a renderer's `frames`. about: its OpenGL, whose errors are looked for where nobody else uses it
-    (`checked`). tiling: which pictures are drawn in tiles."""
+    """Renders of whole views by a renderer's `frames`.
+
+    about: of its OpenGL. checked: True if OpenGL's errors are checked, since nobody else uses the context. tiling: the choice of
+    tiles.
+    """
 
     def __init__(self, frames: Frames, tiling: Tiling, about: context.Description, checked: bool) -> None:
         self.frames, self.tiling, self.about, self.checked = frames, tiling, about, checked
@@ -65,24 +68,24 @@ class WholeRenders:
     # ---- a view ----------------------------------------------------------------------------------------------------
 
     def converge(self, camera: Camera, progress: OnRound | None, sparing: bool) -> tuple[View, Statistics]:
-        """Return the complete view and its statistics, as Renderer.converge has them."""
+        """Return the complete view and its statistics, see Renderer.converge."""
         self.frames.leave_refinement()
         done, stats = self._filled(camera, progress)
         return self.stages.draw_picture(self.frames.state, replace(done, sparing=sparing)), stats
 
     def coverage(self, camera: Camera) -> float:
-        """Return the share of the pixels at which `camera` requests no record, as Renderer.coverage has it."""
+        """Return the share of the pixels at which `camera` requests no record, see Renderer.coverage."""
         self.frames.leave_refinement()
         return self.frames.frozen(camera).progress.coverage
 
     def _filled(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the last round of a view, and its statistics, as `converge` has them."""
+        """Return the last round of a view, and its statistics, see `converge`."""
         frames = self.frames
         frames.timers.clear()
         frames.state = replace(frames.state, view=replace(frames.state.view, stalled_rounds=0))
         start = time.perf_counter()
         done, stats = self._until_complete(camera, progress)
-        if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
+        if done is None or not stats["converged"]:  # the records of the last round are still to be splatted
             view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
             frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
             frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
@@ -91,7 +94,7 @@ class WholeRenders:
         return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
 
     def _until_complete(self, camera: Camera, progress: OnRound | None) -> tuple[Round | None, Statistics]:
-        """Return the round that finds nothing to gather, or the last one that the settings allow; None before the first.
+        """Return the round without requests, or the last round that the settings allow; None before the first.
 
         Ctrl-C ends the rounds with the records of the last complete one.
         """
@@ -114,7 +117,7 @@ class WholeRenders:
         return done, stats
 
     def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the round of a view by the present records, and its statistics, as `converge` has them."""
+        """Return the round of a view by the present records, and its statistics, see `converge`."""
         frames = self.frames
         frames.timers.clear()
         start = time.perf_counter()
@@ -123,12 +126,11 @@ class WholeRenders:
         return done, counted(done.progress, time.perf_counter() - start, progress)
 
     def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
-        """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
-        is."""
+        """Return a converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends the refinement early."""
         frames, start, found = self.frames, time.perf_counter(), None
         try:
             while found is None or not found.refined:
-                view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, seconds=_TOLD)
+                view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, seconds=_REPORT_INTERVAL)
                 if progress is not None:
                     progress(found)
                 if not frames.refines:  # none that can be refined
@@ -143,49 +145,49 @@ class WholeRenders:
 
     # ---- a frame that is read back -----------------------------------------------------------------------------------
 
-    def render(self, wanted: Wanted) -> Frame:
-        """Return the frame of a view, as Renderer.render has it."""
+    def render(self, request: RenderRequest) -> Frame:
+        """Return the frame of a view, see Renderer.render."""
         frames, settings = self.frames, self.frames.state.settings
-        wanted.check(settings.quality)
-        buffers = gl_limits.PICTURE if wanted.picture_alone else wanted.buffers
+        request.check(settings.quality)
+        buffers = gl_limits.PICTURE if request.picture_alone else request.buffers
         tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
         frames.leave_refinement()
         if tiled.tile:
-            check_tiled(tiled, wanted.figures)
+            check_tiled(tiled, request.figures)
             with self._tiles_of(tiled.tile):
-                return self._in_tiles(wanted)
-        return self._whole(wanted)
+                return self._in_tiles(request)
+        return self._whole(request)
 
-    def _rounds(self, wanted: Wanted, progress: OnRound | None) -> tuple[Round, Statistics]:
+    def _rounds(self, request: RenderRequest, progress: OnRound | None) -> tuple[Round, Statistics]:
         """Return the last round of a render and its statistics."""
-        return (self._filled if wanted.gather else self._frozen)(wanted.camera, progress)
+        return (self._filled if request.gather else self._frozen)(request.camera, progress)
 
-    def _whole(self, wanted: Wanted) -> Frame:
+    def _whole(self, request: RenderRequest) -> Frame:
         """Return the frame of a view that is drawn whole."""
         frames, settings = self.frames, self.frames.state.settings
-        album = PaperFigures(self._splatted, wanted.progress)
+        album = PaperFigures(self._splatted, request.progress)
         refined = settings.quality or settings.samples > 1
         width, height = frames.state.size
-        sparing = wanted.gather and wanted.picture_alone and not refined and width * height >= gl_limits.LARGE
-        done, stats = self._rounds(wanted, album if wanted.figures else wanted.progress)
+        sparing = request.gather and request.picture_alone and not refined and width * height >= gl_limits.LARGE
+        done, stats = self._rounds(request, album if request.figures else request.progress)
         view = self.stages.draw_picture(frames.state, replace(done, sparing=sparing))
-        if not wanted.gather:
+        if not request.gather:
             stats["uncovered"] = uncovered(view) if settings.most_bounces > 0 else 0
         if settings.quality and stats["converged"]:
-            view, stats = self._improved(view, stats, wanted.progress)
+            view, stats = self._improved(view, stats, request.progress)
         samples = 1 if stats["interrupted"] else settings.samples
-        view = frames.accumulate(view, samples, on_progress=sample_progress(wanted.progress, stats))
+        view = frames.accumulate(view, samples, on_progress=sample_progress(request.progress, stats))
         if view.samples < settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         stats |= self.described(view.samples, frames.stops(view))
         self._check_errors()
         if sparing:
             frames.free_buffers()
-        frame = read(view, self.cache.read(), stats, wanted.buffers)
-        return replace(frame, figures=album.figures(frame, view.camera, settings)) if wanted.figures else frame
+        frame = read(view, self.cache.read(), stats, request.buffers)
+        return replace(frame, figures=album.figures(frame, view.camera, settings)) if request.figures else frame
 
     def read(self, view: View) -> Frame:
-        """Return the frame of a view that `Frames.frame` gave last, as View.read has it."""
+        """Return the frame of a view that `Frames.frame` returned last, see View.read."""
         frames = self.frames
         if view.gbuffer not in (frames.stages.gbuffer, frames.moving.stages.gbuffer):
             raise InputError("this view's buffers hold another view by now; read a view before the next frame is drawn")
@@ -207,24 +209,24 @@ class WholeRenders:
             self.stages.free_buffers()
             frames.state = replace(frames.state, tile=kept)
 
-    def _in_tiles(self, wanted: Wanted) -> Frame:
+    def _in_tiles(self, request: RenderRequest) -> Frame:
         """Return the frame of a view that is drawn in tiles."""
         frames, settings = self.frames, self.frames.state.settings
-        done, stats = self._rounds(wanted, wanted.progress)
+        done, stats = self._rounds(request, request.progress)
         samples = 1 if stats["interrupted"] else settings.samples
-        on_share = sample_progress(wanted.progress, stats)
-        picture = TiledPictures(self.stages, frames.scheduler)(frames.state, done, wanted.buffers, samples, on_share)
+        on_share = sample_progress(request.progress, stats)
+        picture = TiledPictures(self.stages, frames.scheduler)(frames.state, done, request.buffers, samples, on_share)
         if picture.stopped:
             samples, stats = 1, stats | {"interrupted": True, "converged": False}
-        if not wanted.gather:
+        if not request.gather:
             stats["uncovered"] = picture.uncovered
         stats |= self.described(samples, picture.stops if settings.exposure == "auto" else float(settings.exposure))
         self._check_errors()
-        kept = {name: values for name, values in picture.arrays.items() if wanted.buffers is None or name in wanted.buffers}
+        kept = {name: values for name, values in picture.arrays.items() if request.buffers is None or name in request.buffers}
         return frame_of(kept, self.cache.read(), stats, picture.view)
 
     def _splatted(self, count: int) -> np.ndarray:
-        """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
+        """Return (H, W, 4) the sums of the first `count` records at every pixel of the present view."""
         state = self.frames.state
         return self.stages.splatted(state, cast(Camera, state.view.subject[0]), count)
 
@@ -238,6 +240,6 @@ class WholeRenders:
         return made | describe(self.about, state.scene, state.size, state.preset, state.settings, stops)
 
     def _check_errors(self) -> None:
-        """Raises GLError where OpenGL has met an error, and nobody else can have made it."""
+        """Raise GLError after an error of OpenGL, unless other code uses the context."""
         if self.checked:
             context.check_errors(self.ctx)

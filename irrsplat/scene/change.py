@@ -52,7 +52,7 @@ class SceneChange:
         return bool(self.moved or self.repainted) or self.relit or self.other_sky
 
     @property
-    def looks_otherwise(self) -> bool:
+    def changes_light(self) -> bool:
         """True if all light may differ, because lights, the sky or materials do."""
         return self.relit or self.other_sky or bool(self.repainted)
 
@@ -75,7 +75,7 @@ class SceneChange:
         ratio = np.divide(after, before, out=np.full_like(before, np.nan), where=lit)
         least, most = (reduce(ratio, axis=0, initial=limit, where=lit) for reduce, limit in ((np.min, np.inf), (np.max, -np.inf)))
         factor: np.ndarray = np.where(lit.any(0), most, 1.0)
-        if (np.where(lit.any(0), most - least, 0.0) > _SAME_FACTOR * factor).any() or (shines(self.new) & (factor != 1.0)).any():
+        if (np.where(lit.any(0), most - least, 0.0) > _SAME_FACTOR * factor).any() or (emits(self.new) & (factor != 1.0)).any():
             return None
         return factor
 
@@ -85,7 +85,7 @@ class SceneChange:
         return any(self.old.meshes[i].is_point != self.new.meshes[i].is_point for i in self.moved)
 
 
-def shines(scene: Scene) -> np.ndarray:
+def emits(scene: Scene) -> np.ndarray:
     """Return (3,) bool: True if the sky or a surface emits red, green and blue."""
     if scene.environment is not None:
         return np.ones(3, bool)

@@ -9,8 +9,8 @@ import numpy as np
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
 from irrsplat.core.vectors import triangle_areas
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.image_means import sums_of_four
-from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 

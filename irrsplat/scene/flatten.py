@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.vertex_layout import WIDTH, vertex_column
-from irrsplat.scene.looks import in_order
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 
@@ -13,7 +13,7 @@ from irrsplat.scene.seen_by_light import face_counts
 def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
     """Return vertices (V, WIDTH) float32, rows as in core/vertex_layout.py, faces (F, 3) int32, and the number of closed faces.
 
-    Faces are in the order of looks.in_order, as in FaceCounts.
+    Faces are in the order of appearance.in_order, as in FaceCounts.
     """
     meshes, numbers = in_order(scene), scene.materials
     vertices = np.empty((sum(len(mesh.positions) for mesh in meshes), WIDTH), "f4")

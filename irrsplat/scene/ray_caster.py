@@ -19,7 +19,7 @@ from irrsplat.scene.seen_by_light import Holes
 INSTALL = "pip install 'irrsplat[embree]'"
 _MOST_RAYS = 1 << 16  # rays per call of a thread, about: small enough to share them out evenly
 _LEAST_RAYS = 1 << 12  # rays below which the overhead of a call dominates
-_LAYERS = 64  # of holes along a ray, the greatest number that is looked through
+_LAYERS = 64  # greatest number of holes that a ray passes
 _BEHIND = 1e-5  # of the greatest coordinate: how far behind a hole the search continues
 _FAR = 1e30  # metres: the end of rays that end nowhere
 

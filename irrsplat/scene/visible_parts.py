@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from irrsplat.scene.looks import in_order
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, sort_of
 

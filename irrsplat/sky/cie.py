@@ -39,7 +39,7 @@ class CieSky:
     lux: float | None = None
 
     @property
-    def sun_shines(self) -> bool:
+    def has_sun(self) -> bool:
         """True if there is a sun as well as the sky."""
         return self.kind in ("clear", "intermediate")
 
@@ -80,9 +80,9 @@ class CieSky:
     def zenith_luminance(self) -> float:
         """cd/m²: clear, Krochmann (1970) with Linke turbidity; overcast, Krochmann and Seidl (1974); intermediate, their mean, as
         in gensky."""
-        altitude = np.radians(min(self.altitude or 0.0, _HIGHEST) if self.sun_shines else self.altitude or 0.0)
+        altitude = np.radians(min(self.altitude or 0.0, _HIGHEST) if self.has_sun else self.altitude or 0.0)
         overcast = 8.6 * np.sin(altitude) + 0.123
-        if not self.sun_shines:
+        if not self.has_sun:
             return float(1000.0 * overcast)
         clear = (1.376 * self.turbidity - 1.81) * np.tan(altitude) + 0.38
         return float(1000.0 * max(0.5 * (clear + overcast) if self.kind == "intermediate" else clear, 0.0))
@@ -90,7 +90,7 @@ class CieSky:
     @property
     def sun_illuminance(self) -> float:
         """lx perpendicular to the sun, gensky's: 1.5·10⁹ cd/m² over 6·10⁻⁵ sr, attenuated by air mass; 0 without a sun."""
-        if not self.sun_shines:
+        if not self.has_sun:
             return 0.0
         lux = 1.5e9 * 6e-5 * (1.147 - 0.147 / max(float(self.sun_direction[1]), 0.16))
         return lux * (0.15 if self.kind == "intermediate" else 1.0)
@@ -115,11 +115,11 @@ class CieSky:
         if not direct:
             return Environment(light, light, (), about, line=line)
         tint = sunlight(float(self.sun_direction[1]), self.turbidity)
-        shining = sun(self.sun_direction, tint * (direct / LUMINOUS_EFFICACY))
+        source = sun(self.sun_direction, tint * (direct / LUMINOUS_EFFICACY))
         disc = _disc(self.sun_direction, rows)
         disc *= direct / LUMINOUS_EFFICACY / (disc @ np.ones(width) @ area)
         shown = light + (disc[..., None] * tint).astype(np.float32)
-        return Environment(shown, light, (shining,), about, line=line)
+        return Environment(shown, light, (source,), about, line=line)
 
 
 def _disc(toward: np.ndarray, height: int) -> np.ndarray:

@@ -50,8 +50,8 @@ class Environment:
     def light_levels(self) -> list[np.ndarray]:
         """`light` in the equal-area square with its coarser levels, (N, N, 3) float32 each, row by row along v."""
         height, width = self.light.shape[:2]
-        wanted = np.sqrt(4.0 * np.pi) * 2.0 * height / np.pi  # texels half as wide as the map's
-        side = int(np.clip(2 ** np.ceil(np.log2(wanted)), _LEAST_TEXELS, _MOST_TEXELS))
+        requested = np.sqrt(4.0 * np.pi) * 2.0 * height / np.pi  # texels half as wide as the map's
+        side = int(np.clip(2 ** np.ceil(np.log2(requested)), _LEAST_TEXELS, _MOST_TEXELS))
         source = self.light
         while source.shape[0] >= 4 * side and source.shape[0] % 2 == source.shape[1] % 2 == 0:
             height, width = source.shape[:2]
@@ -62,8 +62,8 @@ class Environment:
                 x, y = ((np.arange(side) + (d + 0.5) / _POINTS) / side for d in (dx, dy))
                 total += _texel(source, from_square(*np.meshgrid(x, y)))
         mean = total.mean((0, 1))
-        wanted_mean = self.mean
-        return pyramid((total * np.divide(wanted_mean, mean, out=np.zeros(3), where=mean > 0.0)).astype(np.float32))
+        requested_mean = self.mean
+        return pyramid((total * np.divide(requested_mean, mean, out=np.zeros(3), where=mean > 0.0)).astype(np.float32))
 
     @cached_property
     def mean(self) -> np.ndarray:

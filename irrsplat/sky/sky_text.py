@@ -150,12 +150,12 @@ def _cie(words: list[str], error: Callable[[str], InputError]) -> Sky:
 
     sky = CieSky(kind)
     altitude, azimuth = _sun(given, error, usage)
-    if altitude is None and (sky.sun_shines or "lux" not in given):
-        other = "" if sky.sun_shines else ", or lux E"
+    if altitude is None and (sky.has_sun or "lux" not in given):
+        other = "" if sky.has_sun else ", or lux E"
         raise error(f"a sky that is {kind} needs the sun's place: sun ALTITUDE AZIMUTH, or at LAT LON TIME{other}")
-    if altitude is not None and altitude <= 0.0 and (sky.sun_shines or "lux" not in given):
+    if altitude is not None and altitude <= 0.0 and (sky.has_sun or "lux" not in given):
         raise error(f"the sun is {-altitude:.1f}° below the horizon; give another time")
-    if "turbidity" in given and not sky.sun_shines:
+    if "turbidity" in given and not sky.has_sun:
         raise error(f"turbidity is for clear and intermediate skies, not for one that is {kind}")
     sky = replace(
         sky,

@@ -40,7 +40,7 @@ class SurfaceCache(Owner):
         self._coarse: SiteLevel | None = None  # made by the first tick that needs it
         self._finer: list[SiteLevel] = []  # the last two finer levels, of which the last one's values are in use
         self._next: SiteLevel | None = None  # the level after these, while it is made
-        self._stood_in = False  # True while lookups find the values of the coarse level
+        self._coarse_in_use = False  # True while lookups find the values of the coarse level
         self._relit = False  # True while its own values are of other lights or materials
         self.last_change = 1.0
         self._view_pass, self._point_pass, self._viewed = SurfaceViewPass(self.ctx), SurfaceViewPass(self.ctx), Memo()
@@ -74,7 +74,7 @@ class SurfaceCache(Owner):
     @property
     def _now(self) -> Solution:
         """The values that lookups read."""
-        return self._coarse.solution if self._coarse is not None and self._stood_in else self._own
+        return self._coarse.solution if self._coarse is not None and self._coarse_in_use else self._own
 
     @property
     def _own(self) -> Solution:
@@ -87,9 +87,9 @@ class SurfaceCache(Owner):
         return self._level.detail.rays_in_all > COARSE.rays_in_all
 
     @property
-    def stands_in(self) -> bool:
+    def is_coarse(self) -> bool:
         """True while lookups find coarse values."""
-        return self._coarse is not None and self._stood_in
+        return self._coarse is not None and self._coarse_in_use
 
     @property
     def current(self) -> bool:
@@ -145,11 +145,11 @@ class SurfaceCache(Owner):
         level, coarse = self._level, self._coarse
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
-        self._relit |= change.looks_otherwise and change.dimming is None
+        self._relit |= change.changes_light and change.dimming is None
         level.change(settings, change)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             coarse.release()
-            self._coarse, self._stood_in = None, False
+            self._coarse, self._coarse_in_use = None, False
         elif coarse is not None:
             coarse.change(settings, change)
 
@@ -174,18 +174,18 @@ class SurfaceCache(Owner):
         level = self._level
         followed = level.follow(shadows, budget)
         if followed is not None:
-            self._stood_in, self.last_change = False, followed
+            self._coarse_in_use, self.last_change = False, followed
             return True
         if budget.limited and self._outdated and self.starts_coarse:
             self._coarse = coarse = self._coarse or self._other(COARSE)
             if not coarse.complete:
                 changed = coarse.advance(shadows, budget)
                 if changed is not None:
-                    self._stood_in, self.last_change = True, changed
+                    self._coarse_in_use, self.last_change = True, changed
                 return changed is not None
         if not level.make(shadows, budget):
             return False
-        self._stood_in, self._relit, self.last_change = False, False, 1.0
+        self._coarse_in_use, self._relit, self.last_change = False, False, 1.0
         return True
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:

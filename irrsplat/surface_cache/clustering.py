@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.scene.looks import in_order
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 from irrsplat.surface_cache.tessellation import Tessellation

@@ -16,7 +16,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.change import SceneChange, shines
+from irrsplat.scene.change import SceneChange, emits
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
@@ -42,27 +42,27 @@ class Follower:
         self.world, self.records, self.transport, self.irradiance = world, records, transport, E
         self._made, self._area = made, area
         self.change = 0.0  # of E by the last step, relative to it
-        self._lamps: np.ndarray | None = None  # D of the last step; None before `begin`
+        self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
         self._beyond = E_1  # c once `begin` has taken F·D away
         self._relit = False  # True if lights have changed since
 
     def begin(self, shadows: ShadowMaps) -> None:
         """Measure the direct light before the first change of the scene; a scene without changes does without it."""
-        if self._lamps is None:
-            self._lamps = self.light(shadows)
-            self._beyond = self._beyond - self.transport(self._lamps)
+        if self._direct is None:
+            self._direct = self.light(shadows)
+            self._beyond = self._beyond - self.transport(self._direct)
 
     @property
     def begun(self) -> bool:
         """True if the direct light before the first change is known."""
-        return self._lamps is not None
+        return self._direct is not None
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
         """(S, 3) D, W/m²."""
         lights = light_defines(self.world.scene)
         count = self.records.count
-        lamps = self._made.get("site light", (lights, count), lambda: SiteLightPass(self.world.ctx, lights, max(count, 1)))
-        E, _ = lamps(shadows, self.records.sites(slice(0, count)), self._area)
+        light_pass = self._made.get("site light", (lights, count), lambda: SiteLightPass(self.world.ctx, lights, max(count, 1)))
+        E, _ = light_pass(shadows, self.records.sites(slice(0, count)), self._area)
         return E
 
     def relight(self) -> None:
@@ -72,8 +72,8 @@ class Follower:
     def dim(self, factor: np.ndarray) -> None:
         """Scale direct and indirect light by `factor`, (3,)."""
         self.irradiance, self._beyond = self.irradiance * factor, self._beyond * factor
-        if self._lamps is not None:
-            self._lamps = self._lamps * factor
+        if self._direct is not None:
+            self._direct = self._direct * factor
 
     def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
@@ -90,11 +90,11 @@ class Follower:
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
         """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered with the present lights."""
-        assert self._lamps is not None
+        assert self._direct is not None
         D = self.light(shadows)
         if self._relit:
-            self._beyond *= np.where(shines(self.world.scene), 1.0, overlap(self._lamps, D, self._area)).astype(np.float32)
-        self._lamps, self._relit = D, False
+            self._beyond *= np.where(emits(self.world.scene), 1.0, overlap(self._direct, D, self._area)).astype(np.float32)
+        self._direct, self._relit = D, False
         if len(gathered):
             self._beyond[gathered] = self.records.values[gathered, :3] - self.transport(D, gathered)
         before, self.irradiance = self.irradiance, np.maximum(self._beyond + self.transport(D + self.irradiance), 0.0)

@@ -16,8 +16,8 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.timing.background import in_background
 from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.settings import Settings

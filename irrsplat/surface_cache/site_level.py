@@ -108,7 +108,7 @@ class SiteLevel(Owner):
     def change(self, settings: Settings, change: SceneChange) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
         unlit = unlit_interiors(change.new) if change else self._unlit
-        old, relit, moved = self.settings, change.looks_otherwise and change.dimming is None, bool(change.moved)
+        old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self._transport = self.follower = None

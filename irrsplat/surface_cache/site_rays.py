@@ -9,8 +9,8 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
 from irrsplat.core.timing.background import in_background
+from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
-from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather

@@ -9,7 +9,7 @@ import numpy as np
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_FADES = 0.97  # of the light of a bounce that the next one has: below it, the rest after the last bounce is well known
+_DECAYS = 0.97  # of the light of a bounce that the next one has: below it, the rest after the last bounce is well known
 
 
 class Transport:
@@ -77,18 +77,18 @@ def sum_bounces(
         return
     for made in range(2, most + 1):
         after = transport(term)  # the bounce that a gather from `total` adds
-        fade = _fade(term, after, area)
-        if everything and fade.max() < 1.0:
-            rest = _rest(term, after, fade)
-            whole = total + after + rest
-            if _share(rest, whole) < CONVERGED or (made == most and fade.max() < _FADES):
+        decay = _decay(term, after, area)
+        if everything and decay.max() < 1.0:
+            remainder = _remainder(term, after, decay)
+            whole = total + after + remainder
+            if _share(remainder, whole) < CONVERGED or (made == most and decay.max() < _DECAYS):
                 yield BouncedLight(whole, made, complete=True, converged=True)
                 return
         yield BouncedLight(total, made, made == most)
         total, term = total + after, after
 
 
-def _fade(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
+def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
     """Return (3,) about the greatest eigenvalue of F, by the light of the `last` bounce (S, 3) and of the one before it.
 
     It is the ratio of their means or that of their root mean squares: the first sees light that has yet to reach the brighter
@@ -97,29 +97,29 @@ def _fade(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
     before = np.where(last > 0.0, before, 0.0)
     means, squares = ([_total(area, term**power) for term in (before, last)] for power in (1, 2))
     ratios = [after / np.maximum(one, 1e-300) for one, after in (means, squares)]
-    fade: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
-    return fade
+    decay: np.ndarray = np.maximum(ratios[0], np.sqrt(ratios[1]))
+    return decay
 
 
-def _rest(before: np.ndarray, last: np.ndarray, fade: np.ndarray) -> np.ndarray:
+def _remainder(before: np.ndarray, last: np.ndarray, decay: np.ndarray) -> np.ndarray:
     """Return (S, 3) about what follows the `last` bounce, where the one before it was `before`.
 
     Each site's light continues to fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
-    While light spreads, a site's own r may be too great, so that it is at most `fade` (3,).
+    While light spreads, a site's own r may be too great, so that it is at most `decay` (3,).
     """
-    r = np.divide(last, before, out=np.broadcast_to(fade, last.shape).astype(np.float32), where=before > 0.0)
-    r = np.minimum(r, fade)
-    rest: np.ndarray = (last * r / (1.0 - r)).astype(np.float32)
-    return rest
+    r = np.divide(last, before, out=np.broadcast_to(decay, last.shape).astype(np.float32), where=before > 0.0)
+    r = np.minimum(r, decay)
+    remainder: np.ndarray = (last * r / (1.0 - r)).astype(np.float32)
+    return remainder
 
 
-def _share(rest: np.ndarray, total: np.ndarray) -> float:
-    """Return the mean over the lit sites of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel of most.
+def _share(remainder: np.ndarray, total: np.ndarray) -> float:
+    """Return the mean over the lit sites of the share of `total` (S, 3) that `remainder` (S, 3) is, in the channel of most.
 
     Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. All sites count the
     same: a lit ground is far larger than the house on it, and has far fewer sites for its area.
     """
-    share = np.divide(rest, total, out=np.zeros_like(total), where=total > 0.0)
+    share = np.divide(remainder, total, out=np.zeros_like(total), where=total > 0.0)
     lit = total > _DARK * total.max(0, initial=0.0)
     return float(((lit * share).sum(0) / np.maximum(lit.sum(0), 1)).max())
 

@@ -17,7 +17,7 @@ uniform sampler2D sums;    // Σ k·E, Σ k
 uniform vec2 blend;        // weights of direct and indirect light
 
 layout(location = 0) out vec4 out_image;
-layout(location = 1) out float out_alpha;  // 1 where a surface is seen, else what filters hold back
+layout(location = 1) out float out_alpha;  // 1 on a surface, else the share of light that filters absorb
 
 void main()
 {

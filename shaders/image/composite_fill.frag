@@ -17,11 +17,11 @@ void main()
     if (texelFetch(position, pixel, 0).w == 0.0) return;
     vec2 uv = gl_FragCoord.xy / vec2(textureSize(sums, 0));
     // every other mipmap level, weighted 2^(-4·level): the finest that has anything decides, and transitions are smooth, since each
-    // level's sums fade out where it has nothing
+    // level's sums lose their weight where the level is empty
     int last = out_sums.a > 0.0 ? 0 : levels;
     for (int level = 1; level < last; level += 2) out_sums += textureLod(sums, uv, float(level)) * exp2(-4.0 * float(level));
     if (last == 0) return;
-    // before the first record: as if one saw half of the sky, and all around what the view shows by direct light
+    // before the first record: light of half of the sky, and of surroundings as bright as the view by direct light
 #if SKY_MAP
     vec3 guess = 0.5 * sky_irradiance(texelFetch(normal, pixel, 0).xyz) + PI * textureLod(direct, uv, float(levels)).rgb;
 #else

@@ -1,4 +1,4 @@
-// What the filters before a pixel's surface make of its light. Both textures have a texel for each pixel, or one for all of them.
+// The light of a pixel's surface through the filters in front of it. Both textures have a texel for each pixel, or one for all of them.
 #include "image/backdrop.glsl"
 #include "lib/texel.glsl"
 
@@ -20,14 +20,14 @@ float least(vec3 share)
     return min(min(share.r, share.g), share.b);
 }
 
-// How far they cover what is behind them, 0..1: of the channel of which they hold back most.
+// The opacity of the filters, 0..1: the greatest of the three channels.
 float held_back(ivec2 pixel)
 {
     return 1.0 - least(filter_texel(tint, pixel));
 }
 
-// The same of a pixel that sees no surface, at `at` in pixels. Of a backdrop that is no light, what all channels let through is put
-// behind the picture by its alpha; what some let through beyond that is taken from the sky, and is the filters' own colour.
+// The light through the filters at a pixel without a surface, at `at` in pixels. A backdrop that emits no light lies behind the
+// picture by the alpha: the least share of the three channels. The remainder of each channel comes from the sky.
 vec3 filtered_backdrop(ivec2 pixel, vec2 at)
 {
     vec3 share = filter_texel(tint, pixel);

@@ -1,4 +1,4 @@
-// The g-buffer: position, normals and material of what each pixel sees at its centre.
+// The g-buffer: position, normals and material of the surface at each pixel's centre.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"

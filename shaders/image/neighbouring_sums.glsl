@@ -9,10 +9,10 @@ uniform sampler2D centre;  // the same of the pixels' centres
 vec4 own_or_neighbouring_sums(ivec2 pixel)
 {
     vec4 s = texelFetch(sums, pixel, 0);
-    if (s.a > TOLD) return s;
+    if (s.a > COVERED) return s;
     ivec2 last = textureSize(sums, 0) - 1;
     s = vec4(0.0);
     for (int y = -1; y <= 1; ++y)
         for (int x = -1; x <= 1; ++x) s += texelFetch(sums, clamp(pixel + ivec2(x, y), ivec2(0), last), 0);
-    return s.a > TOLD ? s : texelFetch(centre, pixel, 0);
+    return s.a > COVERED ? s : texelFetch(centre, pixel, 0);
 }

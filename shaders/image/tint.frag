@@ -1,5 +1,5 @@
-// Filters before what the g-buffer holds: surfaces that let most of the light pass. Of all of them the product of what they leave of
-// it, which needs no order; with GLOW the sum of what they emit, untinted by each other; with NEAREST the opacity of the nearest one.
+// Filters in front of the g-buffer: surfaces that transmit most of the light. The result is the product of their transmittances,
+// which needs no order; with GLOW the sum of their emission, without mutual tint; with NEAREST the opacity of the nearest filter.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
@@ -9,12 +9,12 @@ in vec3 v_position;
 uniform vec3 eye;
 uniform vec3 forward;        // unit, the view axis
 uniform float far;           // metres, beyond the farthest corner of the scene
-uniform float alpha_cutoff;  // with MASK: the least alpha at which there is anything
+uniform float alpha_cutoff;  // with MASK: the least alpha of a visible surface
 
 #if NEAREST
 layout(location = 0) out float out_opacity;
 #else
-layout(location = 0) out vec4 out_tint;  // the share of what is behind that is seen, or the radiance that is added
+layout(location = 0) out vec4 out_tint;  // the transmitted share of light, or the added radiance
 #endif
 
 void main()
@@ -35,7 +35,7 @@ void main()
 #if !BLEND
     alpha = 1.0;
 #endif
-    // what reaches the cutoff stands in the g-buffer, and what is fully transparent is no surface
+    // a surface above the cutoff is in the g-buffer; a fully transparent one is none
     if (alpha >= material_row(int(v_material), MATERIAL_EMISSION).w || alpha <= 0.0) discard;
 #if NEAREST
     out_opacity = alpha;

@@ -20,7 +20,7 @@ vec2 deviation_and_mean(vec2 weight, vec4 sums)
 float effective_weight(vec2 weight, vec4 sums, float share)
 {
     weight.r *= weight.r < NOTHING_SEEN ? share : 1.0;
-    vec2 told = deviation_and_mean(weight, sums);
-    bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && told.x > 0.0;
-    return doubted ? min(weight.r, tolerance * spread * share * error_scale(told.y) / told.x) : weight.r;
+    vec2 found = deviation_and_mean(weight, sums);
+    bool inaccurate = weight.r < NEAR * tolerance && spread > 0.0 && found.x > 0.0;
+    return inaccurate ? min(weight.r, tolerance * spread * share * error_scale(found.y) / found.x) : weight.r;
 }

@@ -7,7 +7,7 @@ uniform sampler2D normal;
 uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k
-uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen; Σ k·(Y² - σ²)
+uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN without a surface; Σ k·(Y² - σ²)
 #if REFINED
 uniform sampler2D reach;     // the share of the records' reach that holds at each pixel of the sums
 #endif

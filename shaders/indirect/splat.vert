@@ -13,8 +13,8 @@ flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
 flat out vec3 v_axis;                  // of its ellipse
 flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
-flat out float v_share;                // of its weight that counts in the sums
-flat out float v_sure;                 // of its squared luminance, what remains without its noise
+flat out float v_share;                // the share of its weight that counts in the sums
+flat out float v_sure;                 // its squared luminance without the variance of its noise
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out mat3 v_m;
@@ -82,7 +82,7 @@ void main()
     vec3 v = cross(axis, u);
     half_size = max(half_size, pixel * d);  // a smaller quad than a pixel could fall between pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
-    // surfaces before all that the record may reach are not looked at; 1e-3: more than rounding
+    // the depth test skips surfaces in front of the record's reach; 1e-3: more than rounding
     float nearest = (1.0 - 1e-3) * (dot(p - eye, forward) - reach);
     gl_Position.z = (2.0 * splat_depth(nearest) - 1.0) * gl_Position.w;
 }

@@ -12,7 +12,7 @@ uniform vec3 dimming;          // factors on its irradiance: all light has chang
 uniform mat4 clip_from_world;  // of the last picture
 uniform vec4 shown_place;      // scale and offset from clip space to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
-uniform bool fading;           // whether there is a last picture; else all is what the records say
+uniform bool accumulating;           // whether there is a last picture; else all is what the records say
 uniform bool filling;          // whether pixels without records take what the last picture showed, or are marked
 uniform bool kept;             // whether pixels without records keep what they showed
 uniform float share;           // of what the records say, 0..1
@@ -33,7 +33,7 @@ void main()
     vec4 before = textureLod(shown, place, 0.0);
     out_facing = facing_of(texel_at(normal, pixel * pixel_stride).xyz);
     bool same = abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, place, 0.0).r - out_facing) <= OTHER_FACING;
-    bool known = fading && p.w > 0.0 && same && place == clamp(place, 0.0, 1.0);
+    bool known = accumulating && p.w > 0.0 && same && place == clamp(place, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
     E = s.a > 0.0 ? (known ? mix(E_before, E, share) : E) : E_before;
     bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known && kept);

@@ -17,7 +17,7 @@ void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), first = at / 2;
     vec4 p = texel_at(position, at), plane = texel_at(planes, first);
-    bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // none of the four has a record: a hole
+    bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // no record covers any of the four: a hole
     bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;
     vec2 place = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
     vec4 E = between ? textureLod(irradiance, place, 0.0) : vec4(0.0);

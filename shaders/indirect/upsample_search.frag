@@ -27,7 +27,7 @@ void main()
         vec4 sum = texel_at(sums, at);
         float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), offset);
         float share = exp2(-2.0 * apart * apart) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
-        out_sums += sum.a > TOLD ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
+        out_sums += sum.a > COVERED ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
     float Y = dot(out_sums.rgb, LUMINANCE);

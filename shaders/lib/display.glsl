@@ -1,4 +1,4 @@
-// Exposed linear radiance to what a screen takes.
+// Exposed linear radiance to display values.
 #include "generated/constants.glsl"
 
 // Hable's filmic curve (2010, "Uncharted 2: HDR Lighting") before it is scaled so that FILMIC_WHITE becomes 1.

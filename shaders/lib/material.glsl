@@ -1,4 +1,4 @@
-// What a surface does with light. Both functions give radiance, W/(m² sr), the same in all directions, for an irradiance E in W/m².
+// Reflection and emission of a Lambertian surface: radiance in W/(m² sr) from an irradiance E in W/m².
 #include "generated/constants.glsl"
 #include "generated/material.glsl"
 

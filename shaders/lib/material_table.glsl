@@ -1,5 +1,5 @@
-// The material at a point of a surface: by the table of materials, and what the point's vertices have of it. Where light meets
-// surfaces, this is compiled with TEXTURES 1 if the scene has textures.
+// The material at a point of a surface: by the table of materials and the vertices. At hits of light this is
+// compiled with TEXTURES 1 if the scene has textures.
 #include "generated/constants.glsl"
 #include "generated/material.glsl"
 #include "generated/vertex.glsl"
@@ -29,7 +29,7 @@ Material material_of(Vertex point)
 uniform sampler2DArray texture_layers;  // colours times alpha, and alpha
 
 // A coordinate of a layer by its number among WRAPS (0: it repeats); margin: half a texel of the coarser
-// level that is looked at.
+// sampled level.
 float wrapped(float x, int wrap, float margin)
 {
     if (wrap == 1) x = 1.0 - abs(mod(x, 2.0) - 1.0);
@@ -44,7 +44,7 @@ vec2 texture_place(Vertex point, vec4 across, vec4 down, float margin)
     return vec2(wrapped(dot(across.xyz, uv), wrap % 3, margin), wrapped(dot(down.xyz, uv), wrap / 3, margin));
 }
 
-// What a footprint sees of a texture whose rows in the table begin with `row`: colour times alpha, and alpha.
+// The mean over a footprint of a texture whose rows in the table begin with `row`: colour times alpha, and alpha.
 // uv_area: of the footprint, in both sets of texture coordinates; the level is that whose texels are as large (Williams 1983).
 vec4 texture_mean(Vertex point, int row, vec2 uv_area)
 {

@@ -1,4 +1,4 @@
-// Tables that are looked up by number: item i is in row i / TABLE_COLUMNS, and a row holds TABLE_COLUMNS items.
+// Tables by number: item i is in row i / TABLE_COLUMNS, and a row holds TABLE_COLUMNS items.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 

@@ -1,4 +1,4 @@
-// About how many pixels of a view a record serves, by samples of its bounding box on screen; a fragment is a record.
+// About how many pixels of a view a record covers, by samples of its bounding box on screen; a fragment is a record.
 #include "records/view_radius.glsl"
 
 uniform sampler2D position;  // g-buffer
@@ -15,7 +15,7 @@ ivec2 texel;
 vec3 p, n_k;
 Ellipse ellipse;
 
-bool serves(ivec2 at)
+bool covers(ivec2 at)
 {
     vec4 q = texelFetch(position, at, 0);
     vec3 apart = q.xyz - p;
@@ -48,12 +48,12 @@ void main()
     if (any(greaterThanEqual(low, high))) return;
     ivec2 last = ivec2(size) - 1, centre = ivec2(floor((clip.xy / clip.w * 0.5 + 0.5) * size));
     bool seen = clip.w > 0.0 && all(greaterThanEqual(centre, ivec2(0))) && all(lessThanEqual(centre, last));
-    int served = 0;
+    int covered = 0;
     for (int i = 0; i < SAMPLES * SAMPLES; ++i)
     {
         vec2 at = low + (high - low) * (vec2(i % SAMPLES, i / SAMPLES) + 0.5) / float(SAMPLES);
-        served += serves(min(ivec2(at), last)) ? 1 : 0;
+        covered += covers(min(ivec2(at), last)) ? 1 : 0;
     }
-    float least = seen && serves(centre) ? 1.0 : 0.0;  // seen at a low angle, a record's pixels may lie between the samples
-    out_pixels = max(float(served) / float(SAMPLES * SAMPLES) * (high.x - low.x) * (high.y - low.y), least);
+    float least = seen && covers(centre) ? 1.0 : 0.0;  // seen at a low angle, a record's pixels may lie between the samples
+    out_pixels = max(float(covered) / float(SAMPLES * SAMPLES) * (high.x - low.x) * (high.y - low.y), least);
 }

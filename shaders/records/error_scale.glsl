@@ -1,8 +1,8 @@
 // The luminance in proportion to which an error is judged at a place (docs/METHOD.md, 5.3).
 uniform float luminance_floor;  // W/m²
 
-// Y: the luminance there, W/m². It is Y itself but where that is dark or bright: at least the floor, and of what is more than
-// BRIGHT times as bright as the floor the geometric mean with that much. The same in numpy is in irrsplat/records/weight.py.
+// Y: the luminance there, W/m². The scale is Y, at least the floor. Above BRIGHT times the floor it is the
+// geometric mean of Y and that limit. The same in numpy is in irrsplat/records/weight.py.
 float error_scale(float Y)
 {
     float least = max(luminance_floor, 1e-20), bright = luminance_floor > 0.0 ? BRIGHT * luminance_floor : 1e30;

@@ -1,4 +1,4 @@
-// A record of the cache, found by its number; irrsplat/core/record_layout.py is the table of what it holds.
+// A record of the cache, found by its number; irrsplat/core/record_layout.py lists its columns.
 #include "generated/constants.glsl"
 #include "generated/record_columns.glsl"
 #include "lib/normals.glsl"
@@ -39,7 +39,7 @@ vec2 usable_curvature(ivec2 texel)
     return hessian && record_axis(texel) != vec3(0.0) ? record_curvature(texel) : vec2(0.0);
 }
 
-// How far the record holds by what it knows itself, before it is scaled by a. With second derivatives, a·R is where the error of
+// The radii within which the record's own expansion holds, before they are scaled by a. With second derivatives, a·R is where the error of
 // the first-order expansion, ½·|E''|·d², comes to a² of E's error scale: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical
 // Hessian-Based Error Control for Irradiance Caching"). Without, R is R_k, but at most E/|∇E| where the light changes fast (Křivánek et
 // al. 2006).

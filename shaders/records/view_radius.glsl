@@ -12,8 +12,8 @@ float view_radius(float R, float distance)
     return radius_bounds.y > 0.0 ? min(r, radius_bounds.y * distance) : r;
 }
 
-// Both radii a·R of the record at `texel`, with its own limit and the view's bounds. trust: the share of its radii that the record
-// itself accounts for; below 1 where the least radius of the view is greater than what the record's error allows.
+// Both radii a·R of the record at `texel`, with its own limit and the view's bounds. trust: the share of the radii that the record's
+// error allows; below 1 where the least radius of the view is greater.
 Ellipse view_ellipse(ivec2 texel, float distance, out float trust)
 {
     Ellipse own = record_ellipse(texel);

@@ -5,7 +5,7 @@
 uniform float a;       // the error that is tolerated (Ward et al. 1988)
 uniform bool hessian;  // weights and radii are by second derivatives; else the paper's, by the harmonic mean distance
 
-const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
+const float FAINT = 0.1;        // of a record's luminance: below it, the expansion is not valid
 
 // Constants from irrsplat/records/weight.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
 // behind it a record may lie, as a share of R; LUNES is the share of (1 - n·n_k)·E that n·M lacks on a surface turned to n.
@@ -45,8 +45,8 @@ vec3 extrapolated(vec3 E, vec3 slope, vec3 apart, vec3 n_k, vec3 axis, vec2 curv
     return clamp(E + slope + more * E, vec3(0.0), max(2.0 * E, 0.0));
 }
 
-// The share of its weight that a record has where extrapolated() makes of its luminance Y_k only Y. That comes to nearly nothing a
-// few pixels from a contact, where light falls steeply: not darkness, but the end of what the expansion knows.
+// The share of its weight that a record has where extrapolated() makes of its luminance Y_k only Y. The share is nearly 0 a
+// few pixels from a contact, where light falls steeply: the expansion ends there, and the place is not dark.
 float known_share(float Y_k, float Y)
 {
     return Y_k > 0.0 ? clamp(Y / (FAINT * Y_k), 1e-3, 1.0) : 1.0;

@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import gather_pass
-from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import own_radii

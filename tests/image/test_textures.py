@@ -14,7 +14,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
-from irrsplat.scene.looks import runs
+from irrsplat.scene.appearance import runs
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
 from tests.support.worlds import material, quad, scene
 

@@ -86,7 +86,7 @@ def test_tiles_are_taken_beyond_the_largest_texture(monkeypatch: pytest.MonkeyPa
 
 def test_what_needs_the_whole_view_is_refused() -> None:
     with Renderer(room(), (40, 30), tile_size=16, **CHEAP) as renderer:
-        for ask in (renderer.frame, renderer.converge, renderer.coverage, renderer.lamp_irradiance):
+        for ask in (renderer.frame, renderer.converge, renderer.coverage, renderer.read_direct_irradiance):
             with pytest.raises(InputError, match="size 40x30 is drawn in tiles here, which only rendering does"):
                 ask()
         with pytest.raises(InputError, match="40x30 is drawn in tiles here, without a folder's figures: take a smaller size"):

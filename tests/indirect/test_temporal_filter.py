@@ -81,7 +81,7 @@ def test_holes_take_the_light_of_the_surface_cache_and_at_rest_the_picture_is_th
         view, progress = renderer.frame(FRONT, TICK)
         while not progress.still:
             view, progress = renderer.frame(moved, TICK)
-            assert progress.fading == view.fading and not (progress.still and progress.fading)
+            assert progress.accumulating == view.accumulating and not (progress.still and progress.accumulating)
         assert view.sums is view.splats.sums
 
 

@@ -16,13 +16,13 @@ from trimesh.visual.material import MultiMaterial, PBRMaterial
 import irrsplat
 from irrsplat.core.errors import InputError
 from irrsplat.scene import load
-from irrsplat.scene.change import shines
+from irrsplat.scene.appearance import runs
+from irrsplat.scene.change import emits
 from irrsplat.scene.image_means import sums_of_four
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.motion_keys import LightKey, Motions
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
-from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Image, Light, Material, Scene
 from irrsplat.scene.motion import posed
 from irrsplat.scene.ray_caster import RayCaster
@@ -107,7 +107,7 @@ def test_a_large_map_of_a_sky_is_halved_and_emits_in_every_channel() -> None:
     sky[::2] = [2.0, 0.0, 0.0]
     made = irrsplat.make_scene(floor(), sky=sky)
     assert made.environment is not None and made.environment.shown.shape == (2048, 1, 3)
-    assert (made.environment.shown[..., 0] == 1.0).all() and shines(made).all()
+    assert (made.environment.shown[..., 0] == 1.0).all() and emits(made).all()
     assert irrsplat.make_scene(floor(), sky="0 2 0").sky == (0.0, 2.0, 0.0)
 
 

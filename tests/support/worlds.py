@@ -15,8 +15,8 @@ from irrsplat.core.buffers import GBuffer, HitLight, Records, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
+from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.kinds import gather_pass
-from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture, table_texture

@@ -12,15 +12,15 @@ import trimesh
 import irrsplat
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.vectors import morton_codes, triangle_normals
-from irrsplat.gather.look import gather_records
+from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.paper_scan import read_back
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import Renderer
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.looks import in_order
 from irrsplat.scene.motion import transformed
 from irrsplat.surface_cache import site_layout
 from irrsplat.surface_cache.site_places import PLACES, Places, _drawn

@@ -11,7 +11,7 @@ import numpy as np
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.scene.model import Light, Mesh, Scene
 
-LAMP = 0.002  # metres: radius of the sphere in place of a point light
+BULB = 0.002  # metres: radius of the sphere in place of a point light
 SUN = 0.2  # degrees across: the disc in place of a directional light
 
 
@@ -35,7 +35,7 @@ def text(scene: Scene) -> str:
         if not max(emission) > 0.0:
             words = f"plastic paint{number} 0 0 5 {_row(*albedo, 0, 0)}"
         parts.append(f"void {words}\npaint{number} mesh mesh{number} 1 mesh{number}.rtm 0 0\n")
-    parts += [_lamp(light, number) for number, light in enumerate(scene.lights)]
+    parts += [_light(light, number) for number, light in enumerate(scene.lights)]
     if max(scene.sky) > 0.0:
         parts.append(f"void glow sky 0 0 4 {_row(*scene.sky, 0)}\nsky source around 0 0 4 0 0 1 360\n")
     return "\n".join(parts)
@@ -46,7 +46,7 @@ def meshes(scene: Scene) -> Iterator[tuple[int, Mesh]]:
     return ((number, mesh) for number, mesh in enumerate(scene.meshes) if len(mesh.faces))
 
 
-def _lamp(light: Light, number: int) -> str:
+def _light(light: Light, number: int) -> str:
     """Return a light: a small invisible sphere of radiance I/(π r²), or a small disc in the sky of radiance E/Ω."""
     colour, place = np.asarray(light.color, float), np.asarray(light.position, float)
     if light.directional:
@@ -55,8 +55,8 @@ def _lamp(light: Light, number: int) -> str:
     if light.photometry is not None:
         raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     factor, numbers = _factor(light)
-    radiance = colour / (np.pi * LAMP**2)
-    shape = f"lamp{number} sphere bulb{number} 0 0 4 {_row(*place, LAMP)}\n"
+    radiance = colour / (np.pi * BULB**2)
+    shape = f"lamp{number} sphere bulb{number} 0 0 4 {_row(*place, BULB)}\n"
     if not factor:
         return f"void illum lamp{number} 1 void 0 3 {_row(*radiance)}\n{shape}"
     pattern = f"void brightfunc look{number} 2 {factor} . 0 {len(numbers)} {_row(*numbers)}\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.scene.looks import order
+from irrsplat.scene.appearance import order
 from irrsplat.scene.model import Camera, Scene
 
 

@@ -13,7 +13,7 @@ from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
-from irrsplat.gather.look import Gather
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View

@@ -280,11 +280,11 @@ def _draw_sphere(pen: Pen, record: ShownRecord, view: Parallel, front: bool) -> 
 
 def _legend(record: ShownRecord, settings: Settings) -> list[tuple[tuple[int, int, int], str]]:
     """Return the legend: colours, formulas and lengths."""
-    wanted, r = settings.a * record.radius, record.r
-    sphere = f"sphere, r = a·R_k = {_metres(wanted)}"
-    if abs(r - wanted) > 1e-3 * r:
-        percent = settings.radius_max if r < wanted else settings.radius_min
-        sphere = f"sphere, a·R_k = {_metres(wanted)}, kept to {percent:g}% of the view: r = {_metres(r)}"
+    requested, r = settings.a * record.radius, record.r
+    sphere = f"sphere, r = a·R_k = {_metres(requested)}"
+    if abs(r - requested) > 1e-3 * r:
+        percent = settings.radius_max if r < requested else settings.radius_min
+        sphere = f"sphere, a·R_k = {_metres(requested)}, kept to {percent:g}% of the view: r = {_metres(r)}"
     lines = [(_INK, f"eye vector, d = {_metres(record.d)}"), (_SPHERE, sphere)]
     if record.inside:
         return [*lines, (_QUAD, "quad = the whole screen: the eye is inside the sphere")]

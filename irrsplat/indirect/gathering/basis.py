@@ -48,9 +48,9 @@ class Basis:
         """The inputs that decide a record's values and their noise."""
         settings = self.settings
         rays = settings.gather_size, settings.light_samples
-        return self.kind, *rays, self.wants_surface
+        return self.kind, *rays, self.uses_surface_cache
 
     @property
-    def wants_surface(self) -> bool:
+    def uses_surface_cache(self) -> bool:
         """True if a surface cache lights the records: for more than one bounce."""
         return self.settings.most_bounces > 1

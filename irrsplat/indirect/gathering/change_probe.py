@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
-from irrsplat.gather.look import Gather, gather_records
+from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
@@ -38,7 +38,7 @@ class ChangeProbe(Owner):
         return (self.gather, self.reduce, self.records)
 
     def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:
-        """(N, PROBED) float32 of records at `sites`: rough E in W/m², R in metres, M and ∇E."""
+        """Return (N, PROBED) float32 of records at `sites`: rough E in W/m², R in metres, M and ∇E."""
         self.records.truncate(0)
         numbers = self.records.append(sites) + np.arange(len(sites))
         gather_records(self.gather, self.reduce, light, self.records, numbers, seed)
@@ -46,7 +46,7 @@ class ChangeProbe(Owner):
 
 
 def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
-    """(N, PROBED) float32: what the records of these numbers hold, in the form of a probe."""
+    """Return (N, PROBED) float32, the values of the records of these numbers in the form of a probe."""
     found = cache.records.read(*_PROBED)
     return np.concatenate(
         [found[name][numbers].reshape(len(numbers), math.prod(found[name].shape[1:])) for name in _PROBED], axis=1
@@ -54,7 +54,7 @@ def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
 
 
 def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """(N, PROBED) what records that held `values` are taken to hold now that probes find `after` where they found `before`.
+    """Return (N, PROBED) the corrected values of records that held `values`, by probes `before` and `after` a change.
 
     A control variate: value + c·(after − before) with the same directions in both. With E of a channel growing c is 1; where it
     fades, the record fades by the same ratio, and never below 0. ∇E and M go with their channel, and 1/R like an E.
@@ -63,20 +63,21 @@ def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.
     x, old, new = (array.astype(float) for array in (values, before, after))
     for one in (x, old, new):
         one[:, q] = 1.0 / np.maximum(one[:, q], 1e-30)
-    fade = np.ones_like(x)
-    fade[:, : q + 1] = np.minimum(1.0, new[:, : q + 1] / np.maximum(old[:, : q + 1], 1e-30))
-    fade[:, 4:] = np.tile(np.repeat(fade[:, E], 3, axis=1), 2)
-    x = fade * x + (new - fade * old)
+    ratio = np.ones_like(x)
+    ratio[:, : q + 1] = np.minimum(1.0, new[:, : q + 1] / np.maximum(old[:, : q + 1], 1e-30))
+    ratio[:, 4:] = np.tile(np.repeat(ratio[:, E], 3, axis=1), 2)
+    x = ratio * x + (new - ratio * old)
     x[:, q] = 1.0 / np.maximum(x[:, q], 1e-30)
     corrected: np.ndarray = x.astype(np.float32)
     return corrected
 
 
 def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:
-    """(N,) how much E and R, the first columns of (N, 4 and more), have changed: the greater of both changes, each relative to
-    the greater of its two values.
+    """Return (N,) the change of E and R, the first columns of (N, 4 and more): the greater of both relative changes.
 
-    luminance_floor: W/m², below which E counts as if it were that. Infinite where `before` has no R: nothing is known there.
+    Each change is relative to the greater of the two values.
+
+    luminance_floor: W/m², the least E in relative changes. Infinite where `before` has no R, which means no probe.
     """
     E = np.maximum(np.maximum(before, after)[:, :3].max(1), max(luminance_floor, 1e-20))
     off = np.abs(after - before)
@@ -104,7 +105,7 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
 def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
     """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`.
 
-    A record holds its former ratio to the surface cache, which knows less of what is near. Its probe follows, too, so that the
+    A record holds its former ratio to the surface cache, which resolves near surfaces less. Its probe follows, too, so that the
     next probe corrects the estimate.
     """
     numbers, floor = np.arange(cache.count), _DARK * float(before.mean()) + 1e-20

@@ -7,7 +7,7 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from irrsplat.gather import kinds
-from irrsplat.gather.look import Gather
+from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -62,22 +62,22 @@ class Gathers(Owner):
 
     def luminance_probes(self, basis: Basis, side: int) -> ChangeProbe:
         """Return the pass that probes records along side² rays for E alone."""
-        return self._rough(f"glances of {side}", basis, side, gradients=False)
+        return self._rough(f"luminance probes of {side}", basis, side, gradients=False)
 
     def reduction(self, settings: Settings) -> ReducePass:
         """Return the pass that reduces hemisphere samples to records' values."""
         gradients = settings.gradients
         return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
 
-    def batches(self, look: Gather | ChangeProbe, wanted: int, budget: Budget, times: int = 1) -> Iterator[slice]:
-        """Yield slices of so many places that `look` gathers from in one go, until all are done or the budget ends.
+    def batches(self, gather: Gather | ChangeProbe, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
+        """Yield slices of the `requested` number of places, one batch of `gather` each, until all are done or the budget ends.
 
-        times: how often each place is gathered from.
+        times: the number of gathers at each place.
         """
-        if look not in self._paces:
-            self._paces[look] = Pace(self.ctx)
+        if gather not in self._paces:
+            self._paces[gather] = Pace(self.ctx)
         done = 0
-        for count in self._paces[look].batches(wanted, look.capacity, budget, times * look.share.size):
+        for count in self._paces[gather].batches(requested, gather.capacity, budget, times * gather.share.size):
             yield slice(done, done + count)
             done += count
 

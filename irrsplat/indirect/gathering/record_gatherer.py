@@ -1,4 +1,4 @@
-"""Gathers records as the settings say: the gather, the reduction, the surface cache that lights what they see, and the probes."""
+"""Gathering of records by the settings: the gather, the reduction, the surface cache that lights the hits, and the probes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
-from irrsplat.gather.look import Gather, gather_records
+from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -27,18 +27,18 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.site_layout import FULL, detail_for
 
-_PROBES_FROM = 64  # side of a gather, of which the rays of a first probe are a small part
+_PROBES_FROM = 64  # least side of gathers that allow probes: the rays of a first probe are a small part of them
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
 _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FEWEST = 16  # least side of a gather whose own rays measure its noise well
-_LOOKS = 0.35  # of a tick: share for probes after a change, in any case
+_PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
 class RecordGatherer(Owner):
-    """Gathers records of the `cache`, new ones and stale ones, by the light of the scene as it is now.
+    """Gatherer of new and stale records of the `cache`, by the present light of the scene.
 
     measuring: True for a full surface cache, however coarse the gathers are: readings of single points show its bias.
     """
@@ -53,7 +53,7 @@ class RecordGatherer(Owner):
     ) -> None:
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self._measuring = measuring
-        self.atlas: Atlas | None = None  # what the last batch of records saw
+        self.atlas: Atlas | None = None  # radiance over the hemispheres of the last batch of records
         self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
             world.prebuild(caster=self._casts)
@@ -69,7 +69,7 @@ class RecordGatherer(Owner):
         self.atlas = None
         self.gathers.clear()
 
-    # ---- what gathers ----------------------------------------------------------------------------------------------
+    # ---- the passes -------------------------------------------------------------------------------------------------
 
     @property
     def settings(self) -> Settings:
@@ -93,20 +93,20 @@ class RecordGatherer(Owner):
         return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _PROBES_FROM
 
     def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
-        """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites`, as far as the budget goes.
+        """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites` within the budget.
 
         side: of the square of probe rays.
         """
-        look, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
-        for some in self.gathers.batches(look, len(sites), budget):
+        gather, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
+        for some in self.gathers.batches(gather, len(sites), budget):
             with self.timers("examine"):
-                found.append(look(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
+                found.append(gather(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     @property
     def surface(self) -> SurfaceCache | None:
-        """The surface cache, made when more than one bounce is requested; None before. It stays when fewer are requested."""
-        if self._basis.wants_surface:
+        """The surface cache, made when the settings require more than one bounce, and kept afterwards; None before."""
+        if self._basis.uses_surface_cache:
             detail = FULL if self._measuring else detail_for(self.settings)
             return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
         return self._made.find("surface", SurfaceCache)
@@ -115,7 +115,7 @@ class RecordGatherer(Owner):
     def _casts(self) -> bool:
         """True if Embree traces rays, from records or from the sites of the surface cache."""
         basis = self._basis
-        return basis.kind == "embree" or (basis.wants_surface and kinds.ray_kind(self.ctx, basis.settings) == "embree")
+        return basis.kind == "embree" or (basis.uses_surface_cache and kinds.ray_kind(self.ctx, basis.settings) == "embree")
 
     @property
     def _needs_tree(self) -> bool:
@@ -133,18 +133,18 @@ class RecordGatherer(Owner):
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
-        surface = self.surface if self._basis.wants_surface else None
+        surface = self.surface if self._basis.uses_surface_cache else None
         virtual = not self.provisional or self.world.has_tree
         return HitLight(shadows, None if surface is None else surface.uniforms(), virtual)
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def change_to(self, scene: Scene) -> SceneChange:
         """Return how `scene` differs from the scene by which records are gathered now."""
         return SceneChange.between(self._basis.scene, scene)
 
     def apply(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
-        """Apply other settings and another state of the scene, as RecordScheduler.apply does.
+        """Apply other settings and another state of the scene, see RecordScheduler.apply.
 
         Return the numbers of the records that are kept, None for all. A change that fails, such as for lack of memory, has no
         effect. An interruption while records change removes all records.
@@ -155,7 +155,7 @@ class RecordGatherer(Owner):
             return None
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         surface = self._made.find("surface", SurfaceCache)
-        # first what may fail
+        # work that may fail comes first
         if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
             unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
             cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
@@ -178,7 +178,8 @@ class RecordGatherer(Owner):
         return kept
 
     def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
-        """Change the records and the surface cache as the scene and the settings do; the numbers of those kept, None for all."""
+        """Let the records and the surface cache follow the scene and the settings. Return the numbers of kept records, None for
+        all."""
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
         if _places(was) != _places(settings):
             cache.truncate(0)
@@ -188,7 +189,7 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             dim(cache, change.dimming)
         elif change:
-            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, from_file=None)
+            new = replace(new, moved=True, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, change)
@@ -199,7 +200,7 @@ class RecordGatherer(Owner):
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, from_file=None)
-        elif change.looks_otherwise and change.dimming is None:
+        elif change.changes_light and change.dimming is None:
             cache.column("due")[:] += 1.0
             cache.invalidate(np.arange(cache.count))
         self._basis = new
@@ -232,7 +233,7 @@ class RecordGatherer(Owner):
         return self._advance(shadows, budget, idle)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Advance the next level of the surface cache as far as the budget goes. Return True if the level is complete.
+        """Advance the next level of the surface cache within the budget. Return True if the level is complete.
 
         The caller then corrects records by `correct_by_refinement`.
         """
@@ -241,22 +242,22 @@ class RecordGatherer(Owner):
         return surface.refine(shadows, budget)
 
     def correct_by_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
-        """Correct records by what the last refinement of the surface cache changes of them, as many of these `numbers` as the
-        budget has time for; returns (K, 3) W/m² by how much E of these K has changed.
+        """Correct records of these `numbers` by the difference that the surface cache's last refinement makes, within the budget.
 
-        What changes is little, and told well enough along a quarter of the rays, the same with the light before and after.
+        Return (K, 3) W/m², the change of E of the first K. The difference is small: a quarter of the rays measures it, along
+        equal directions by the light before and after.
         """
         surface, side = self.surface_now, max(self.settings.gather_size // 2, _FEWEST)
         assert surface is not None
-        look, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
+        gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
-        for some in self.gathers.batches(look, len(numbers), budget, times=2):
+        for some in self.gathers.batches(gather, len(numbers), budget, times=2):
             chosen = numbers[some]
             sites, found = self.cache.sites(chosen), []
             with RecordCache(self.ctx) as scratch:
                 rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
                 for light in lights:
-                    self._reduced(light, scratch)(look, numbers=rows)
+                    self._reduced(light, scratch)(gather, numbers=rows)
                     found.append(scratch.records.read(*LINEAR))
             held = self.cache.records.read(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
@@ -268,20 +269,20 @@ class RecordGatherer(Owner):
         return np.concatenate(changes)
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
-        """Make the surface cache that records from a file did without until now, since some are to be gathered."""
+        """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
         if self._basis.from_file is not None:
             self._advance(shadows, budget)
 
     def _advance(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
-        """Advance the surface cache as `prepare` does. Return True if records may be gathered now.
+        """Advance the surface cache, see `prepare`. Return True if records may be gathered now.
 
         Without values of the scene as it is, the surface cache takes the whole budget: coarse values take a fraction of a second.
         """
         surface, basis, cache = self.surface, self._basis, self.cache
-        if surface is None or not basis.wants_surface:
-            self.probe_changed(shadows, budget.part(0.5, 0.0, _LOOKS))
+        if surface is None or not basis.uses_surface_cache:
+            self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
             return True
-        first, coarse = surface.result is None, surface.stands_in
+        first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
         before = surface.at(sites) if follows else None
@@ -296,7 +297,7 @@ class RecordGatherer(Owner):
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (made or surface.current)
         if ready:
-            self.probe_changed(shadows, budget.part(0.5, 0.0, _LOOKS))
+            self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
 
     def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
@@ -318,8 +319,8 @@ class RecordGatherer(Owner):
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
-        """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
-        stale that have changed too much."""
+        """Probe the records that a change may affect, the most affected first: correct their values, and mark records that have
+        changed too much as stale."""
         if not self._basis.moved:
             return
         cache = self.cache
@@ -333,17 +334,17 @@ class RecordGatherer(Owner):
             self._basis = replace(self._basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
-        """(N, PROBED), as ChangeProbe has it, of the records of these numbers."""
+        """Return (N, PROBED) the probes of the records of these numbers, see ChangeProbe."""
         with self.timers("gather"):
             return self.probes(light, self.cache.sites(numbers), self.settings.seed)
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
     def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
-        """Add records at `sites` to the cache, as many as the budget has time for, and at least one. Return how many.
+        """Add records at `sites` to the cache within the budget, and at least one. Return their number.
 
-        size: the side of their gather; 0: as the settings have it. near: True if they cover only what is near, and few rays may
-        do.
+        size: the side of their gather; 0: the settings' side. near: True if the records cover only near surfaces, so that few
+        rays may suffice.
         """
         done, size = 0, size or self._provisional_side
         for some in self.gathers.batches(self.gathers.at(self._basis, size), len(sites), budget):
@@ -352,15 +353,15 @@ class RecordGatherer(Owner):
             try:
                 self.cache.column("gather_size")[numbers] = self._gather(shadows, numbers, size, np.full(len(numbers), near))
             except BaseException:
-                self.cache.truncate(first)  # they hold nothing
+                self.cache.truncate(first)  # their columns are empty
                 raise
             done = some.stop
         return done
 
     def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
-        """Gather the records of these numbers again in place, as many as the budget has time for. Return how many.
+        """Gather the records of these numbers again in place within the budget. Return their number.
 
-        size: as in `gather`.
+        size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
         for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
@@ -370,10 +371,9 @@ class RecordGatherer(Owner):
         return done
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
-        """Gather the records of these numbers, at most a batch, where the cache has them: `near` ones (N,) of the settings' size
-        first along a quarter of the rays, and along all of them where these differ too much.
+        """Gather the records of these numbers, at most a batch, in place. Return (N,) the side of each gather; 0: the settings'.
 
-        Returns (N,) the side of each one's gather; 0: the settings'.
+        near: (N,) True for records that try a quarter of the rays first; all rays follow where the noise is too great.
         """
         sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
         gathered = self._reduced(self.light(shadows), self.cache)
@@ -391,22 +391,22 @@ class RecordGatherer(Owner):
     def provisional(self) -> bool:
         """True while coarse values of the surface cache light the records: all are gathered again by its own values."""
         surface = self.surface_now
-        return surface is not None and surface.stands_in
+        return surface is not None and surface.is_coarse
 
     @property
     def _provisional_side(self) -> int:
-        """The side of provisional records' gathers; 0: as the settings have it."""
+        """The side of provisional records' gathers; 0: the settings' side."""
         return _PROVISIONAL if self.provisional and self.settings.gather_size > _PROVISIONAL else 0
 
     @property
     def _fewer(self) -> int:
-        """The side of a gather along a quarter of the rays, where records may do with that; 0: they may not."""
+        """The side of a gather along a quarter of the rays; 0 where records need all rays."""
         settings, side = self.settings, self.settings.gather_size // 2
         may = settings.gather_size < _NEAR_EXACT and settings.gradients and self._basis.kind in ("trace", "embree")
         return side if may and side >= _FEWEST else 0
 
     def _reduced(self, light: HitLight, records: RecordCache) -> partial[Atlas | None]:
-        """Return gather_records for `records` by this light, which takes a gather and the records' numbers."""
+        """Return gather_records for `records` by this light; the result takes a gather and the records' numbers."""
         settings = self.settings
         reduction = self.gathers.reduction(settings)
         return partial(gather_records, reduce=reduction, light=light, cache=records, seed=settings.seed, timers=self.timers)
@@ -424,27 +424,27 @@ class RecordGatherer(Owner):
         Their surface cache is made when further records are gathered.
         """
         surface = self.surface
-        complete = surface is None or surface.complete or not self._basis.wants_surface
+        complete = surface is None or surface.complete or not self._basis.uses_surface_cache
         self._basis = replace(self._basis, moved=False, from_file=None if complete else bounces)
 
     @property
     def surface_share(self) -> float:
         """The completed share of the surface cache, 0..1; 1 where no cache is required."""
-        return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.progress
+        return 1.0 if self.surface is None or not self._basis.uses_surface_cache else self.surface.progress
 
     @property
     def awaits_light(self) -> bool:
         """True until the surface cache that the settings require has values."""
-        return self._basis.wants_surface and self.surface_now is None
+        return self._basis.uses_surface_cache and self.surface_now is None
 
     @property
     def surface_now(self) -> SurfaceCache | None:
         """The surface cache where it is required and has values; else None."""
         surface = self.surface
-        return surface if surface is not None and surface.result is not None and self._basis.wants_surface else None
+        return surface if surface is not None and surface.result is not None and self._basis.uses_surface_cache else None
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
-        """Return the surface cache's values at every pixel, as from SurfaceViewPass; None while no cache has values."""
+        """Return the surface cache's values at every pixel, see SurfaceViewPass; None while no cache has values."""
         surface = self.surface_now
         return None if surface is None else surface.view(gbuffer)
 
@@ -462,5 +462,5 @@ class RecordGatherer(Owner):
 
 
 def _places(settings: Settings) -> tuple[object, ...]:
-    """The settings that decide where records lie."""
+    """Return the settings that decide where records lie."""
     return settings.seed, settings.placement, settings.warmup

@@ -190,8 +190,8 @@ class Light:
         """A luminaire's flux in lm and greatest intensity in cd, both times the luminance of its colour."""
         if self.photometry is None:
             return 0.0, 0.0
-        shine = float(np.asarray(self.color, float) @ LUMINANCE)
-        return shine * self.photometry.flux, shine * self.photometry.peak
+        luminance = float(np.asarray(self.color, float) @ LUMINANCE)
+        return luminance * self.photometry.flux, luminance * self.photometry.peak
 
     @property
     def key(self) -> tuple[npt.ArrayLike | None, ...]:

@@ -19,14 +19,14 @@ _Z_UP = re.compile(
 _HEADER = 4096  # bytes at the start of a file that may name its exporter
 
 
-def up_vector(path: Path, wanted: UpAxis = "auto") -> Vector:
+def up_vector(path: Path, requested: UpAxis = "auto") -> Vector:
     """Return (3,) the unit vector that points up in the file at `path`.
 
     "auto": y in glTF and PLY; z in STL, as from CAD programs and for printers. In OBJ it is y, or z if the comments at the start
     name an exporter with z up.
     """
-    if wanted != "auto":
-        return _AXES[wanted]
+    if requested != "auto":
+        return _AXES[requested]
     ending = path.suffix.lower()
     return _AXES["z" if ending == ".stl" or (ending == ".obj" and _z_up_by_name(path)) else "y"]
 

@@ -1,12 +1,12 @@
-// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack. With CUT_OUTS, some triangles are not there
-// everywhere.
+// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack. With CUT_OUTS, some triangles have
+// holes.
 #include "lib/rays/hit.glsl"
 #if CUT_OUTS
 #include "generated/vertex_table.glsl"
 #include "lib/rays/cut_outs.glsl"
 #endif
 
-uniform usampler2D bvh_nodes;    // a texel a node, in rows of TABLE_COLUMNS: box and link, as Bvh.nodes has them
+uniform usampler2D bvh_nodes;    // a texel a node, in rows of TABLE_COLUMNS: box and link, see Bvh.nodes
 uniform isampler2D bvh_leaves;   // a texel each: the triangles' numbers, leaf by leaf
 uniform int bvh_count;           // nodes of one octant
 uniform vec3 bvh_start;          // metres: grid coordinate 0 of the boxes
@@ -14,8 +14,8 @@ uniform vec3 bvh_step;           // metres a step
 
 // The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres and less far than `farthest`;
 // none: its t is `farthest`.
-// Software renderers run what an `if` holds for all rays as soon as one has to, but a loop only as often as one needs it:
-// so boxes are a loop of their own that ends at a leaf, and rays wait there for each other (Aila and Laine 2009).
+// A software renderer runs both branches of an `if` for a group of rays, but a loop only as often as the longest ray needs. So
+// boxes have a loop of their own that ends at a leaf, where rays wait for each other (Aila and Laine 2009).
 Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
 {
     Hit hit = Hit(farthest, vec3(0.0), 0);
@@ -70,8 +70,8 @@ Hit bvh_closest(vec3 o, vec3 d, float nearest)
     return bvh_between(o, d, nearest, FARTHEST_HIT);
 }
 
-// Whether nothing stands between the eye and what lies `away` from it, at the distance r. Where it is not `possible` that light
-// comes from there, or that is where the eye is (as with records that an atlas has no more of), no ray is sent.
+// True if the segment from the eye to the point `away` from it, at the distance r, is free. No ray is traced unless light from
+// there is `possible`, nor for r = 0 (unused cells of an atlas).
 bool bvh_way_free(vec3 eye, vec3 away, float r, bool possible)
 {
     float far = possible && r > 0.0 ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is

@@ -1,4 +1,4 @@
-// What is cut out of surfaces for light: it passes where the opacity is less than the material's cutoff.
+// Holes in surfaces: light passes where the opacity is less than the material's cutoff.
 #include "lib/dither.glsl"
 #include "lib/material_table.glsl"
 
@@ -16,7 +16,7 @@ bool light_passes(Vertex point)
     vec4 across = material_row(material, MATERIAL_ALBEDO_TEXTURE), down = material_row(material, MATERIAL_ALBEDO_TEXTURE + 1);
     vec4 about = material_row(material, MATERIAL_ALBEDO_TEXTURE + 2);
     vec2 place = texture_place(point, across, down, 0.0) * float(textureSize(texture_layers, 0).x) * DITHER;
-    // a dithered layer has the share that is there; what the vertices' opacity changes is relative to the material's own
+    // a dithered layer holds the opaque share; the vertices' opacity is relative to the material's own
     if (across.w >= 0.0 && about.y > 0.5) return opacity * about.x / max(cutoff, 1e-6) <= dither(place);
 #endif
     return opacity < cutoff;

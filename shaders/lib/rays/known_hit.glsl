@@ -1,4 +1,4 @@
-// What a ray hits, where somebody else has traced it.
+// The hit of a ray that Embree has traced.
 #include "lib/rays/hit.glsl"
 
 // Nearest hit of a ray whose first triangle is known; -1: none. The hit is on the triangle, even if rounding makes the ray miss it.

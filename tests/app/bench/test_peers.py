@@ -44,9 +44,9 @@ def test_a_scene_in_radiances_words() -> None:
         assert shape == [f"paint{number}", "mesh", f"mesh{number}", "1", f"mesh{number}.rtm", "0", "0"]
     bulb, sphere = lines[2 * len(meshes) :]
     assert bulb[:7] == ["void", "illum", "lamp0", "1", "void", "0", "3"]
-    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance_scene.LAMP**2
+    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance_scene.BULB**2
     assert intensity == pytest.approx(scene.lights[0].color)
-    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.LAMP])
+    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.BULB])
 
 
 # ---- who gets where ------------------------------------------------------------------------------------------------------

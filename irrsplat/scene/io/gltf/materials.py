@@ -251,8 +251,8 @@ class _Pictures:
     @property
     def all(self) -> list[dict[str, Any]]:
         """The existing textureInfos, including the specular one."""
-        shine = None if self.gloss is None else self.gloss.get("specularGlossinessTexture")
-        return [info for info in (self.color, self.emission, self.normal, shine) if isinstance(info, dict)]
+        gloss = None if self.gloss is None else self.gloss.get("specularGlossinessTexture")
+        return [info for info in (self.color, self.emission, self.normal, gloss) if isinstance(info, dict)]
 
 
 def _emission(entry: Mapping[str, Any]) -> _Color:
@@ -270,14 +270,14 @@ def _sources(texture: Mapping[str, Any]) -> list[object]:
 
 def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color, specular_factor: _Color) -> Image:
     """Return the diffuse image (None: white), replaced by the specular one where that is metallic; factors are included."""
-    shine = _times(specular.pixels, specular_factor)
-    color = _times(np.full_like(shine, 255) if diffuse is None else diffuse.pixels, diffuse_factor)
-    if shine.shape != color.shape:
+    gloss = _times(specular.pixels, specular_factor)
+    color = _times(np.full_like(gloss, 255) if diffuse is None else diffuse.pixels, diffuse_factor)
+    if gloss.shape != color.shape:
         import PIL.Image
 
-        shine = np.asarray(PIL.Image.fromarray(shine).resize((color.shape[1], color.shape[0])))
-    metal = shine[..., :3].max(-1, keepdims=True) > round(255.0 * float(srgb(np.array(_METAL))))
-    color[..., :3] = np.where(metal, np.maximum(color[..., :3], shine[..., :3]), color[..., :3])
+        gloss = np.asarray(PIL.Image.fromarray(gloss).resize((color.shape[1], color.shape[0])))
+    metal = gloss[..., :3].max(-1, keepdims=True) > round(255.0 * float(srgb(np.array(_METAL))))
+    color[..., :3] = np.where(metal, np.maximum(color[..., :3], gloss[..., :3]), color[..., :3])
     return Image(color, (diffuse or specular).name)
 
 

@@ -92,8 +92,8 @@ class MaterialFiles:
         missing: list[str] = []
         found = dict.fromkeys(entries, Material())
         if used is not None:
-            wanted = {name.casefold() for word in used for name in (word, name_without_comment(word))}
-            names = [name for name in entries if {name.casefold(), name_without_comment(name).casefold()} & wanted]
+            requested = {name.casefold() for word in used for name in (word, name_without_comment(word))}
+            names = [name for name in entries if {name.casefold(), name_without_comment(name).casefold()} & requested]
             entries = {name: entries[name] for name in names}
         self._read_images(path.parent, entries.values())
         found |= {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}

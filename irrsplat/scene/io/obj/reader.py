@@ -196,8 +196,8 @@ class _State:
 
     def lines_of(self, keys: bytes) -> list[int]:
         """Return the lines with one of the keywords in `keys`."""
-        wanted = set(keys.split())
-        return [i for i, key in enumerate(self.keys) if key in wanted]
+        requested = set(keys.split())
+        return [i for i, key in enumerate(self.keys) if key in requested]
 
     def names(self, keys: bytes, line: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Return the distinct names in these lines, "" first, and the name in effect at each of the lines (F,)."""

@@ -99,10 +99,10 @@ class _Writer:
         if scene.environment is not None:
             self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
             return [f"sky {_numbers(scene.environment.mean)}"]
-        shines = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
-        if not shines and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
+        lit = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
+        if not lit and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
             return []
-        return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not shines else []
+        return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not lit else []
 
     def _can_write_sky(self, scene: Scene) -> bool:
         """True if the scene's sky can be written as a line that includes all of its suns, unchanged."""

@@ -9,7 +9,7 @@ from irrsplat.scene.seen_by_light import sort_of
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """The draw state of materials; other properties come from vertices and the table of materials.
 
     alpha_cutoff: Material.alpha_cutoff where `alpha` is "mask", else 0. filters: Material.filters. glows: True for filters that
@@ -32,21 +32,21 @@ class Look:
         return self.alpha == "blend" or not self.filters
 
 
-PLAIN = Look()  # no texture, opaque, double-sided
+PLAIN = Appearance()  # no texture, opaque, double-sided
 
 
 @dataclass(frozen=True)
 class Run:
     """Consecutive triangles of one draw state: `count` triangles from number `first`."""
 
-    look: Look
+    appearance: Appearance
     first: int
     count: int
 
 
-def look_of(material: Material) -> Look:
+def appearance_of(material: Material) -> Appearance:
     """Return the draw state of a material, without invisible parts such as the texture of a black emission."""
-    return Look(
+    return Appearance(
         albedo=material.albedo_texture,
         emission=material.emission_texture if any(material.emission) else None,
         normal=material.normal_texture if material.normal_scale != 0.0 else None,
@@ -66,9 +66,9 @@ def in_order(scene: Scene) -> list[Mesh]:
 
 def order(scene: Scene) -> list[int]:
     """Return the indices of the meshes in the order of in_order."""
-    looks = {material: look_of(material) for material in scene.materials}
-    numbers = {look: i for i, look in enumerate(dict.fromkeys([PLAIN, *looks.values()]))}
-    keys = [(sort_of(mesh), numbers[looks[mesh.material]]) for mesh in scene.meshes]
+    appearances = {material: appearance_of(material) for material in scene.materials}
+    numbers = {appearance: i for i, appearance in enumerate(dict.fromkeys([PLAIN, *appearances.values()]))}
+    keys = [(sort_of(mesh), numbers[appearances[mesh.material]]) for mesh in scene.meshes]
     return sorted(range(len(keys)), key=keys.__getitem__)
 
 
@@ -79,12 +79,12 @@ def numbered_alike(a: Scene, b: Scene) -> bool:
 
 def runs(scene: Scene) -> tuple[Run, ...]:
     """Return all triangles as runs of one draw state, in the order of their numbers."""
-    looks = {material: look_of(material) for material in scene.materials}
+    appearances = {material: appearance_of(material) for material in scene.materials}
     found: list[Run] = []
     for mesh in in_order(scene):
-        look, count = looks[mesh.material], len(mesh.faces)
-        if found and found[-1].look == look:
+        appearance, count = appearances[mesh.material], len(mesh.faces)
+        if found and found[-1].appearance == appearance:
             found[-1] = replace(found[-1], count=found[-1].count + count)
         elif count:
-            found.append(Run(look, found[-1].first + found[-1].count if found else 0, count))
+            found.append(Run(appearance, found[-1].first + found[-1].count if found else 0, count))
     return tuple(found)
