@@ -23,7 +23,6 @@ from irrsplat.indirect.site_selection import FEWER, chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
-from irrsplat.records.culling import within
 from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
@@ -310,10 +309,6 @@ class RecordScheduler(Owner):
     def pixels_covered(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """Return (N,) float32, about the number of a view's pixels that each record covers."""
         return self.refresh_order.covered(self.cache.records, gbuffer, camera, self.settings)
-
-    def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
-        """Return the number of records in the frustum of a view of `size` (width, height), hidden records included."""
-        return int(np.count_nonzero(within(self.cache.positions, camera, size)))
 
     def state(self) -> CacheState:
         """Return the records with all that a file keeps of them."""

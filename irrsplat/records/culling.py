@@ -29,13 +29,7 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
     radius = np.maximum(radius, _OWN_PIXELS * camera.pixel(size) * distance)
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
-    return first + np.flatnonzero(_outside(offset, camera, size, _MARGIN) <= radius)
-
-
-def within(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """Return (N,) bool, True for points (N, 3) in the frustum of the view of `size`."""
-    inside: np.ndarray = _outside(_offset(points, camera), camera, size) <= 0.0
-    return inside
+    return first + np.flatnonzero(_outside(offset, camera, size) <= radius)
 
 
 def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
@@ -44,17 +38,17 @@ def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
     return offset
 
 
-def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int], margin: float = 0.0) -> np.ndarray:
+def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
     """Return (N,) metres: the greatest distance of points outside a side of the view frustum; below 0 inside.
 
-    offset: (3, N) from the eye. margin: pixels by which the frustum is wider on each side.
+    offset: (3, N) from the eye. The frustum is wider by _MARGIN on each side.
     """
     x, y, z = (np.asarray(sum(float(share) * one for share, one in zip(axis, offset, strict=True))) for axis in camera.axes)
     pixel, whole, corner = camera.pixel(size), camera.whole(size), camera.corner()
     outside: np.ndarray = z
     for v, side, of_all, first in zip((x, y), size, whole, corner, strict=True):
         centre = 0.5 * of_all - first  # pixel of the view axis; in a part of a picture it may lie outside
-        after, before = ((length + margin) * pixel for length in (side - centre, centre))  # tangents of the half angles
+        after, before = ((length + _MARGIN) * pixel for length in (side - centre, centre))  # tangents of the half angles
         for apart, tangent in ((abs(v), after),) if after == before else ((v, after), (-v, before)):
             outside = np.maximum(outside, (apart + tangent * z) * float(1.0 / np.hypot(1.0, tangent)))
     return outside

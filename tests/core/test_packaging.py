@@ -51,9 +51,9 @@ def test_nothing_but_irrsplat_is_importable(installed: Path) -> None:
 @pytest.mark.parametrize(("folder", "inside"), [("irrsplat", ""), ("app", "app"), ("shaders", "shaders"), ("scenes", "scenes")])
 def test_every_module_shader_and_scene_is_in_the_wheel(installed: Path, folder: str, inside: str) -> None:
     files = {path.relative_to(ROOT / folder) for path in (ROOT / folder).rglob("*") if path.is_file()}
-    wanted = {path for path in files if "__pycache__" not in path.parts and not path.name.startswith(".")}
-    assert len(wanted) > 5
-    missing = {str(path) for path in wanted if not (installed / "irrsplat" / inside / path).is_file()}
+    requested = {path for path in files if "__pycache__" not in path.parts and not path.name.startswith(".")}
+    assert len(requested) > 5
+    missing = {str(path) for path in requested if not (installed / "irrsplat" / inside / path).is_file()}
     assert not missing, f"setup.py does not package these: {missing}"
     assert (installed / "irrsplat" / "py.typed").is_file(), "without it, type checkers ignore the annotations"
 

@@ -16,7 +16,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.gather.test_hemisphere import share_of_plane
 from tests.support.luminaires import lopsided, photometry, steps
-from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
+from tests.support.worlds import Lit, box, floor, gather, material, point_light, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
@@ -124,14 +124,14 @@ def test_radius_is_the_harmonic_mean_distance(ctx: moderngl.Context, kind: str) 
 
 ROOF = quad((-3, 1.5, -3), (6, 0, 0), (0, 0, 6), material((0.2, 0.5, 0.9)))
 LIGHTS = {
-    "physical": lamp((0.4, -1.0, 0.2), 5.0),
+    "physical": point_light((0.4, -1.0, 0.2), 5.0),
     "opengl": Light((0.4, -1.0, 0.2), (1.0, 2.0, 3.0), attenuation=(0.5, 0.25, 0.125)),
     "no falloff": Light((0.4, -1.0, 0.2), (1.0, 2.0, 3.0)),
     "directional": Light((0.5, -2.0, 0.25), (1.0, 2.0, 3.0), directional=True),
-    "hard cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=35.0, spot_inner=35.0),
-    "soft cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=45.0, spot_inner=20.0),
+    "hard cone": point_light((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=35.0, spot_inner=35.0),
+    "soft cone": point_light((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=45.0, spot_inner=20.0),
     "exponent": Light((0.4, -1.0, 0.2), (1, 1, 1), spot_target=(0, 1.5, 0), spot_cutoff=60.0, spot_inner=60.0, spot_exponent=8.0),
-    "wide cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=85.0, spot_inner=60.0),
+    "wide cone": point_light((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=85.0, spot_inner=60.0),
     "luminaire": Light(
         (0.4, -1.0, 0.2),
         (3.0, 2.0, 1.0),
@@ -229,7 +229,7 @@ def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context, shade: bool) -> N
     places = np.random.default_rng(3).uniform((-1, 0, -1), (1, 2, 1), inward.shape)
     places = np.where(inward != 0.0, (0, 1, 0) - inward, places)
     shades = [*sides, quad((-0.1, 1.3, -0.1), east, south, grey)] if shade else []
-    with Lit(ctx, scene(walls, *shades, lights=(lamp((0.0, high, 0.0), 7.0),))) as lit:
+    with Lit(ctx, scene(walls, *shades, lights=(point_light((0.0, high, 0.0), 7.0),))) as lit:
         few, many = (lit.gather(sites(places, inward), side).E.mean() for side in (16, 64))
     assert few == pytest.approx(many, rel=0.02)
 
@@ -240,7 +240,7 @@ def room() -> Scene:
         box((-1, -1, -1), (1, 1, 1), material((0.7, 0.4, 0.2), (0.1, 0.2, 0.3)), outward=False),
         box((-0.6, -1, -0.5), (-0.1, -0.2, 0.1), material((0.1, 0.8, 0.3))),
         quad((0.2, -0.4, -0.6), (0.5, 0.1, 0.2), (-0.1, 0.3, 0.4), material((0.9, 0.1, 0.6), (0.5, 0.0, 0.2))),
-        lights=(lamp((0.3, 0.7, 0.2), 2.0),),
+        lights=(point_light((0.3, 0.7, 0.2), 2.0),),
     )
 
 

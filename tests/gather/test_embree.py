@@ -17,7 +17,7 @@ from irrsplat.scene.model import Texture, Wrap
 from irrsplat.settings import Settings
 from tests.gather.test_analytic import room
 from tests.gather.test_textures import UP, checker, image
-from tests.support.worlds import Lit, box, lamp, material, quad, scene, sites
+from tests.support.worlds import Lit, box, material, point_light, quad, scene, sites
 
 pytest.importorskip("embreex")
 
@@ -52,7 +52,7 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context, wrap: Wrap) -> None:
     fences = [replace(quad((-1, height, -1), (0, 0, 2), (2, 0, 0), paint), uvs=uvs) for height in (0.5, 0.52, 0.6)]
     behind = box((-0.3, 0.8, -0.3), (0.3, 1.0, 0.3), material(0.8))
     where = sites([(x, 0.0, 0.1) for x in np.linspace(-0.8, 0.8, 9)], UP)
-    with Lit(ctx, scene(*fences, behind, sky=1.0, lights=(lamp((0.0, 2.0, 0.0)),))) as lit:
+    with Lit(ctx, scene(*fences, behind, sky=1.0, lights=(point_light((0.0, 2.0, 0.0)),))) as lit:
         truth, found = (lit.gather(where, 32, kind).E[:, 0] for kind in ("trace", "embree"))
     assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there are fences"
     assert np.allclose(found, truth, rtol=2e-3)

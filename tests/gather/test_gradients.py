@@ -10,15 +10,15 @@ from irrsplat.scene.model import Scene
 from tests.support.worlds import Gathered, gather, material, polygon_vector, quad, scene, sites
 
 # A square light of 2 m overhead, and a black board below it that hides part of it: far and near edges, as at a table's rim
-LAMP_HALF, LAMP_HEIGHT = 1.0, 2.0
+EMITTER_HALF, EMITTER_HEIGHT = 1.0, 2.0
 BOARD = np.array([[-0.2, 1.0, -0.5], [0.6, 1.0, -0.5], [0.6, 1.0, 0.4], [-0.2, 1.0, 0.4]])
 
 
 def world() -> Scene:
     """Return the light (L = 1) and the board."""
-    lamp = quad((-LAMP_HALF, LAMP_HEIGHT, -LAMP_HALF), (2, 0, 0), (0, 0, 2), material(0.0, 1.0))
+    point_light = quad((-EMITTER_HALF, EMITTER_HEIGHT, -EMITTER_HALF), (2, 0, 0), (0, 0, 2), material(0.0, 1.0))
     board = quad(BOARD[0], BOARD[1] - BOARD[0], BOARD[3] - BOARD[0], material(0.0))
-    return scene(lamp, board)
+    return scene(point_light, board)
 
 
 def vector(p: np.ndarray) -> np.ndarray:
@@ -27,15 +27,15 @@ def vector(p: np.ndarray) -> np.ndarray:
     Seen from p, the board's shadow on the light's plane is its picture scaled about p by (2 - p_y)/(1 - p_y), an
     axis-aligned rectangle. Its intersection with the light is one too.
     """
-    grow = (LAMP_HEIGHT - p[..., 1]) / (1.0 - p[..., 1])
+    grow = (EMITTER_HEIGHT - p[..., 1]) / (1.0 - p[..., 1])
 
     def rectangle(x0: np.ndarray, x1: np.ndarray, z0: np.ndarray, z1: np.ndarray) -> np.ndarray:
         around = ((x0, z0), (x1, z0), (x1, z1), (x0, z1))
-        return polygon_vector(np.stack([np.stack([x, np.full_like(x, LAMP_HEIGHT), z], -1) for x, z in around], -2), p)
+        return polygon_vector(np.stack([np.stack([x, np.full_like(x, EMITTER_HEIGHT), z], -1) for x, z in around], -2), p)
 
-    one = np.full(p.shape[:-1], LAMP_HALF)
-    low = np.maximum(p[..., [0, 2]] + (BOARD[0, [0, 2]] - p[..., [0, 2]]) * grow[..., None], -LAMP_HALF)
-    high = np.minimum(p[..., [0, 2]] + (BOARD[2, [0, 2]] - p[..., [0, 2]]) * grow[..., None], LAMP_HALF)
+    one = np.full(p.shape[:-1], EMITTER_HALF)
+    low = np.maximum(p[..., [0, 2]] + (BOARD[0, [0, 2]] - p[..., [0, 2]]) * grow[..., None], -EMITTER_HALF)
+    high = np.minimum(p[..., [0, 2]] + (BOARD[2, [0, 2]] - p[..., [0, 2]]) * grow[..., None], EMITTER_HALF)
     overlap = (high > low).all(-1)
     high = np.maximum(high, low + 1e-9)
     hidden = rectangle(low[..., 0], high[..., 0], low[..., 1], high[..., 1])

@@ -58,8 +58,8 @@ def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: 
 
     The same holds below a panel entirely above the horizon.
     """
-    lamp, rng = panel(), np.random.default_rng(1)
-    corners = lamp.positions.astype(float)
+    point_light, rng = panel(), np.random.default_rng(1)
+    corners = point_light.positions.astype(float)
     where, normal = rng.uniform((-1, 0, -1), (1, 0.6, 1), (32, 3)), np.array((0.1, 1.0, 0.05))
     normal /= np.linalg.norm(normal)
     axes = np.linalg.svd(normal[None])[2][1:]
@@ -72,7 +72,7 @@ def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: 
     gradient = np.array([[(E(p + d) - E(p - d)) / 2e-3 for d in step] for p in where])
     values = np.linalg.eigvalsh(np.array([hessian(E, p, axes) for p in where])) / truth[:, None]
     values = np.take_along_axis(values, np.argsort(np.abs(values), axis=1), 1)
-    with Lit(ctx, scene(floor(6.0, -0.5, material(0.0)), lamp)) as lit:
+    with Lit(ctx, scene(floor(6.0, -0.5, material(0.0)), point_light)) as lit:
         found = look(lit, where, normal, 256, kind)
     for channel, radiance in enumerate(EMITTER):
         assert relative(found.E[:, channel], radiance * truth) < 0.005
@@ -142,10 +142,10 @@ def test_a_panel_whose_image_shines_in_one_half_lights_as_that_half(ctx: moderng
     plain = quad((-0.4, 2.5, -0.3), (0.8, 0, 0), (0, 0, 0.6))
     paint = Material(albedo=(0.0, 0.0, 0.0), emission=EMITTER, emission_texture=Texture(Image(pixels), wrap=("clamp", "clamp")))
     uvs = np.array([(0, 0, 0, 0), (1, 0, 0, 0), (1, 1, 0, 0), (0, 1, 0, 0)], "f4")
-    lamp = replace(plain, material=paint, uvs=uvs)
+    point_light = replace(plain, material=paint, uvs=uvs)
     half = plain.positions.astype(float) * (0.5, 1, 1) + (0.2, 0, 0)
     where = np.random.default_rng(4).uniform((-1.5, 0, -1.5), (1.5, 0, 1.5), (32, 3))
-    with Lit(ctx, scene(ROOM, lamp)) as lit:
+    with Lit(ctx, scene(ROOM, point_light)) as lit:
         found = look(lit, where, UP, 256)
     for channel, radiance in enumerate(EMITTER):
         assert relative(found.E[:, channel], radiance * polygon_vector(half, where)[:, 1]) < 0.03

@@ -13,7 +13,7 @@ from irrsplat.core.color import linear_from_srgb
 from irrsplat.gather.plane import FIELD
 from irrsplat.scene.model import Image, Material, Mesh, Texture
 from tests.gather.test_hemisphere import share_of_plane
-from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
+from tests.support.worlds import Lit, box, floor, gather, material, point_light, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
 SEEN = {"trace": 1.0, "plane": share_of_plane(FIELD)}  # share of the cosine-weighted hemisphere
@@ -97,7 +97,7 @@ def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context
 def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context) -> None:
     """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_light at each point."""
     texture = Texture(image(np.tile([255, 255, 188], (4, 4, 1))))
-    lights = (lamp((0, 0.5, 0), 3.0),)
+    lights = (point_light((0, 0.5, 0), 3.0),)
     paint = Material((0.5, 0.5, 0.5), albedo_texture=texture)
     mesh = ceiling(paint, 3.0)
     mesh = replace(mesh, colors=np.tile(np.array([0.8, 0.4, 0.8], "f4"), (4, 1)))
@@ -152,7 +152,7 @@ PASSED = {
 def test_panes_change_no_light(ctx: moderngl.Context, kind: str) -> None:
     """Panes of any kind change no bit of records below them and of surfaces behind them."""
     room = quad((-2, -0.5, -2), (4, 0, 0), (0, 0, 4)), box((0.3, -0.5, 0.3), (0.6, 0.6, 0.6), material(0.7))
-    lit: dict[str, Any] = {"lights": (lamp((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
+    lit: dict[str, Any] = {"lights": (point_light((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
     where = sites([(0, 0, 0), (0.5, 0.2, 0.0)], [UP, (0, 0, 1)])
     far = ceiling(material(), 3.0, 4.0)  # keeps the scene's size
     panes = [ceiling(pane, 1.0 + i / 8, 0.9 + i / 8) for i, pane in enumerate(PASSED.values())]
@@ -180,7 +180,7 @@ def test_the_shadow_of_a_cut_out_square_has_the_hole_where_it_should_be(ctx: mod
     card = ceiling(paint, 0.5, 1.0)
     x, z = (0.05 * (a.ravel() - 16.3) for a in np.meshgrid(np.arange(33), np.arange(33)))
     eye = np.stack([x, np.full_like(x, 0.005), z], -1)
-    with Lit(ctx, scene(floor(2.0, paint=material(1.0)), card, lights=(lamp(place),)), 512) as lit:
+    with Lit(ctx, scene(floor(2.0, paint=material(1.0)), card, lights=(point_light(place),)), 512) as lit:
         E = lit.gather(sites(eye, (0, -1, 0)), 4, capacity=len(eye)).E[:, 0]  # of a disc of 5 cm below
     t = (1.0 - 0.0) / (place[1] - 0.0)
     u, v = (0.5 + p + (q - p) * t for p, q in ((x, place[0]), (z, place[2])))

@@ -14,21 +14,21 @@ from irrsplat.lighting.virtual_lights import VirtualLightPasses, virtual_lights
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
 from tests.gather.test_light_samples import look, relative
-from tests.support.worlds import Lit, box, lamp, material, polygon_vector, quad, scene
+from tests.support.worlds import Lit, box, material, point_light, polygon_vector, quad, scene
 
 ALBEDO, POWER = 0.6, 5.0
 BELOW = 0.05  # metres from the ceiling to the light
 HEIGHT = 3.0  # of the ceiling, metres
 SAMPLES, RAYS = 512, 64**2 / np.pi
 UP = np.array((0.0, 1.0, 0.0))
-LAMP = lamp((0.2, HEIGHT - BELOW, 0.1), POWER)
+LIGHT = point_light((0.2, HEIGHT - BELOW, 0.1), POWER)
 DARK = box((-4, 0, -4), (4, HEIGHT, 4), material(0.0), outward=False)
 CEILING = quad((-3.99, HEIGHT - 1e-3, -3.99), (7.98, 0, 0), (0, 0, 7.98), material(ALBEDO))
 
 
 def from_ceiling(where: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Return irradiance (N,) in W/m² at points (N, 3) facing `normal`, from the lit ceiling, as a sum over rings around LAMP."""
-    x, height = np.asarray(LAMP.position), HEIGHT - 1e-3
+    x, height = np.asarray(LIGHT.position), HEIGHT - 1e-3
     h = height - x[1]
     # equal shares of the light's power: 1 - h/√(h² + s²) is uniform
     share, angle = (np.arange(1000) + 0.5) / 1000, (np.arange(64) + 0.5) * (2.0 * np.pi / 64)
@@ -58,7 +58,7 @@ def test_a_bright_spot_on_the_ceiling_lights_a_wall(ctx: moderngl.Context, kind:
     where, normal = np.random.default_rng(1).uniform((-2, 1.5, -1.5), (-1.5, 2.8, 1.5), (24, 3)), np.array((1.0, 0.0, 0.0))
     axes = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
     truth, slope = from_ceiling(where, normal), gradients(where, normal, axes)
-    with Lit(ctx, scene(DARK, CEILING, lights=(LAMP,)), 1024) as lit:
+    with Lit(ctx, scene(DARK, CEILING, lights=(LIGHT,)), 1024) as lit:
         alone, found = (look(lit, where, normal, samples, kind, side=32) for samples in (0, SAMPLES))
     assert relative(found.E[:, 0], truth) < min(0.01, 0.4 * relative(alone.E[:, 0], truth))
     assert found.E[:, 0].mean() == pytest.approx(truth.mean(), rel=0.005), "nothing is missing, nor counted twice"
@@ -70,11 +70,11 @@ def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
     """144 is a Fibonacci number: a golden spiral rotated by 144 steps nearly coincides with itself, so that sets would
     overlap.
     """
-    with Lit(ctx, scene(DARK, lights=(LAMP,)), 64) as lit, VirtualLightPasses(lit.world) as passes:
+    with Lit(ctx, scene(DARK, lights=(LIGHT,)), 64) as lit, VirtualLightPasses(lit.world) as passes:
         uniforms = {**lit.world.trace_uniforms, "rays": 144.0, "further": 0, "near": near_plane(lit.world.scene)}
-        rows = np.array([[[*LAMP.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]])
+        rows = np.array([[[*LIGHT.position, 0.0], [0.0, 1.0, 0.0, 2.0], [0.0] * 4]])
         place, *_ = passes.find(rows, 144, 28, uniforms)
-    away = place[0, ..., :3].reshape(-1, 3) - LAMP.position
+    away = place[0, ..., :3].reshape(-1, 3) - LIGHT.position
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     distance, _ = KDTree(away).query(away, 2)
     assert np.quantile(distance[:, 1], 0.1) > 0.4 * np.sqrt(4.0 * np.pi / len(away)), "of the spacing of an even grid"
@@ -82,13 +82,13 @@ def test_sets_lie_evenly_together(ctx: moderngl.Context) -> None:
 
 def test_lights_that_come_back_shine_again(ctx: moderngl.Context) -> None:
     """A further spot needs other programs. Its removal restores virtual lights that were found before it."""
-    spot = lamp((1.0, 1.0, 0.1), POWER, spot_target=(1.0, HEIGHT, 0.1), spot_cutoff=30.0, spot_inner=20.0)
-    few = scene(DARK, CEILING, lights=(LAMP,))
+    spot = point_light((1.0, 1.0, 0.1), POWER, spot_target=(1.0, HEIGHT, 0.1), spot_cutoff=30.0, spot_inner=20.0)
+    few = scene(DARK, CEILING, lights=(LIGHT,))
     with Lit(ctx, few) as lit:
         found = virtual_lights(lit.world, SAMPLES, RAYS)
         assert found is not None
         found.sample_uniforms(lit.light.shadows)
-        for other in (replace(few, lights=(LAMP, spot)), few):
+        for other in (replace(few, lights=(LIGHT, spot)), few):
             lit.world.apply(SceneChange.between(lit.world.scene, other))
             virtual_lights(lit.world, 64, RAYS)
         assert virtual_lights(lit.world, SAMPLES, RAYS) is found, "kept, for its lights are as before"
@@ -98,7 +98,7 @@ def test_lights_that_come_back_shine_again(ctx: moderngl.Context) -> None:
 @pytest.mark.parametrize("half", [5.0, 2.0, 0.5])
 def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, half: float) -> None:
     """The beam's spot of down to 17 mm receives Φ = I·2π(1 - cos) and is a small Lambert emitter: E = ρΦ/π·h²/d⁴."""
-    beam = lamp((0.2, 1.0, 0.1), POWER, spot_target=(0.2, HEIGHT, 0.1), spot_cutoff=half, spot_inner=half)
+    beam = point_light((0.2, 1.0, 0.1), POWER, spot_target=(0.2, HEIGHT, 0.1), spot_cutoff=half, spot_inner=half)
     where = np.random.default_rng(2).uniform((-2, 0, -2), (2, 0, 2), (24, 3))
     with Lit(ctx, scene(DARK, CEILING, lights=(beam,)), 1024) as lit:
         found, h = look(lit, where, UP, SAMPLES).E[:, 0], HEIGHT - 1e-3

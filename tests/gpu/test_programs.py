@@ -41,7 +41,7 @@ from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import SIZE
-from tests.support.worlds import Lit, floor, lamp, scene
+from tests.support.worlds import Lit, floor, point_light, scene
 
 LIT = {
     "lighting/direct",
@@ -126,7 +126,7 @@ def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(
     file = tmp_path / "shaders/image/composite.frag"
     good = file.read_text()
     at = next(i for i, line in enumerate(good.splitlines()) if "void main" in line)
-    with Renderer(scene(floor(), lights=(lamp((0, 2, 0)),)), (16, 12), ctx=ctx, bounces=0) as renderer:
+    with Renderer(scene(floor(), lights=(point_light((0, 2, 0)),)), (16, 12), ctx=ctx, bounces=0) as renderer:
         before = renderer.render().image
         monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path / "shaders")
         for text, works in (

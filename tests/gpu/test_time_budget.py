@@ -36,18 +36,18 @@ class Machine(Clock):
     def finish(self) -> None:
         pass
 
-    def tick(self, seconds: float | None, wanted: int = MANY, rays: int = 0) -> float:
+    def tick(self, seconds: float | None, requested: int = MANY, rays: int = 0) -> float:
         """Do one tick of items with so many rays each; the seconds that it took."""
         start = self.time
-        for count in self.pace.batches(wanted, 1000, Budget(seconds), rays):
+        for count in self.pace.batches(requested, 1000, Budget(seconds), rays):
             self.time += (self.overhead + self.each * count) * self.random.lognormal(0.0, self.noise)
             self.sizes.append(count)
         return self.time - start
 
-    def ticks(self, number: int, seconds: float, wanted: int = MANY) -> np.ndarray:
+    def ticks(self, number: int, seconds: float, requested: int = MANY) -> np.ndarray:
         """Do so many ticks; the seconds of each. `sizes` are those of these ticks alone."""
         self.sizes.clear()
-        return np.array([self.tick(seconds, wanted) for _ in range(number)])
+        return np.array([self.tick(seconds, requested) for _ in range(number)])
 
     @property
     def useful(self) -> float:

@@ -21,7 +21,7 @@ from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.scene.model import Camera, Scene
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import ABOVE, assert_pictures, box, floor, lamp, material, quad, rays, scene
+from tests.support.worlds import ABOVE, assert_pictures, box, floor, material, point_light, quad, rays, scene
 
 MEANS = ("image", "direct", "indirect", "emission")
 
@@ -154,7 +154,7 @@ SETTINGS: Any = ({}, {"blend": 0.8, "preset": "paper", "warmup": 50, "a": 0.3}, 
 @pytest.mark.parametrize("settings", SETTINGS)
 def test_what_is_a_mean_and_what_is_the_centre_s(settings: dict[str, Any]) -> None:
     """The image is the blend of the means; geometry, irradiance, weight and records are those of one sample, bit for bit."""
-    world = scene(floor(0.5), box((-0.2, 0, -0.2), (0.1, 0.3, 0.1)), lights=(lamp((1, 2, 1)),), sky=(0.1, 0.2, 0.3))
+    world = scene(floor(0.5), box((-0.2, 0, -0.2), (0.1, 0.3, 0.1)), lights=(point_light((1, 2, 1)),), sky=(0.1, 0.2, 0.3))
     one, many = (irrsplat.render(world, SIZE, **{**FAST, **settings, "samples": n}) for n in (1, 8))
     assert one.stats["samples"] == 1 and many.stats["samples"] == 8 and many.stats["converged"]
     assert many.stats["records"] == one.stats["records"]

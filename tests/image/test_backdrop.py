@@ -15,7 +15,7 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.image.backdrop import display_picture
 from irrsplat.image.tonemap import exposure_of, tonemap
 from irrsplat.scene.model import Camera, Scene
-from tests.support.worlds import floor, lamp, material, rays, scene
+from tests.support.worlds import floor, material, point_light, rays, scene
 
 SIZE = (24, 20)
 SIDE = Camera((0.3, 1.5, 2.0), (0.0, 0.3, 0.0), (0.1, 1.0, 0.0), 50.0)
@@ -23,7 +23,7 @@ SIDE = Camera((0.3, 1.5, 2.0), (0.0, 0.3, 0.0), (0.1, 1.0, 0.0), 50.0)
 
 def world(own: bool) -> Scene:
     """A room under a sky that is brighter above, with a light."""
-    made = scene(floor(1.0, paint=material(0.9)), lights=(lamp((0, 2, 0), 3.0),), sky=(0.2, 0.5, 0.8), camera=SIDE)
+    made = scene(floor(1.0, paint=material(0.9)), lights=(point_light((0, 2, 0), 3.0),), sky=(0.2, 0.5, 0.8), camera=SIDE)
     return replace(made, sky_gradient=(0.1, 0.2, 0.3), up=(0.0, 0.6, 0.8), own_sky=own)
 
 

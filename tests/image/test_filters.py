@@ -16,7 +16,7 @@ from tests.support.worlds import material, scene
 SIZE = (12, 12)
 RED, BLUE = (0.9, 0.2, 0.1), (0.1, 0.3, 0.8)
 WALL = square(material(0.5, (2.0, 3.0, 4.0)), z=-0.5, half=3.0)
-SHINES = np.array((2.0, 3.0, 4.0))
+EMISSIVE = np.array((2.0, 3.0, 4.0))
 
 
 def shown(*meshes: Mesh, camera: Camera = HEAD_ON, **settings: object) -> irrsplat.Frame:
@@ -40,7 +40,7 @@ def test_two_panes_leave_the_product_of_what_each_leaves(nearer: tuple[float, fl
     farther = BLUE if nearer == RED else RED
     plain = shown(WALL)
     frame = shown(WALL, glass(nearer, 0.4, 0.2), glass(farther, 0.3, 0.1))
-    assert np.allclose(frame.image, SHINES * left(nearer, 0.4) * left(farther, 0.3), rtol=1e-5)
+    assert np.allclose(frame.image, EMISSIVE * left(nearer, 0.4) * left(farther, 0.3), rtol=1e-5)
     assert np.allclose(frame.opacity, 0.4)
     for name in ("emission", "albedo", "depth", "normal", "position", "direct", "alpha"):
         assert np.array_equal(getattr(frame, name), getattr(plain, name)), name
@@ -58,7 +58,7 @@ def test_what_holds_back_half_of_the_light_is_a_surface(opacity: float, transmis
         assert np.allclose(frame.albedo, RED) and np.allclose(frame.image, 0.0) and np.allclose(frame.opacity, 1.0)
     else:
         held = opacity if mode == "blend" else 1.0
-        assert np.allclose(frame.image, SHINES * left(RED, held), rtol=1e-5) and np.allclose(frame.opacity, held)
+        assert np.allclose(frame.image, EMISSIVE * left(RED, held), rtol=1e-5) and np.allclose(frame.opacity, held)
 
 
 def test_an_image_decides_from_place_to_place() -> None:
@@ -68,9 +68,9 @@ def test_an_image_decides_from_place_to_place() -> None:
     frame = shown(WALL, square(paint))
     colour = linear_from_srgb(texels[0, 0, :3] / 255.0)
     for columns, radiance, opacity in (
-        (slice(0, 4), 0.0 * SHINES, 1.0),
-        (slice(4, 8), SHINES * (1.0 - 77 / 255 * (1.0 - colour)), 77 / 255),
-        (slice(8, 12), SHINES, 1.0),
+        (slice(0, 4), 0.0 * EMISSIVE, 1.0),
+        (slice(4, 8), EMISSIVE * (1.0 - 77 / 255 * (1.0 - colour)), 77 / 255),
+        (slice(8, 12), EMISSIVE, 1.0),
     ):
         assert np.allclose(frame.image[:, columns], radiance, rtol=0.01)
         assert np.allclose(frame.opacity[:, columns], opacity, rtol=0.01)
@@ -80,24 +80,26 @@ def test_the_sky_is_tinted_in_the_picture_alone() -> None:
     """A pane without a surface behind it shows the sky; its own radiance stays in the buffer of emission."""
     world = scene(glass(RED, 0.3), sky=(2.0, 3.0, 4.0), camera=HEAD_ON)
     frame = irrsplat.render(world, SIZE, bounces=0, backdrop="sky")
-    assert np.allclose(frame.image, SHINES * left(RED), rtol=1e-5) and np.allclose(frame.emission, SHINES)
+    assert np.allclose(frame.image, EMISSIVE * left(RED), rtol=1e-5) and np.allclose(frame.emission, EMISSIVE)
     assert np.isinf(frame.depth).all() and np.allclose(frame.opacity, 0.3)
     clear = irrsplat.render(world, SIZE, bounces=0, backdrop="clear")
     rest = left(RED) - left(RED).min()
-    assert np.allclose(clear.image, SHINES * rest, rtol=1e-5) and np.allclose(clear.alpha, 1.0 - left(RED).min(), atol=1e-6)
+    assert np.allclose(clear.image, EMISSIVE * rest, rtol=1e-5) and np.allclose(clear.alpha, 1.0 - left(RED).min(), atol=1e-6)
 
 
 def test_what_a_pane_emits_is_added() -> None:
     """opacity·emission, on top of what it leaves of the wall; through a nearer pane it is not tinted."""
     frame = shown(WALL, glass(RED, 0.4, 0.1, emission=(1.0, 0.5, 0.25)), glass(BLUE, 0.3, 0.2))
-    wanted = SHINES * left(RED, 0.4) * left(BLUE) + 0.4 * np.array((1.0, 0.5, 0.25))
-    assert np.allclose(frame.image, wanted, rtol=1e-5) and np.allclose(frame.emission, SHINES)
+    requested = EMISSIVE * left(RED, 0.4) * left(BLUE) + 0.4 * np.array((1.0, 0.5, 0.25))
+    assert np.allclose(frame.image, requested, rtol=1e-5) and np.allclose(frame.emission, EMISSIVE)
 
 
 def test_samples_are_tinted_one_by_one() -> None:
     """Half of each pixel in the middle column is behind the pane, as far as samples tell."""
     pane = replace(glass(RED), positions=glass(RED).positions - np.array([1.0 + 1 / 12, 0, 0], "f4"))
     frame = shown(WALL, pane, samples=64)
-    middle = SHINES * (1.0 + left(RED)) / 2.0
-    assert np.allclose(frame.image[:, :5], SHINES * left(RED), rtol=1e-5) and np.allclose(frame.image[:, 6:], SHINES, rtol=1e-5)
+    middle = EMISSIVE * (1.0 + left(RED)) / 2.0
+    assert np.allclose(frame.image[:, :5], EMISSIVE * left(RED), rtol=1e-5) and np.allclose(
+        frame.image[:, 6:], EMISSIVE, rtol=1e-5
+    )
     assert np.abs(frame.image[:, 5] / middle - 1.0).max() < 0.05

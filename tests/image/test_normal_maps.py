@@ -56,8 +56,8 @@ def test_a_map_is_turned_as_its_image_lies_on_the_surface(ctx: moderngl.Context,
     uvs, right, up = LAID[name]
     x, y, z = normal = np.array((0.4, 0.3, 0.866)) / np.linalg.norm((0.4, 0.3, 0.866))
     found = mapped(ctx, square(bumpy(tuple(normal)), uvs))
-    wanted = x * np.asarray(right) + y * np.asarray(up) + z * np.array((0, 0, 1))
-    assert np.abs(found - wanted / np.linalg.norm(wanted)).max() < 0.012  # steps of 1/127
+    requested = x * np.asarray(right) + y * np.asarray(up) + z * np.array((0, 0, 1))
+    assert np.abs(found - requested / np.linalg.norm(requested)).max() < 0.012  # steps of 1/127
 
 
 def test_from_behind_a_bump_is_a_dent(ctx: moderngl.Context) -> None:
@@ -68,9 +68,9 @@ def test_from_behind_a_bump_is_a_dent(ctx: moderngl.Context) -> None:
 
 
 def test_the_scale_is_a_factor_on_what_is_not_outward(ctx: moderngl.Context) -> None:
-    wanted = np.array((0.5 * np.tan(np.radians(30.0)), 0.0, 1.0))
+    requested = np.array((0.5 * np.tan(np.radians(30.0)), 0.0, 1.0))
     found = mapped(ctx, square(bumpy(tilted(30.0), normal_scale=0.5), UPRIGHT))
-    assert np.abs(found - wanted / np.linalg.norm(wanted)).max() < 0.012
+    assert np.abs(found - requested / np.linalg.norm(requested)).max() < 0.012
 
 
 @pytest.mark.parametrize(
@@ -109,18 +109,18 @@ def test_irradiance_is_that_of_the_bent_normal(sky: float, gradient: float, degr
     world = replace(scene(square(bumpy(tilted(degrees)), UPRIGHT), sky=sky, camera=HEAD_ON), up=(1.0, 0.0, 0.0))
     world = replace(world, sky_gradient=(gradient,) * 3)
     frame = gathered(world)
-    found, wanted = frame.irradiance.mean((0, 1)), _truth(np.asarray(tilted(degrees)), sky, gradient)
-    assert np.abs(found / wanted - 1.0).max() < 0.02
+    found, requested = frame.irradiance.mean((0, 1)), _truth(np.asarray(tilted(degrees)), sky, gradient)
+    assert np.abs(found / requested - 1.0).max() < 0.02
     assert np.allclose(frame.smooth_normal, (0, 0, 1), atol=1e-6) and np.allclose(frame.records_normal, (0, 0, 1), atol=1e-6)
     assert np.allclose(frame.normal, tilted(degrees), atol=0.012)
 
 
-def test_lamps_shine_on_the_bent_normal() -> None:
+def test_lights_use_the_bent_normal() -> None:
     """ρ/π·E_direct with E = π·n·l, and nothing from below the surface itself."""
     normal, light = np.asarray(tilted(40.0)), np.asarray(tilted(60.0))
     sun = Light(tuple(light), (1.0, 1.0, 1.0), directional=True)
     low = Light(tilted(100.0), (1.0, 1.0, 1.0), directional=True)
-    for lights, wanted in (((sun,), normal @ light), ((low,), 0.0)):
+    for lights, requested in (((sun,), normal @ light), ((low,), 0.0)):
         world = scene(square(bumpy(tilted(40.0)), UPRIGHT), lights=lights, camera=HEAD_ON)
         frame = irrsplat.render(world, (8, 8), bounces=0)
-        assert np.abs(frame.direct - wanted).max() < 0.012
+        assert np.abs(frame.direct - requested).max() < 0.012

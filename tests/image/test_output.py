@@ -66,9 +66,9 @@ def test_exr_layers_are_the_buffers(frame: Frame, tmp_path: Path) -> None:
 
     frame.save(tmp_path / "a.exr")
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
-        wanted = {f"{n}.{s}" for n, c in CHANNELS.items() if c.components == 3 for s in "RGB"}
-        wanted |= {"weight", "depth", "alpha", "opacity"}
-        assert set(file.channels()) == wanted
+        requested = {f"{n}.{s}" for n, c in CHANNELS.items() if c.components == 3 for s in "RGB"}
+        requested |= {"weight", "depth", "alpha", "opacity"}
+        assert set(file.channels()) == requested
         for name, channel in file.channels().items():
             stem, _, component = name.partition(".")
             values = getattr(frame, stem)
@@ -195,8 +195,8 @@ def test_the_colours_of_scalars() -> None:
     """Viridis runs from (0.267, 0.005, 0.329) by (0.128, 0.567, 0.551) to (0.993, 0.906, 0.144); infinity is black."""
     ramp = np.concatenate([np.linspace(0.0, 1.0, 101), [np.inf]])[None]
     colours = heat(ramp)[0]
-    for index, wanted in ((0, (0.267, 0.005, 0.329)), (50, (0.128, 0.567, 0.551)), (100, (0.993, 0.906, 0.144))):
-        np.testing.assert_allclose(colours[index], wanted, atol=0.02)
+    for index, requested in ((0, (0.267, 0.005, 0.329)), (50, (0.128, 0.567, 0.551)), (100, (0.993, 0.906, 0.144))):
+        np.testing.assert_allclose(colours[index], requested, atol=0.02)
     assert (colours[101] == 0).all()
     assert np.isfinite(heat(np.full((2, 2), 3.0))).all()  # a constant has no range
     assert (heat(np.full((2, 2), np.inf)) == 0).all()

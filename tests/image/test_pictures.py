@@ -56,12 +56,12 @@ def test_an_exr_has_blenders_names(frame: irrsplat.Frame, tmp_path: Path) -> Non
     frame.save(tmp_path / "a.exr", exr_names="blender")
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         found = {name: channel.pixels for name, channel in file.channels().items()}
-    wanted = {f"ViewLayer.Combined.{c}": frame.image[..., i] for i, c in enumerate("RGB")}
-    wanted |= {f"ViewLayer.Normal.{c}": frame.normal[..., i] for i, c in enumerate("XYZ")}
-    wanted |= {f"ViewLayer.irradiance.{c}": frame.irradiance[..., i] for i, c in enumerate("RGB")}
-    wanted |= {"ViewLayer.Depth.Z": np.where(np.isfinite(frame.depth), frame.depth, 1e10).astype("f4")}
-    wanted |= {"ViewLayer.Combined.A": np.ones_like(frame.depth), "ViewLayer.weight.X": frame.weight}
-    for name, values in wanted.items():
+    requested = {f"ViewLayer.Combined.{c}": frame.image[..., i] for i, c in enumerate("RGB")}
+    requested |= {f"ViewLayer.Normal.{c}": frame.normal[..., i] for i, c in enumerate("XYZ")}
+    requested |= {f"ViewLayer.irradiance.{c}": frame.irradiance[..., i] for i, c in enumerate("RGB")}
+    requested |= {"ViewLayer.Depth.Z": np.where(np.isfinite(frame.depth), frame.depth, 1e10).astype("f4")}
+    requested |= {"ViewLayer.Combined.A": np.ones_like(frame.depth), "ViewLayer.weight.X": frame.weight}
+    for name, values in requested.items():
         np.testing.assert_array_equal(found[name], values, err_msg=name)
     assert len(found) == 1 + sum(channel.components for channel in CHANNELS.values())
 
@@ -89,9 +89,9 @@ def test_a_sheet_shows_every_buffer(frame: irrsplat.Frame) -> None:
     factor = -(-NARROW // 40)
     small = np.round(255.0 * frame.contact_sheet(["albedo"])).astype(int)
     assert small.shape[1] < 2 * factor * 40 < sheet.shape[1]
-    wanted = np.round(255.0 * np.clip(frame.picture, 0.0, 1.0)).astype(int).repeat(factor, 0).repeat(factor, 1)
-    corners = np.argwhere((sheet[: -wanted.shape[0], : -wanted.shape[1]] == wanted[0, 0]).all(-1))
-    assert any((sheet[y : y + wanted.shape[0], x : x + wanted.shape[1]] == wanted).all() for y, x in corners[:2000])
+    requested = np.round(255.0 * np.clip(frame.picture, 0.0, 1.0)).astype(int).repeat(factor, 0).repeat(factor, 1)
+    corners = np.argwhere((sheet[: -requested.shape[0], : -requested.shape[1]] == requested[0, 0]).all(-1))
+    assert any((sheet[y : y + requested.shape[0], x : x + requested.shape[1]] == requested).all() for y, x in corners[:2000])
     assert sheet.reshape(-1, 3).max() > 200 and frame.contact_sheet().dtype == np.float32
     with pytest.raises(InputError, match="unknown buffer 'colour'"):
         frame.contact_sheet(["colour"])

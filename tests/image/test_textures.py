@@ -141,8 +141,8 @@ def test_what_is_masked_shows_what_is_behind(ctx: moderngl.Context) -> None:
     leaf = worn(Texture(_alpha(alphas), nearest=True), opacity=0.8, alpha_mode="mask", alpha_cutoff=0.45)
     wall = square(material(0.25), z=-0.5, half=2.0)
     found = albedo(ctx, square(leaf), wall, size=(16, 16))[..., 0]
-    wanted = np.where(0.8 * alphas / 255.0 >= 0.45, 1.0, 0.25)
-    assert np.allclose(found, enlarged(wanted, 16), atol=0.01)
+    requested = np.where(0.8 * alphas / 255.0 >= 0.45, 1.0, 0.25)
+    assert np.allclose(found, enlarged(requested, 16), atol=0.01)
     assert (albedo(ctx, square(replace(leaf, alpha_mode="opaque")), wall, size=(16, 16)) > 0.99).all()
     thin = replace(square(replace(leaf, opacity=1.0)), opacities=np.full(4, 0.1, "f4"))
     assert np.allclose(albedo(ctx, thin, wall, size=(16, 16)), 0.25, atol=0.01)

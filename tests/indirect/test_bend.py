@@ -28,8 +28,8 @@ EMITTERS = {"patch": rectangle(0.5, 0.3, 1.5), "strip": rectangle(3.0, 0.1, 1.0)
 
 def under(corners: np.ndarray) -> Scene:
     """Return a polygon of L = 1, and a black floor far below, so that the maximum radius, the diagonal, has no effect."""
-    lamp = quad(corners[0], corners[1] - corners[0], corners[3] - corners[0], material(0.0, 1.0))
-    return scene(lamp, floor(8.0, -8.0, material(0.0)))
+    point_light = quad(corners[0], corners[1] - corners[0], corners[3] - corners[0], material(0.0, 1.0))
+    return scene(point_light, floor(8.0, -8.0, material(0.0)))
 
 
 def places(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
@@ -60,7 +60,7 @@ def relative(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("emitter", EMITTERS)
-def test_hessian_of_a_lamp(ctx: moderngl.Context, emitter: str) -> None:
+def test_hessian_of_a_light(ctx: moderngl.Context, emitter: str) -> None:
     """The error against second differences of Lambert's formula is within 12 % at the default 64, and half at twice the side."""
     corners, (p, n) = EMITTERS[emitter], places()
     truth = hessian(lambda q: polygon_vector(corners, q) @ UP, p)

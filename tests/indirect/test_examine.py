@@ -111,11 +111,11 @@ def test_sites_of_a_round_lie_apart(spacing: int, colour: int) -> None:
     assert (asking[rows, columns] > 0).all()
     squares = list(zip((rows // spacing).tolist(), (columns // spacing).tolist(), strict=True))
     assert len(set(squares)) == len(squares)
-    wanted = {
+    requested = {
         (r // spacing, c // spacing)
         for r, c in np.argwhere(asking > 0).tolist()
         if colour < 0 or (r // spacing + c // spacing) % 2 == colour
     }
-    assert set(squares) == wanted, "no square that asks is left out"
+    assert set(squares) == requested, "no square that asks is left out"
     again = choose(asking, Chessboard(spacing, colour, False), seed=0)
     assert np.array_equal(rows, again[0]) and np.array_equal(columns, again[1])

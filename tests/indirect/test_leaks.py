@@ -34,7 +34,7 @@ from tests.support.leaky import (
     table,
     truth,
 )
-from tests.support.worlds import box, lamp, scene
+from tests.support.worlds import box, point_light, scene
 
 SMALL = (100, 75)
 LIT = (camera((-0.3, 1.2, 1.6), (-3.5, 0.8, -1)), camera((-3.6, 1.6, 1.6), (0, 0.4, -0.5)))
@@ -77,7 +77,7 @@ def test_a_wall_keeps_light_out(ctx: moderngl.Context, wall: float, views: str) 
     assert (E > 0.01).sum() <= 4, f"E is up to {E.max():.1%} of the lit room's, over 1 % at {(E > 0.01).sum()} pixels"
 
 
-def test_a_record_looks_from_its_own_side_of_a_sheet() -> None:
+def test_a_record_has_its_eye_on_its_own_side_of_a_sheet() -> None:
     """Half an offset from a sheet on a large floor, a site stays on its side; on the floor's own edge it moves inward."""
     floor = np.array([[[-4.0, 0, 2], [4, 0, 2], [4, 0, -2]]])
     position = np.array([[0.0005, 0, 1], [3.0, 0, 2], [4, 0, 2]])
@@ -153,7 +153,11 @@ def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: s
     assert abs(off.mean()) < 0.02 and wrong <= 0.008 and off.max() < 0.4 and off.min() > -0.5, measured
 
 
-OUT_OF_DOORS = (lamp((0.0, 9.0, 0.0), 1e4), lamp((3.0, 8.0, 1.3), 1e4), Light((1, 2, 0.5), (5, 5, 5), directional=True))
+OUT_OF_DOORS = (
+    point_light((0.0, 9.0, 0.0), 1e4),
+    point_light((3.0, 8.0, 1.3), 1e4),
+    Light((1, 2, 0.5), (5, 5, 5), directional=True),
+)
 
 
 @pytest.mark.parametrize("light", OUT_OF_DOORS)

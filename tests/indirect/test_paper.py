@@ -86,7 +86,7 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
         assert_pictures("paper_weight", found, weight, 1.01 / settings.a, seen.mask)
 
 
-def test_a_record_serves_its_neighbours_at_once() -> None:
+def test_a_record_covers_its_neighbours_at_once() -> None:
     """With one large radius the traversal is greedy: it equals a plain loop over pixels in scan order."""
     seen, _ = view()
     settings = preset("paper", a=0.6)

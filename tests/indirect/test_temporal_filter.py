@@ -25,7 +25,7 @@ LIGHT: dict[str, Any] = {**FAST, "bounces": 2, "a": 0.8}
 
 
 @pytest.mark.parametrize("stride", [1, 2])
-def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderngl.Context, stride: int) -> None:
+def test_light_stays_at_its_place_and_converges_to_the_records(ctx: moderngl.Context, stride: int) -> None:
     """With a camera along a wall, a share of the new light shows at once, all of it PICTURES later.
 
     Pixels without history, or with the history of another surface, have the new light at once.
@@ -86,7 +86,7 @@ def test_holes_take_the_light_of_the_surface_cache_and_at_rest_the_picture_is_th
 
 
 @pytest.mark.few_sites
-def test_flicker_is_less_with_fading_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accumulation_reduces_flicker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames have few new records; a flight with all records present is the lower limit of flicker."""
     scene, frames = room(), 4
     monkeypatch.setattr(flicker, "TICK", TICK)

@@ -16,7 +16,7 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from tests.gather.test_analytic import LIGHTS, irradiance, rim_distance
 from tests.support.luminaires import isotropic, photometry
-from tests.support.worlds import ABOVE, assert_pictures, box, floor, lamp, material, on_plane, quad, scene, sphere
+from tests.support.worlds import ABOVE, assert_pictures, box, floor, material, on_plane, point_light, quad, scene, sphere
 
 SIZE = (96, 96)
 WHITE = material(1.0)
@@ -80,9 +80,9 @@ def mirrored(light: Light) -> Light:
 
 
 @pytest.mark.parametrize("under", [0.0, 0.001])
-def test_what_touches_a_lamp_does_not_shade_it(ctx: moderngl.Context, under: float) -> None:
+def test_an_object_that_touches_a_light_does_not_shade_it(ctx: moderngl.Context, under: float) -> None:
     """A sheet of 2 m through a light casts no shadow; 1 mm below it shades 4 km of the floor, also with a ground of 400 m."""
-    light, view = lamp((0.0, 2.0, 0.0), 7.0), Camera((0.0, 1.9, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 80.0)
+    light, view = point_light((0.0, 2.0, 0.0), 7.0), Camera((0.0, 1.9, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 80.0)
     parts = (floor(r, y, WHITE) for r, y in ((4.0, 0.0), (1.0, 2.0 - under), (200.0, -1.0)))
     dark = np.full(SIZE, under > 0.0)
     check_floor(ctx, f"touching_{under}", scene(*parts, lights=(light,), camera=view), light, dark)
@@ -93,7 +93,7 @@ def test_what_touches_a_lamp_does_not_shade_it(ctx: moderngl.Context, under: flo
 def test_grazing_light_on_a_sheet_has_no_acne(ctx: moderngl.Context, kind: str, low: float) -> None:
     """A floor of 4 m under grazing light: every pixel matches the formula, as no occluder exists."""
     sun = Light((1.0, low, 0.4), (2.0, 2.0, 2.0), directional=True)
-    light = lamp((-1.8, low, 0.3), 3.0) if kind == "point" else sun
+    light = point_light((-1.8, low, 0.3), 3.0) if kind == "point" else sun
     check_floor(ctx, f"grazing_{kind}_{low}", scene(floor(2.0, 0.0, WHITE), lights=(light,)), light)
 
 
@@ -106,11 +106,11 @@ def test_stacked_sheets(ctx: moderngl.Context, kind: str, order: tuple[int, int,
     A light at (0.2, 3, 0.1) projects the sheet of ±0.5 m at 1 m onto the floor: light + (sheet - light)·3/2.
     """
     light = {
-        "point": lamp((0.2, 3.0, 0.1), 5.0),
+        "point": point_light((0.2, 3.0, 0.1), 5.0),
         "sun": Light((0.1, 1.0, 0.05), (1.0, 1.0, 1.0), directional=True),
-        "spot": lamp((0.2, 3.0, 0.1), 5.0, spot_target=(0.2, 0.0, 0.1), spot_cutoff=60.0, spot_inner=59.0),
+        "spot": point_light((0.2, 3.0, 0.1), 5.0, spot_target=(0.2, 0.0, 0.1), spot_cutoff=60.0, spot_inner=59.0),
         "luminaire": replace(
-            lamp((0.2, 3.0, 0.1), 5.0, spot_target=(0.2, 0, 0.1)), photometry=photometry([0, 90], [0], isotropic)
+            point_light((0.2, 3.0, 0.1), 5.0, spot_target=(0.2, 0, 0.1)), photometry=photometry([0, 90], [0], isotropic)
         ),
     }[kind]
     sheets = [floor(2.0, 0.0, WHITE), floor(0.5, 1.0, WHITE), floor(0.4, 0.995, WHITE)]
@@ -136,7 +136,7 @@ def test_a_sheet_is_lit_on_the_light_s_side_only(
     0.
     """
     turned = quad((-2, 0, -2), (4, 0, 0), (0, 0, 4), WHITE) if flipped else floor(2.0, 0.0, WHITE)
-    light = lamp((0.5, side * 1.0, 0.4), 3.0) if kind == "point" else Light((0.5, side, 0.4), (1, 1, 1), directional=True)
+    light = point_light((0.5, side * 1.0, 0.4), 3.0) if kind == "point" else Light((0.5, side, 0.4), (1, 1, 1), directional=True)
     camera = Camera((0.1, seen_from * 3.0, 0.2), (0, 0, 0), (0, 0, -1), 45.0)
     found = directed(ctx, scene(turned, lights=(light,), camera=camera))["direct"]
     p, _ = on_plane(camera, SIZE, (0, 0, 0), UP)
@@ -151,7 +151,7 @@ def test_a_light_in_a_surface_s_plane(ctx: moderngl.Context, u: tuple[float, flo
 
     cornell-paper has a light exactly in its ceiling's plane; this sheet at 1.5 m also contains lines off the axes.
     """
-    light, level = lamp((0.0, 1.5, 0.0), 4.0), u == (1.0, 0.0, 0.0)
+    light, level = point_light((0.0, 1.5, 0.0), 4.0), u == (1.0, 0.0, 0.0)
     u_, v = np.array(u), np.cross(u, (0.1, 0.2, 0.9))
     sheet = floor(1.0, 1.5, WHITE) if level else quad(np.array([0, 1.5, 0]) - 0.6 * u_ - 0.5 * v, 1.2 * u_, v, WHITE)
     camera = Camera((0.0, 1.2, 3.5), (0.0, 0.0, 0.0), fov=50.0)
@@ -175,7 +175,7 @@ def test_a_sphere_has_no_acne(ctx: moderngl.Context, kind: str, rays: bool) -> N
     Shadow rays start on the curved surface. A curve through 16 × 32 facets lies up to 0.6·(1 - cos 5.6°) = 3 mm above them.
     At a distance of 2 m that changes E by 0.3 %, and the cosine by 0.002.
     """
-    light = lamp((1.5, 2.0, 1.0), 5.0) if kind == "point" else Light((1.5, 2.0, 1.0), (1.0, 1.0, 1.0), directional=True)
+    light = point_light((1.5, 2.0, 1.0), 5.0) if kind == "point" else Light((1.5, 2.0, 1.0), (1.0, 1.0, 1.0), directional=True)
     ball = sphere((0, 0, 0), 0.6, WHITE, *((16, 32) if rays else (48, 96)))
     camera, limit = Camera((0.5, 1.0, 3.0), (0, 0, 0), fov=25.0), 0.02 if rays else 5e-3
     found = directed(ctx, scene(ball, lights=(light,), camera=camera), rays=rays)
@@ -189,7 +189,7 @@ def test_a_sphere_has_no_acne(ctx: moderngl.Context, kind: str, rays: bool) -> N
 def bare(kind: str, at: tuple[float, float, float]) -> Light:
     """Return a point light at `at`, a sun there, or a spot there towards the origin."""
     spot = {"spot_target": (0.0, 0.0, 0.0), "spot_cutoff": 60.0, "spot_inner": 60.0} if kind == "spot" else {}
-    return Light(at, (1, 1, 1), directional=True) if kind == "sun" else lamp(at, 20.0, **spot)
+    return Light(at, (1, 1, 1), directional=True) if kind == "sun" else point_light(at, 20.0, **spot)
 
 
 SHEET, SLAB = floor(500.0, 0.0, WHITE), box((-500, -2, -500), (500, 0, 500), WHITE)

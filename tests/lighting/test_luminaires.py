@@ -15,7 +15,7 @@ from irrsplat.scene import load
 from irrsplat.scene.model import Camera, Light
 from tests.lighting.test_direct import directed
 from tests.support.luminaires import Intensity, bilinear, ies_text, isotropic, lambert, lopsided, photometry, steps, street
-from tests.support.worlds import assert_pictures, box, floor, lamp, material, scene
+from tests.support.worlds import assert_pictures, box, floor, material, point_light, scene
 
 WHITE = material(1.0)
 AROUND, ODD = steps(0, 360, 73), [0, 1, 40, 180, 200, 300.7, 360]
@@ -69,10 +69,10 @@ def test_colour_and_other_lights_beside_it(ctx: moderngl.Context) -> None:
     """Colour is a factor; luminaires of equal and of different photometry and plain lights add up."""
     one, other = photometry(steps(0, 180, 19), steps(0, 360, 13), lopsided), photometry(steps(0, 90, 10), [0.0], lambert)
     lights = (
-        lamp((0.5, 1.0, 0.3), 2.0),
+        point_light((0.5, 1.0, 0.3), 2.0),
         Light((-0.6, 1.2, 0.1), (1.0, 0.5, 0.0), physical=True, photometry=one, spot_target=(0.0, 0.0, 0.3)),
         Light((0.6, 1.1, -0.4), (0.2, 0.2, 1.0), physical=True, photometry=other, spot_target=(0.6, 0.0, -0.4)),
-        lamp((0.0, 1.5, 0.0), 3.0, spot_target=(0.3, 0.0, 0.3), spot_cutoff=40.0, spot_inner=10.0),
+        point_light((0.0, 1.5, 0.0), 3.0, spot_target=(0.3, 0.0, 0.3), spot_cutoff=40.0, spot_inner=10.0),
         Light((0.1, 1.4, 0.6), (0.5, 0.5, 0.5), physical=True, photometry=one, across=(0.0, 1.0, 0.0)),
         Light((0.2, 1.0, 0.1), (0.1, 0.2, 0.3), directional=True),
     )

@@ -56,7 +56,7 @@ def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
     """
     room, wall = worlds.box((-2, 0, -2), (2, 2.5, 2), outward=False), worlds.box((-5e-4, 0, -2), (5e-4, 2.5, 2))
     points = np.stack([np.array([1.5, 3.5, 6.5, 500.0]) * 1e-3, np.ones(4), np.zeros(4)], 1)
-    scene = worlds.scene(room, wall, worlds.floor(300.0, -0.1), lights=(worlds.lamp((-1.0, 1.5, 0.3), 10.0),))
+    scene = worlds.scene(room, wall, worlds.floor(300.0, -0.1), lights=(worlds.point_light((-1.0, 1.5, 0.3), 10.0),))
     dark = read(ctx, scene, points[:3], (-1.0, 0.0, 0.0), gather_size=16)
     lit = read(ctx, scene, points * (-1, 1, 1), (1.0, 0.0, 0.0), gather_size=16).total[:, 0]
     assert dark.total.max() < 1e-3 * lit.min() and (dark.status == Status.BEHIND).all()
@@ -64,7 +64,7 @@ def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize(
-    "light", [worlds.lamp((0, 3, 0), 1.0), Light((0, 1, 0), (1, 1, 1), directional=True)], ids=["lamp", "sun"]
+    "light", [worlds.point_light((0, 3, 0), 1.0), Light((0, 1, 0), (1, 1, 1), directional=True)], ids=["lamp", "sun"]
 )
 def test_points_beyond_the_scene_are_lit(ctx: moderngl.Context, light: Light) -> None:
     """Shadow maps cover the bounding box of all meshes; points outside their tiles have no occluder."""
@@ -113,7 +113,7 @@ def furnished() -> Scene:
     hood = Mesh(hood.positions, hood.normals, np.delete(hood.faces, [4, 5], axis=0))  # two pairs per axis, x first
     table = worlds.quad((1.0, 0.7, -1.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0))
     ball = worlds.sphere((-1.5, 1.5, 1.5), 0.5)
-    return worlds.scene(room, block, hood, table, ball, lights=(worlds.lamp((0, 2.8, 0)),), camera=ASIDE)
+    return worlds.scene(room, block, hood, table, ball, lights=(worlds.point_light((0, 2.8, 0)),), camera=ASIDE)
 
 
 SOLID = [[1.5, 0.5, 1.5], [1.5, 0.001, 1.5], [-1.5, 0.001, -1.5], [-1.5, 0.9, -1.5], [-1.5, 1.5, 1.5], [-1.5, 1.95, 1.5]]
@@ -209,7 +209,7 @@ def test_irradiance_along_a_line_and_no_summary_of_nothing(ctx: moderngl.Context
     """
     told: list[float] = []
     points, metres = Line((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)).points(0.3)
-    world = worlds.scene(worlds.floor(paint=BLACK), lights=(worlds.lamp((0, 2, 0), 10.0),))
+    world = worlds.scene(worlds.floor(paint=BLACK), lights=(worlds.point_light((0, 2, 0), 10.0),))
     with LightMeter(world, ctx=ctx, bounces=1, gather_size=8) as meter:
         found = [meter.measure(part, UP, told.append).direct[:, 0] for part in (points[:3], points[3:])]
     assert metres == pytest.approx(np.linspace(0.0, 2.0, 8)) and told == [1.0, 1.0]

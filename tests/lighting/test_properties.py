@@ -17,7 +17,7 @@ from irrsplat.gpu import context
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Camera, Mesh, Scene
-from tests.support.worlds import box, floor, lamp, material, polygon_vector, quad, scene
+from tests.support.worlds import box, floor, material, point_light, polygon_vector, quad, scene
 
 ONE_MM_TO_3_M = st.floats(-3.0, 0.477).map(lambda power: 10.0**power)
 SIDES = st.tuples(*[st.floats(2.0, 6.0)] * 3)
@@ -112,7 +112,7 @@ def test_light_in_a_closed_room_is_kept(count: int) -> None:
         ground = there.mesh(floor(10.0 ** random.uniform(1.0, 2.5), -half[1] - 0.1, material(0.5)))
         points, normals, area = walls(sides, 6)
         eye = Camera(tuple(there.point(0.0 * half)), tuple(there.point(half)), tuple(there.turn[:, 1]))
-        world = scene(room, ground, lights=(lamp(there.point(at), there.scale**2),), camera=eye)
+        world = scene(room, ground, lights=(point_light(there.point(at), there.scale**2),), camera=eye)
         found = read(world, there.point(points), normals @ there.turn.T).indirect[:, 0]
         assert found @ area == pytest.approx(4.0 * np.pi * rho / (1.0 - rho), rel=within(rho), abs=1e-6)
 
@@ -158,7 +158,7 @@ def test_a_square_that_emits_lights_by_lamberts_formula(count: int) -> None:
 
 
 @COUNTS
-def test_a_lamp_near_a_wall_lights_the_others_and_nothing_through_a_box(count: int) -> None:
+def test_a_light_near_a_wall_lights_the_others_and_nothing_through_a_box(count: int) -> None:
     """E = I·cosθ/d² at the walls of a black room, for a light 1 mm to 3 m from one wall; 0 inside a closed box."""
 
     def body(sides: tuple[float, ...], gap: float, edge: float, seed: int) -> None:
@@ -171,7 +171,7 @@ def test_a_lamp_near_a_wall_lights_the_others_and_nothing_through_a_box(count: i
         parts = [box(-half, half, material(0.0), outward=False), floor(100.0, -half[1] - 0.1)]
         around = min(edge, 0.9 * gap, 0.9 * float((half - np.abs(at)).min()))
         parts.append(box(at - around, at + around))
-        lights, way = (lamp(there.point(at), there.scale**2),), at - points
+        lights, way = (point_light(there.point(at), there.scale**2),), at - points
         away = np.linalg.norm(way, axis=1)
         for shown, truth in ((2, np.maximum((way * normals).sum(1), 0.0) / away**3), (3, 0.0 * away)):
             world = scene(*(there.mesh(part) for part in parts[:shown]), lights=lights)

@@ -14,7 +14,7 @@ from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Te
 from irrsplat.sky.cie import CieSky
 from irrsplat.sky.sphere import texel_directions
 from tests.support.skies import cie, irradiance, mapped
-from tests.support.worlds import box, floor, lamp, material, polygon_vector, quad, scene
+from tests.support.worlds import box, floor, material, point_light, polygon_vector, quad, scene
 
 UP = np.array([[0.0, 1.0, 0.0]], "f4")
 CAMERA = Camera((0.0, 2.0, 0.1), (0.0, 0.0, 0.0))
@@ -107,7 +107,7 @@ def test_shadows_fall_through_the_holes_of_a_mask(mitsuba: Any) -> None:
     paint = Material(albedo_texture=stripes, alpha_mode="mask")
     sheets = [worn(floor(1.0, height, paint), 2.0) for height in (1.0, 1.001)]
     sun = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), directional=True)
-    world = scene(floor(3.0), *sheets, lights=(lamp((0.0, 4.0, 0.0)), sun))
+    world = scene(floor(3.0), *sheets, lights=(point_light((0.0, 4.0, 0.0)), sun))
     tracer = mitsuba.Tracer(world)
     x = np.linspace(-0.99, 0.98, 40)
     p, up = np.stack([x, 0 * x, 0.1 + 0 * x], axis=1), np.tile(UP, (40, 1))

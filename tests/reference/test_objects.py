@@ -19,9 +19,9 @@ QUICK: Any = {"bounces": 1, "gather_size": 16, "shadow_size": 256}
 def test_arrays_are_lit_as_analysis_has_it() -> None:
     """A light of I W/sr at height h: I/h² straight below; under a sky of radiance L alone: π·L. No substitute is added."""
     floor = irrsplat.make_mesh(SQUARE, FACES, name="floor")
-    lamp = irrsplat.Light((0.0, 2.0, 0.0), (8.0, 4.0, 2.0), physical=True)
-    lit = irrsplat.make_scene(floor, [lamp])
-    assert not any(lit.sky) and lit.lights == (lamp,) and lit.files == ()
+    point_light = irrsplat.Light((0.0, 2.0, 0.0), (8.0, 4.0, 2.0), physical=True)
+    lit = irrsplat.make_scene(floor, [point_light])
+    assert not any(lit.sky) and lit.lights == (point_light,) and lit.files == ()
     np.testing.assert_allclose(irrsplat.irradiance(lit, [[0, 0, 0]], UP, **QUICK), [[2.0, 1.0, 0.5]], rtol=1e-4)
     for sky in ((1.0, 2.0, 3.0), np.tile([1.0, 2.0, 3.0], (8, 16, 1))):
         under = irrsplat.make_scene([floor], sky=sky)
@@ -115,7 +115,7 @@ def _rgb(*values: float) -> dict[str, Any]:
     return {"type": "rgb", "value": list(values)}
 
 
-def _lamps(mitsuba: Any) -> dict[str, Any]:
+def _lights(mitsuba: Any) -> dict[str, Any]:
     """The box with two lights in place of its panel."""
     above = mitsuba.ScalarTransform4f().look_at([0.5, 0.9, 0.5], [-0.2, -1, -0.2], [1, 0, 0])
     spot = {"type": "spot", "to_world": above, "intensity": _rgb(4, 6, 9), "cutoff_angle": 40, "beam_width": 20}
@@ -123,7 +123,7 @@ def _lamps(mitsuba: Any) -> dict[str, Any]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("make", "bias", "median"), [(_box, 0.006, 0.03), (_lamps, 0.006, 0.04)])
+@pytest.mark.parametrize(("make", "bias", "median"), [(_box, 0.006, 0.03), (_lights, 0.006, 0.04)])
 def test_light_agrees_with_mitsubas_path_tracer(mitsuba: Any, make: Any, bias: float, median: float) -> None:
     """Radiance, of which Mitsuba renders its own scene: the mean of each colour, and the median of pixels' differences."""
     theirs = mitsuba.load_dict(make(mitsuba))
@@ -173,8 +173,8 @@ def test_bitmaps_of_files_keep_their_colours_and_masks(mitsuba: Any, tmp_path: A
         return {"type": "bitmap", "filename": str(tmp_path / name), **more}
 
     def seen(bsdf: dict[str, Any]) -> tuple[str, np.ndarray]:
-        lamp = {"type": "constant"}
-        (mesh,) = irrsplat.from_mitsuba({"type": "scene", "a": {"type": "rectangle", "bsdf": bsdf}, "lamp": lamp}).meshes
+        point_light = {"type": "constant"}
+        (mesh,) = irrsplat.from_mitsuba({"type": "scene", "a": {"type": "rectangle", "bsdf": bsdf}, "lamp": point_light}).meshes
         assert mesh.material.albedo_texture is not None
         return mesh.material.alpha_mode, mesh.material.albedo_texture.image.pixels
 
@@ -189,8 +189,8 @@ def test_bitmaps_of_files_keep_their_colours_and_masks(mitsuba: Any, tmp_path: A
 def test_a_lamp_of_mitsuba_is_dark_behind(mitsuba: Any) -> None:
     """No light above a disk that emits downward; below it, at height h under a radius r, π·L·r²/(r² + h²)."""
     down = mitsuba.ScalarTransform4f().translate([0, 1, 0]).rotate([1, 0, 0], 90)
-    lamp = {"type": "disk", "to_world": down, "emitter": {"type": "area", "radiance": _rgb(1, 2, 3)}}
-    scene = irrsplat.from_mitsuba({"type": "scene", "lamp": lamp})
+    point_light = {"type": "disk", "to_world": down, "emitter": {"type": "area", "radiance": _rgb(1, 2, 3)}}
+    scene = irrsplat.from_mitsuba({"type": "scene", "lamp": point_light})
     E = irrsplat.irradiance(scene, [[0, 0, 0], [0, 2, 0]], [[0, 1, 0], [0, -1, 0]], bounces=1, light_samples=4096)
     np.testing.assert_allclose(E[0], 0.5 * np.pi * np.array([1, 2, 3]), rtol=0.01)
     assert not E[1].any()

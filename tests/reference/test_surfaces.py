@@ -195,7 +195,7 @@ def test_the_caster_sees_what_the_g_buffer_sees(name: str) -> None:
         assert np.quantile(np.abs(mine - theirs)[both], 0.98) < 1e-3
 
 
-def test_an_unlit_surface_shines_in_the_colours_of_its_vertices() -> None:
+def test_an_unlit_surface_emits_the_colours_of_its_vertices() -> None:
     """Dark on the left, red on the right: in the picture, to the caster, and in what emitters and rays bring to a floor."""
     paint = Material((0.0, 0.0, 0.0), (8.0, 2.0, 2.0), unlit=True)
     panel = quad((-1, 1, -1), (2, 0, 0), (0, 0, 2), paint)
@@ -234,5 +234,5 @@ def test_emitters_are_chosen_by_power() -> None:
     assert Emitters.of(Surfaces.of(scene(floor(9.0), gone))) is None  # light does not see it
 
 
-def test_where_everything_shines_nothing_is_sampled() -> None:
+def test_no_emitter_is_sampled_if_every_surface_emits() -> None:
     assert Emitters.of(Surfaces.of(irrsplat.load("furnace"))) is None

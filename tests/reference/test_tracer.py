@@ -76,7 +76,7 @@ def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
         ("luminaire", MOST_BOUNCES),
     ],
 )
-def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None:
+def test_a_light_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None:
     """All emitted flux arrives, Φ = A·mean(E_direct), and every bounce reflects ρ of it: mean(E_N) = mean(E_direct)·Σ ρ^k.
 
     k from 1 to N. A light of I emits 4π·I; a spot I·2π·(1 - cos 40°); a luminaire its lumens by the efficacy; for OpenGL's light,
@@ -86,7 +86,7 @@ def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None
         photometry(steps(0, 60, 13), [0.0], lambert),
         photometry(steps(0, 180, 25), steps(0, 360, 25), lopsided),
     )
-    lamp = {
+    point_light = {
         "in the middle": Light((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), physical=True),
         "by the wall": Light((0.2, 0.95, -0.3), (1.0, 2.0, 3.0), physical=True),
         "spot": Light(
@@ -97,13 +97,13 @@ def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None
         "luminaire": Light((0.2, 0.4, -0.3), (1.0, 2.0, 3.0), physical=True, photometry=all_around, spot_target=(1, 0, 0)),
     }[light]
     albedo = np.array([0.3, 0.9, 0.6])
-    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (lamp,), (CAMERA,)))
+    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (point_light,), (CAMERA,)))
     flux = {"spot": 2.0 * np.pi * (1.0 - np.cos(np.radians(40.0)))}.get(light, 4.0 * np.pi)
-    flux = flux if lamp.photometry is None else lamp.photometry.flux / LUMINOUS_EFFICACY
+    flux = flux if point_light.photometry is None else point_light.photometry.flux / LUMINOUS_EFFICACY
     direct = flux / 24.0 * np.array([1.0, 2.0, 3.0])
     if light == "of the OpenGL kind":
         q, m = (mitsuba.mi.Vector3f(a.T) for a in inside(100))
-        direct = np.array(path_tracer.unoccluded(lamp, mitsuba.mi.Point3f(q), m, m)[0]).mean(axis=1)
+        direct = np.array(path_tracer.unoccluded(point_light, mitsuba.mi.Point3f(q), m, m)[0]).mean(axis=1)
     p, n = inside(12)
     E = path_tracer.irradiance(p, n, n, 16, 3, bounces).mean(axis=0)
     assert np.allclose(E, direct * albedo * (1.0 - albedo**bounces) / (1.0 - albedo), rtol=0.01)
@@ -118,15 +118,17 @@ def test_a_luminaire_s_direct_light_is_what_its_table_says(mitsuba: Any, kind: s
         "one plane": (steps(0, 90, 7), [0.0]),
     }[kind]
     table = photometry(vertical, around, lopsided)
-    lamp = Light((0.1, 0.5, 0.2), (1.0, 0.5, 0.0), physical=True, photometry=table, spot_target=(0.4, -1, 0.1), across=(0, 0, 2))
-    path_tracer, mi = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1)),), (lamp,), (CAMERA,))), mitsuba.mi
+    point_light = Light(
+        (0.1, 0.5, 0.2), (1.0, 0.5, 0.0), physical=True, photometry=table, spot_target=(0.4, -1, 0.1), across=(0, 0, 2)
+    )
+    path_tracer, mi = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1)),), (point_light,), (CAMERA,))), mitsuba.mi
     p, n = inside(40)
-    E, _, _ = path_tracer.unoccluded(lamp, mi.Point3f(p.T), mi.Vector3f(n.T), mi.Vector3f(n.T))
-    z = -np.subtract((0.4, -1, 0.1), lamp.position)
+    E, _, _ = path_tracer.unoccluded(point_light, mi.Point3f(p.T), mi.Vector3f(n.T), mi.Vector3f(n.T))
+    z = -np.subtract((0.4, -1, 0.1), point_light.position)
     z /= np.linalg.norm(z)
     x = np.array([0, 0, 1.0]) - z[2] * z
     x /= np.linalg.norm(x)
-    way = p - np.asarray(lamp.position)
+    way = p - np.asarray(point_light.position)
     intensity = bilinear(lopsided, vertical, around, way @ np.stack([x, np.cross(z, x), z], axis=1))
     d = np.linalg.norm(way, axis=1)
     expected = intensity / 179.0 * np.maximum(-(way * n).sum(1), 0.0) / d**3

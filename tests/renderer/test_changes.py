@@ -18,9 +18,9 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
-from tests.support.worlds import lamp
+from tests.support.worlds import point_light
 
-TWO = (lamp((-0.5, 0.2, 0.5), 5.0), *room().lights)
+TWO = (point_light((-0.5, 0.2, 0.5), 5.0), *room().lights)
 WAY = shift(0.3, 0.0, 0.2)
 
 

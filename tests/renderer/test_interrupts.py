@@ -19,7 +19,7 @@ from irrsplat.indirect.gathering import record_gatherer
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, room
 from tests.support.interrupts import run
-from tests.support.worlds import lamp
+from tests.support.worlds import point_light
 
 SIZE = 32, 24
 LONG = int(os.environ.get("IRRSPLAT_INTERRUPTS", "5"))  # lines
@@ -43,7 +43,7 @@ def act_from_empty(renderer: Renderer) -> None:
 
 
 def act_relight(renderer: Renderer) -> None:
-    renderer.relight([lamp((-0.5, 0.2, 0.5), 5.0)])
+    renderer.relight([point_light((-0.5, 0.2, 0.5), 5.0)])
     renderer.frame()
 
 

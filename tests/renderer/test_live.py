@@ -23,7 +23,7 @@ from irrsplat.scene.model import Camera, Light
 from irrsplat.scene.motion import hidden
 from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import lamp
+from tests.support.worlds import point_light
 
 TICK = 1e-4  # seconds: each frame gathers only the minimum
 
@@ -110,7 +110,7 @@ def test_the_size_of_moving_views_follows_the_budget(fixed: float, pixels: float
     assert divisor == 1 or taken(1) > 0.5 * tick
 
 
-def test_a_moving_view_is_smaller_and_its_records_serve_the_whole_view(ctx: moderngl.Context) -> None:
+def test_a_moving_view_is_smaller_and_its_records_cover_the_whole_view(ctx: moderngl.Context) -> None:
     """The budget TICK never suffices for a whole picture (each reading of the clock takes longer): both sides are divided by
     4.
 
@@ -153,7 +153,7 @@ def test_a_frozen_cache_stays_as_it_is(renderer: Renderer) -> None:
     assert ticks(renderer, camera=away)[-1].coverage == 1.0 and renderer.cache.count > count
 
 
-def test_a_view_that_cannot_be_served_ends() -> None:
+def test_a_view_that_cannot_be_covered_ends() -> None:
     """Rounds without gain end, in limited frames as in whole renders, and another camera restarts them."""
     with Renderer(room(), SIZE, **FAST, tolerance=1e6) as renderer:  # Σw never reaches it
         told = ticks(renderer, most=60)
@@ -334,7 +334,7 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
 
 def test_too_many_shadow_tiles_are_refused_before_anything_changes(renderer: Renderer) -> None:
     room_for = (int(renderer.ctx.info["GL_MAX_TEXTURE_SIZE"]) // 4096) ** 2  # tiles; a point light takes six
-    many = tuple(lamp((0.05 * i, 0.6, 0.2)) for i in range(room_for // 6 + 1))
+    many = tuple(point_light((0.05 * i, 0.6, 0.2)) for i in range(room_for // 6 + 1))
     before = renderer.settings
     renderer.relight(many)
     with pytest.raises(InputError, match=rf"{6 * len(many)} shadow tiles of 4096 .*--shadow-size"):

@@ -20,7 +20,7 @@ from irrsplat.scene.motion import find, moved, transformed
 from tests.renderer.test_live import ticks
 from tests.renderer.test_relight import HELD, gathered_afresh
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import assert_pictures, box, floor, lamp, material, scene, sphere
+from tests.support.worlds import assert_pictures, box, floor, material, point_light, scene, sphere
 
 BOX = 1  # of `room`
 
@@ -36,7 +36,7 @@ def named() -> Scene:
     """Return four meshes, two with the same name."""
     names = ("floor", "ball", "case", "case")
     meshes = (floor(), sphere((0, 0.5, 0), 0.3, rings=6, segments=8), box((1, 0, 0), (2, 1, 1)), box((-2, 0, 0), (-1, 1, 1)))
-    return scene(*(replace(m, name=n) for m, n in zip(meshes, names, strict=True)), lights=(lamp((0, 3, 0)),))
+    return scene(*(replace(m, name=n) for m, n in zip(meshes, names, strict=True)), lights=(point_light((0, 3, 0)),))
 
 
 # ---- the scene --------------------------------------------------------------------------------------------------------
@@ -198,8 +198,8 @@ def test_what_no_record_sees_leaves_the_records(ctx: moderngl.Context) -> None:
     grey = material(0.6)
     here = box((-1, -1, -1), (1, 1, 1), grey, outward=False), box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), grey)
     there = box((9, -1, -1), (11, 1, 1), grey, outward=False), box((9.5, -1, -0.5), (10.0, -0.3, 0.0), grey)
-    lamps = lamp((0.3, 0.6, 0.2), 3.0), lamp((10.2, 0.6, 0.3), 3.0)
-    with Renderer(scene(*here, *there, lights=lamps, camera=FRONT), SIZE, ctx=ctx, **FAST) as renderer:
+    point_lights = point_light((0.3, 0.6, 0.2), 3.0), point_light((10.2, 0.6, 0.3), 3.0)
+    with Renderer(scene(*here, *there, lights=point_lights, camera=FRONT), SIZE, ctx=ctx, **FAST) as renderer:
         count = renderer.render().stats["records"]
         renderer.move(3, shift(0.4, 0.0, 0.1))
         told = ticks(renderer)

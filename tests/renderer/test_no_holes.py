@@ -14,7 +14,7 @@ from irrsplat.image.view import Progress, View
 from irrsplat.scene.model import Camera
 from tests.renderer.test_move import shift
 from tests.renderer.test_renderer import FAST, FRONT, room
-from tests.support.worlds import lamp
+from tests.support.worlds import point_light
 
 
 def holes(view: View) -> int:
@@ -34,7 +34,7 @@ def rest(renderer: Renderer, camera: Camera | None, seconds: float | None, most:
 
 
 def relit(renderer: Renderer) -> None:
-    renderer.relight([lamp((-0.8, -0.6, 0.7), 5.0)])
+    renderer.relight([point_light((-0.8, -0.6, 0.7), 5.0)])
 
 
 def moved(renderer: Renderer) -> None:

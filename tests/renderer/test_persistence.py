@@ -12,7 +12,7 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.gpu import context
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, rendered, room, unserved
-from tests.support.worlds import box, floor, lamp, scene
+from tests.support.worlds import box, floor, point_light, scene
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,10 @@ def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
 
 def test_renderers_do_not_disturb_each_other() -> None:
     """Two renderers of different scenes and sizes take turns, each is released while the other lives: results as if alone."""
-    worlds = {(48, 40): room(), (30, 50): scene(floor(1.0), box((0, 0, 0), (0.3, 0.4, 0.3)), lights=(lamp((1, 2, 1)),), sky=0.2)}
+    worlds = {
+        (48, 40): room(),
+        (30, 50): scene(floor(1.0), box((0, 0, 0), (0.3, 0.4, 0.3)), lights=(point_light((1, 2, 1)),), sky=0.2),
+    }
     alone = {}
     for size, world in worlds.items():
         with Renderer(world, size, **FAST) as one:

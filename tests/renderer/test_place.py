@@ -108,8 +108,8 @@ def test_what_callers_give_and_get_is_in_world_space() -> None:
         scene = room().placed(there)
         with Renderer(scene, SIZE, **FAST) as renderer:
             assert renderer.scene.lights == scene.lights and renderer.scene.cameras == scene.cameras
-            lamp = renderer.scene.lights[0]
-            renderer.relight([replace(lamp, position=tuple(np.add(lamp.position, (0.2, -0.1, 0.1))))])
+            point_light = renderer.scene.lights[0]
+            renderer.relight([replace(point_light, position=tuple(np.add(point_light.position, (0.2, -0.1, 0.1))))])
             centre = about + there
             renderer.move(1, np.column_stack([turn, centre - turn @ centre + (0.1, 0.0, 0.0)]))
             frames.append(renderer.render(FRONT.shifted(there)))
@@ -134,12 +134,12 @@ def times(factor: float, place: Place) -> Place:
 
 def scaled(scene: Scene, factor: float) -> Scene:
     """Return the scene scaled by `factor`, with light powers scaled by its square, so that irradiance is equal."""
-    lamps = (
-        replace(lamp, position=times(factor, lamp.position), color=times(factor**2, lamp.color))  # W/sr
-        for lamp in scene.lights
+    point_lights = (
+        replace(point_light, position=times(factor, point_light.position), color=times(factor**2, point_light.color))  # W/sr
+        for point_light in scene.lights
     )
     meshes = (replace(mesh, positions=mesh.positions * np.float32(factor)) for mesh in scene.meshes)
-    return replace(scene, meshes=tuple(meshes), lights=tuple(lamps))
+    return replace(scene, meshes=tuple(meshes), lights=tuple(point_lights))
 
 
 @pytest.mark.few_sites

@@ -19,9 +19,9 @@ from irrsplat.scene.motion import repainted
 from tests.renderer.test_live import TICK, dimmed, ticks
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.skies import mapped
-from tests.support.worlds import box, floor, lamp, material, scene
+from tests.support.worlds import box, floor, material, point_light, scene
 
-LAMP, OTHER, THIRD = room().lights[0], lamp((-0.5, 0.2, 0.5), 5.0), lamp((0.6, -0.4, 0.5), 1.0)
+LIGHT, OTHER, THIRD = room().lights[0], point_light((-0.5, 0.2, 0.5), 5.0), point_light((0.6, -0.4, 0.5), 1.0)
 HELD = ("irradiance", "vectors", "gradient", "radius")
 TRACED: dict[str, Any] = {**FAST, "gather": "trace"}
 
@@ -64,16 +64,16 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
-        renderer.relight((OTHER, coloured(LAMP, 1.0, 0.4, 0.1)))
+        renderer.relight((OTHER, coloured(LIGHT, 1.0, 0.4, 0.1)))
         assert ticks(renderer, 0.01)[-1].done
         found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
         assert error(found, truth) < 0.005
         assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
-    world = lit_by(LAMP, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2)
+    world = lit_by(LIGHT, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2)
     with Renderer(world, SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
         for factor in ((0.0, 0.0, 0.0), (0.2, 0.5, 3.0)):
-            renderer.relight([LAMP, coloured(OTHER, *factor), THIRD])
+            renderer.relight([LIGHT, coloured(OTHER, *factor), THIRD])
             assert ticks(renderer, 10.0)[-1].done
             found, truth = renderer.cache.records.read(*HELD), gathered_afresh(renderer)
             assert error(found, truth) < 0.005
@@ -82,11 +82,11 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
 
 @pytest.mark.few_sites
 @pytest.mark.parametrize("bounces", [1, "all"])
-def test_a_lone_lamp_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> None:
+def test_a_single_light_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> None:
     """Light is linear in its only source: the next frame, however short, shows a fresh render's picture."""
     settings = {**TRACED, "bounces": bounces}
-    after = lit_by(dimmed(LAMP, 0.3))
-    with Renderer(lit_by(LAMP), SIZE, ctx=ctx, **settings) as old, Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
+    after = lit_by(dimmed(LIGHT, 0.3))
+    with Renderer(lit_by(LIGHT), SIZE, ctx=ctx, **settings) as old, Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
         old.render()
         ticks(old)
         truth = fresh.render()

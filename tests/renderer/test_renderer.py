@@ -17,7 +17,7 @@ from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
 from irrsplat.renderer import whole_renders
 from irrsplat.scene.model import Camera, Scene
-from tests.support.worlds import box, floor, lamp, material, quad, scene
+from tests.support.worlds import box, floor, material, point_light, quad, scene
 
 FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64}
 SIZE = (48, 40)
@@ -29,7 +29,7 @@ def room(sky: float = 0.0) -> Scene:
     walls = box((-1, -1, -1), (1, 1, 1), material((0.8, 0.7, 0.6)), outward=False)
     things = box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), material((0.2, 0.6, 0.8)))
     left = quad((-0.99, -1, -1), (0, 0, 2), (0, 2, 0), material((0.7, 0.1, 0.1), (0.05, 0.0, 0.0)))
-    return scene(walls, things, left, lights=(lamp((0.3, 0.6, 0.2), 3.0),), sky=sky, camera=FRONT)
+    return scene(walls, things, left, lights=(point_light((0.3, 0.6, 0.2), 3.0),), sky=sky, camera=FRONT)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def check(frame: Frame, size: tuple[int, int], sky: tuple[float, float, float]) 
 
 @pytest.mark.parametrize(("size", "preset"), [((1, 1), "paper"), ((3, 200), "default"), (SIZE, "paper")])
 def test_every_buffer_is_as_promised(size: tuple[int, int], preset: str) -> None:
-    world = scene(floor(0.5), box((-0.2, 0, -0.2), (0.1, 0.3, 0.1)), lights=(lamp((1, 2, 1)),), sky=(0.1, 0.2, 0.3))
+    world = scene(floor(0.5), box((-0.2, 0, -0.2), (0.1, 0.3, 0.1)), lights=(point_light((1, 2, 1)),), sky=(0.1, 0.2, 0.3))
     frame = rendered(world, size, preset=preset, warmup=20)
     check(frame, size, world.sky)
     assert frame.stats["converged"] and frame.stats["coverage"] == 1.0
@@ -88,7 +88,7 @@ def test_every_buffer_is_as_promised(size: tuple[int, int], preset: str) -> None
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_no_geometry_is_the_sky(preset: str) -> None:
-    frame = rendered(scene(sky=(0.1, 0.2, 0.3), lights=(lamp((1, 2, 1)),)), preset=preset)
+    frame = rendered(scene(sky=(0.1, 0.2, 0.3), lights=(point_light((1, 2, 1)),)), preset=preset)
     check(frame, SIZE, (0.1, 0.2, 0.3))
     assert np.isinf(frame.depth).all() and frame.stats["records"] == 0 and frame.stats["converged"]
 
@@ -108,7 +108,7 @@ def test_black_and_white_surfaces() -> None:
 def test_a_camera_inside_a_wall_sees_black() -> None:
     """Inside a solid the picture is black, and all buffers are valid."""
     solid = box((-1, -1, -1), (1, 1, 1), material(0.9))
-    world = scene(solid, lights=(lamp((0, 5, 0)),), sky=1.0)
+    world = scene(solid, lights=(point_light((0, 5, 0)),), sky=1.0)
     frame = rendered(world, camera=Camera((0, 0, 0.2), (0, 0, -1)), shadow_size=1024)  # finer: a wall is steep towards the light
     check(frame, SIZE, (1.0, 1.0, 1.0))
     assert not frame.direct.any() and np.isfinite(frame.depth).all()
@@ -141,10 +141,10 @@ def test_exposure_is_a_number_or_found() -> None:
     """Walls of ρ = 0.8 have values between 176 and 201 of 255, as white rooms in Mitsuba's pictures; black ones are dark."""
     for rho, least, most in ((0.8, 176, 201), (0.03, 30, 60)):
         walls = box((-1, -1, -1), (1, 1, 1), material(rho), outward=False)
-        picture = rendered(scene(walls, lights=(lamp((0.2, 0.3, 0.9)),), camera=FRONT)).picture
+        picture = rendered(scene(walls, lights=(point_light((0.2, 0.3, 0.9)),), camera=FRONT)).picture
         assert least < 255.0 * np.median(picture) < most
     assert rendered(room(), exposure=-2.5).stats["exposure"] == -2.5
-    assert rendered(scene(floor(), lights=(lamp((0, -1, 0)),))).stats["exposure"] == 0.0, "a black picture has none"
+    assert rendered(scene(floor(), lights=(point_light((0, -1, 0)),))).stats["exposure"] == 0.0, "a black picture has none"
 
 
 @pytest.mark.parametrize("side", [4, 128])
@@ -166,14 +166,14 @@ def unserved(frame: Frame) -> int:
 
 
 @pytest.mark.parametrize("settings", [{"a": 0.2}, {"tolerance": 9.0}, {"preset": "paper"}])
-def test_converged_means_that_every_pixel_is_served(settings: dict[str, Any]) -> None:
+def test_converged_means_that_records_cover_every_pixel(settings: dict[str, Any]) -> None:
     frame = rendered(room(), warmup=50, **settings)
     assert frame.stats["converged"] and frame.stats["coverage"] == 1.0
     assert unserved(frame) == 0
 
 
 @pytest.mark.parametrize(("size", "at"), [((400, 400), (-0.6, 0.5)), ((40, 40), (0.45, -0.6))])
-def test_a_small_thing_is_served_wherever_it_is_seen(size: tuple[int, int], at: tuple[float, float]) -> None:
+def test_a_small_object_is_covered_in_every_view(size: tuple[int, int], at: tuple[float, float]) -> None:
     """Rounds alternate between the colours of a chess board: one round without a request does not end the render."""
     thing = quad((at[0], at[1], 0), (0.16, 0, 0), (0, 0.16, 0), material(0.5, 0.1))
     frame = rendered(scene(thing, sky=1.0), size, Camera((0, 0, 2), (0, 0, 0)))

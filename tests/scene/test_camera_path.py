@@ -15,7 +15,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene import Camera
 from irrsplat.scene.camera_path import Path, camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.model import Light, Scene
-from tests.support.worlds import box, floor, lamp, scene
+from tests.support.worlds import box, floor, point_light, scene
 
 Read = Callable[..., Path]
 ORIGIN = (0.0, 0.0, 0.0)
@@ -35,7 +35,7 @@ def random_camera(rng: np.random.Generator, scale: float = 1.0) -> Camera:
 def world() -> Scene:
     """Return a floor, a box about (1, 2, 3), a point light and a spot."""
     spot = Light((0, 5, 0), (1, 1, 1), spot_target=(0, 0, 0), spot_cutoff=20.0)
-    return scene(floor(9.0), box((0, 1, 2), (2, 3, 4)), lights=(lamp((0, 3, 0)), spot))
+    return scene(floor(9.0), box((0, 1, 2), (2, 3, 4)), lights=(point_light((0, 3, 0)), spot))
 
 
 def test_the_curve_passes_through_its_keys() -> None:

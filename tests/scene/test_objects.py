@@ -28,7 +28,7 @@ from irrsplat.scene.motion import posed
 from irrsplat.scene.ray_caster import RayCaster
 from tests.support.gltf_files import FACES, POINTS
 from tests.support.luminaires import ies_text, isotropic
-from tests.support.worlds import box, floor, lamp, scene
+from tests.support.worlds import box, floor, point_light, scene
 
 pytestmark = pytest.mark.usefixtures("without_stand_ins")
 
@@ -128,7 +128,7 @@ def test_a_luminaire_is_written_with_its_tilt_file(write: Callable[..., Scene], 
     assert write_scene(made, tmp_path / "c.scene") == "c.scene: a .scene does not hold mirrored luminaires (1)"
     again = load(tmp_path / "c.scene")
     assert [one.output for one in again.lights] == [pytest.approx(one.output) for one in made.lights]
-    assert made.lights[0].output[1] == pytest.approx(200.0) and lamp((0, 0, 0)).output == (0.0, 0.0)
+    assert made.lights[0].output[1] == pytest.approx(200.0) and point_light((0, 0, 0)).output == (0.0, 0.0)
     assert sorted(file.name for file in (tmp_path / "c-files").glob("*.tlt")) == ["t.tlt"]
 
 

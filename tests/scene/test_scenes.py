@@ -59,8 +59,8 @@ def test_cornell_is_the_measured_box():
     red = next(mesh for mesh in scene.meshes if mesh.name == "red")
     view = camera.view_from_world[:3, :3] @ red.positions.mean(0) + camera.view_from_world[:3, 3]
     assert view[0] < 0 and red.material.albedo[0] > 5 * red.material.albedo[1]
-    (lamp,) = scene.lights
-    assert lamp.physical and lamp.position[1] == pytest.approx(5.488 - 0.1)
+    (point_light,) = scene.lights
+    assert point_light.physical and point_light.position[1] == pytest.approx(5.488 - 0.1)
 
 
 def test_the_furnace_is_closed_and_uniform():

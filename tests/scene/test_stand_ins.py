@@ -13,7 +13,7 @@ import irrsplat
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import axes, up_vector
-from tests.support.worlds import box, floor, lamp, material, quad, sphere
+from tests.support.worlds import box, floor, material, point_light, quad, sphere
 
 UPS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 ROOM = box((-2, 0, -3), (2, 2.5, 3), outward=False)
@@ -131,7 +131,7 @@ def test_minor_emission_does_not_count(meshes: list[Mesh], own: bool) -> None:
 
 
 def test_lights_that_are_off_do_not_count() -> None:
-    for light, own in ((lamp((0, 2, 0), 1e-9), False), (lamp((0, 2, 0), 1.0), True)):
+    for light, own in ((point_light((0, 2, 0), 1e-9), False), (point_light((0, 2, 0), 1.0), True)):
         assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == own
 
 
@@ -143,7 +143,7 @@ def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
         assert scene.lights == lights and not scene.own_sky
         assert any("only directional light" in notice for notice in scene.notices)
         assert scene.sky == pytest.approx((0.3 * strength,) * 3) and 0.0 < scene.sky_gradient[0] < scene.sky[0]
-    assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
+    assert has_own_light(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], point_light((0, 3, 0), 1.0))))
 
 
 def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:

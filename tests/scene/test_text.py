@@ -110,8 +110,8 @@ def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt
     """Lights, sky and emission are divided; an albedo has no unit."""
     light = "light a.light\nlight b.light\nsky 17.9 0 0\nbrdf emission 0 358 0\nbrdf diffuse 1 0 0 1\n"
     text = f"# first\n{units}\n{CAM}{light}obj t.obj\n"
-    lamps = {"a_light": "position 0 1 0 1\nintensity 179 358 537\n", "b_light": "position 0 1 0 0\ndiffuse 179 179 0 1\n"}
-    scene = write(text, **lamps)
+    point_lights = {"a_light": "position 0 1 0 1\nintensity 179 358 537\n", "b_light": "position 0 1 0 0\ndiffuse 179 179 0 1\n"}
+    scene = write(text, **point_lights)
     assert [light.color for light in scene.lights] == [(179 / watt, 358 / watt, 537 / watt), (179 / watt, 179 / watt, 0)]
     assert scene.sky == (17.9 / watt, 0, 0) and scene.meshes[0].material.emission == (0, 358 / watt, 0)
     assert scene.meshes[0].material.albedo == (1, 0, 0)

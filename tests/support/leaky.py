@@ -13,7 +13,7 @@ import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.indirect.paper_scan import Seen, read_back
 from irrsplat.scene.model import Camera, Material, Mesh, Scene
-from tests.support.worlds import box, gather, lamp, material, quad, scene, sphere
+from tests.support.worlds import box, gather, material, point_light, quad, scene, sphere
 
 SIZE = (160, 120)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -40,7 +40,7 @@ def rooms(wall: float = WALL, without: str = "") -> Scene:
         "right": quad((X, 0, -Z), (0, 0, 2 * Z), (0, Y, 0), WHITE),
         "part": part,
     }
-    return scene(*(mesh for name, mesh in parts.items() if name != without), lights=(lamp((-1.5, 2.0, 0.3), 20.0),))
+    return scene(*(mesh for name, mesh in parts.items() if name != without), lights=(point_light((-1.5, 2.0, 0.3), 20.0),))
 
 
 def in_the_dark(position: np.ndarray, normal: np.ndarray, wall: float = WALL) -> np.ndarray:
@@ -51,12 +51,12 @@ def in_the_dark(position: np.ndarray, normal: np.ndarray, wall: float = WALL) ->
 def table() -> Scene:
     """Return a room with a table of 1.6 by 0.9 m, its top 2 cm thick at 70 cm on four legs, and a light above it."""
     legs = [box((x, 0, z), (x + 0.05, 0.68, z + 0.05), RED) for x in (-0.75, 0.70) for z in (-0.4, 0.35)]
-    return scene(room(), box((-0.8, 0.68, -0.45), (0.8, 0.70, 0.45), RED), *legs, lights=(lamp((0.3, 2.0, 0.2), 20.0),))
+    return scene(room(), box((-0.8, 0.68, -0.45), (0.8, 0.70, 0.45), RED), *legs, lights=(point_light((0.3, 2.0, 0.2), 20.0),))
 
 
 def resting() -> Scene:
     """Return a room with a ball of 40 cm radius on its floor."""
-    return scene(room(), sphere((0.0, 0.4, 0.0), 0.4, RED), lights=(lamp((1.2, 2.2, 0.9), 20.0),))
+    return scene(room(), sphere((0.0, 0.4, 0.0), 0.4, RED), lights=(point_light((1.2, 2.2, 0.9), 20.0),))
 
 
 def room() -> Mesh:

@@ -73,7 +73,7 @@ scale 0.4 0.4 0.4
 obj box.obj
 pop
 """
-LAMP = "position 0.3 0.6 0.2 1\nintensity 3 3 3\n"
+LIGHT = "position 0.3 0.6 0.2 1\nintensity 3 3 3\n"
 _CORNERS = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))  # 1 + 4·(x>0) + 2·(y>0) + (z>0)
 OBJECTS = {
     "walls.obj": _CORNERS + "f 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 5 7 8 6\n",  # floor, ceiling, back, right; open in front
@@ -84,7 +84,7 @@ OBJECTS = {
 
 def write_room(folder: Path) -> Path:
     """Write an open room of 2 m with a light and a box into `folder`; return the .scene."""
-    for name, text in {**OBJECTS, "lamp.light": LAMP, "room.scene": ROOM}.items():
+    for name, text in {**OBJECTS, "lamp.light": LIGHT, "room.scene": ROOM}.items():
         (folder / name).write_text(text)
     return folder / "room.scene"
 

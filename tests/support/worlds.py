@@ -98,7 +98,7 @@ def scene(
     return Scene(meshes, lights, (camera,), (sky, sky, sky) if isinstance(sky, (int, float)) else sky)
 
 
-def lamp(position: Vector, power: float = 1.0, **rest: Any) -> Light:
+def point_light(position: Vector, power: float = 1.0, **rest: Any) -> Light:
     """Return a physical point light, `power` in W/sr for each channel."""
     return Light(tuple(position), (power, power, power), physical=True, **rest)  # type: ignore[arg-type]
 

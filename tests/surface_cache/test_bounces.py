@@ -20,7 +20,7 @@ from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from tests.renderer.test_renderer import FAST, SIZE, room
-from tests.support.worlds import box, lamp, material, polygon_vector, quad, scene, sites
+from tests.support.worlds import box, material, point_light, polygon_vector, quad, scene, sites
 
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr)
 ALBEDO = (0.7, 0.5, 0.2)
@@ -82,7 +82,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
 @LONG
 def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
     """With ρ = 1 bounces do not decay: after 64 the statistics report that more would follow."""
-    white = scene(box((-1, -1, -1), (1, 1, 1), material(1.0), outward=False), lights=(lamp((0.2, 0.4, 0.1), 3.0),))
+    white = scene(box((-1, -1, -1), (1, 1, 1), material(1.0), outward=False), lights=(point_light((0.2, 0.4, 0.1), 3.0),))
     with Renderer(white, (12, 10), ctx=ctx, **ALL) as renderer:
         stats = renderer.render().stats
         assert (stats["bounces"], stats["bounces_converged"]) == (64, False)
@@ -186,7 +186,7 @@ def rooms(fine: bool) -> Scene:
         faces = np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)]).astype("i4")
         parts.append(Mesh(p, np.tile(np.array([0, 1, 0], "f4"), (len(p), 1)), faces, grey))
     eye = Camera((1.8, 1.8, 0.8), (0.3, 0.0, 0.0), fov=80.0)
-    return scene(walls, between, *parts, lights=(lamp((-1, 1.2, 0.2), 5.0),), camera=eye)
+    return scene(walls, between, *parts, lights=(point_light((-1, 1.2, 0.2), 5.0),), camera=eye)
 
 
 @pytest.mark.parametrize(("kind", "fine"), [("trace", False), pytest.param("trace", True, marks=LONG)])
@@ -279,7 +279,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("few")
 def test_other_lights_come_to_the_values_of_a_fresh_cache(ctx: moderngl.Context) -> None:
     """The values are equal bit for bit; the old values remain in the meantime."""
-    moved = [lamp((-0.5, 0.2, 0.5), 5.0), lamp((0.4, 0.3, 0.2), 1.0)]
+    moved = [point_light((-0.5, 0.2, 0.5), 5.0), point_light((0.4, 0.3, 0.2), 1.0)]
     with made(ctx, room()) as renderer, made(ctx, replace(room(), lights=tuple(moved))) as other:
         before = values(renderer)
         renderer.relight(moved)
@@ -294,9 +294,9 @@ def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> No
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5), outward=False), box((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4)))
     places = (0.0, 0.8, 0.0), (0.0, 0.0, 0.0), (0.0, 0.8, 0.0)
     counts: list[int] = []
-    with made(ctx, replace(world, lights=(lamp(places[0]),))) as renderer:
+    with made(ctx, replace(world, lights=(point_light(places[0]),))) as renderer:
         for place in places:
-            lit = replace(world, lights=(lamp(place),))
+            lit = replace(world, lights=(point_light(place),))
             if counts:
                 renderer.relight(lit.lights)
                 advance(renderer)

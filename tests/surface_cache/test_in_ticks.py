@@ -19,7 +19,7 @@ from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import box, lamp, material, scene
+from tests.support.worlds import box, material, point_light, scene
 from tests.surface_cache.test_bounces import ALL, few, gathered, made, values
 
 __all__ = ["few"]
@@ -82,7 +82,7 @@ def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path, monkeyp
         agrees(fresh)
     with Renderer(room(), SIZE, ctx=ctx, **fine) as renderer:
         assert ticks(renderer, lambda now: now.records > 5).surface < 1.0
-        renderer.relight([lamp((0.3, 0.5, 0.4), 5.0)])
+        renderer.relight([point_light((0.3, 0.5, 0.4), 5.0)])
         ticks(renderer, lambda now: now.still)
         agrees(renderer)
 
@@ -95,7 +95,7 @@ def carried(share: float) -> tuple[float, float, float]:
 ROOM = scene(
     box((-1, -1, -1), (1, 1, 1), material((0.8, 0.6, 0.5)), outward=False),
     box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), material((0.2, 0.6, 0.8))),
-    lights=(lamp(carried(0.0)),),
+    lights=(point_light(carried(0.0)),),
     camera=FRONT,
 )
 

@@ -28,7 +28,7 @@ from tests.support.viewing import write_room
 from tests.support.worlds import box, floor, scene
 
 CAMERA = irrsplat.Camera(eye=(0.5, 1.2, 1.8), target=(0.0, 0.9, -2.0), up=(0.0, 1.0, 0.0), fov=70.0)
-LAMP = irrsplat.Light(position=(0.0, 2.3, 0.0), color=(5.0, 5.0, 5.0))
+LIGHT = irrsplat.Light(position=(0.0, 2.3, 0.0), color=(5.0, 5.0, 5.0))
 
 
 def grooves() -> irrsplat.Scene:
@@ -43,7 +43,7 @@ def grooves() -> irrsplat.Scene:
     vertices = np.concatenate([one.vertices for one in things])
     faces = np.concatenate([one.faces + 8 * number for number, one in enumerate(things)])
     meshes = [irrsplat.make_mesh(room.vertices, room.faces, white), irrsplat.make_mesh(vertices, faces, white)]
-    return irrsplat.make_scene(meshes, [LAMP], [CAMERA])
+    return irrsplat.make_scene(meshes, [LIGHT], [CAMERA])
 
 
 def gathered(renderer: Renderer, sites: Sites) -> np.ndarray:

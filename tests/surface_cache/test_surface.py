@@ -20,7 +20,7 @@ from irrsplat.surface_cache.site_layout import FULL, SiteChooser
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
-from tests.support.worlds import box, floor, gather, lamp, material, quad, scene, sites, sphere
+from tests.support.worlds import box, floor, gather, material, point_light, quad, scene, sites, sphere
 
 SIZE = (80, 60)
 INSET = 1e-4  # metres
@@ -78,8 +78,8 @@ def test_what_no_light_reaches() -> None:
     case = box((0, 0, 0), (1, 1, 1))
     count = len(case.faces)
     assert unlit_interiors(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
-    assert not unlit_interiors(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
-    assert unlit_interiors(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
+    assert not unlit_interiors(scene(case, lights=(point_light((0.5, 0.5, 0.5)),))).any()
+    assert unlit_interiors(scene(case, lights=(point_light((0.5, 1.5, 0.5)),))).all()
     assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
     assert not unlit_interiors(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
     assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
@@ -134,7 +134,7 @@ def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.
 def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
     """A floor and a ball of small triangles next to it; each site has a distinct value."""
     eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
-    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
+    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(point_light((0, 2, 0.5), 3.0),), camera=eye)
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
         cache = renderer.scheduler.gatherer.surface
@@ -164,7 +164,7 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     grey = material(0.6)
     eye = Camera((1.2, 1.6, 1.4), (0.1, 0.0, 0.0), fov=50.0)
     parts = (box((-2, 0, -2), (2, 2, 2), grey, outward=False), box((-0.41, 0, -0.33), (0.37, 0.5, 0.29), grey))
-    world = scene(*parts, lights=(lamp((0.6, 1.7, 0.8), 4.0),), camera=eye)
+    world = scene(*parts, lights=(point_light((0.6, 1.7, 0.8), 4.0),), camera=eye)
     with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512, "gather_size": 32}) as renderer:
         view, _ = renderer.frame(gather=False)
         assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None

@@ -11,7 +11,7 @@ import pytest
 
 from irrsplat.core.color import srgb
 from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
-from tests.support.worlds import box, lamp, material, quad, scene, sites
+from tests.support.worlds import box, material, point_light, quad, scene, sites
 from tests.surface_cache.test_bounces import advance, few, gathered, made, values
 
 __all__ = ["few"]
@@ -45,7 +45,7 @@ def room(wall: Material, *more: Mesh) -> Scene:
         quad((-1, -1, -1), (2, 0, 0), (0, 2, 0), paint),
         quad((-1, -1, 1), (2, 0, 0), (0, 2, 0), paint),
     )
-    return scene(left, bottom, *others, *more, lights=(lamp((0.1, 0.5, 0.2), 3.0),))
+    return scene(left, bottom, *others, *more, lights=(point_light((0.1, 0.5, 0.2), 3.0),))
 
 
 def lit(ctx: moderngl.Context, world: Scene) -> tuple[np.ndarray, np.ndarray]:

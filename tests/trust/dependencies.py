@@ -63,11 +63,11 @@ def needed(name: str = "irrsplat", extras: Sequence[str] = EXTRAS) -> Iterator[s
     waiting: list[tuple[str, Sequence[str]]] = [(name, extras)]
     seen: set[str] = set()
     while waiting:
-        package, wanted = waiting.pop()
+        package, requested = waiting.pop()
         for requirement in metadata.requires(package) or ():
             text, _, condition = requirement.partition(";")
             other = named(text)
-            asked = not condition or any(Marker(condition).evaluate({"extra": extra}) for extra in ("", *wanted))
+            asked = not condition or any(Marker(condition).evaluate({"extra": extra}) for extra in ("", *requested))
             if asked and other not in seen and installed(other):
                 seen.add(other)
                 further = re.search(r"\[([\w, -]+)\]", text)

@@ -25,7 +25,7 @@ from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.motion import moved
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.interrupts import run as run_lines
-from tests.support.worlds import lamp
+from tests.support.worlds import point_light
 
 CALLS = int(os.environ.get("IRRSPLAT_CALLS", "60"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
@@ -132,8 +132,8 @@ def relit(lights: list[Light], draw: Draw) -> list[Light]:
         lights[number] = replace(lights[number], position=vector(draw, -0.8, 0.8))
     elif what == 3 and len(lights) < 3:
         sun = Light((*vector(draw, -0.3, 0.3)[:2], 1.0), (1.0, 1.0, 0.8), directional=True)
-        spot = lamp(vector(draw, -0.7, 0.7), 2.0, spot_target=vector(draw, -1, 1), spot_cutoff=40.0)
-        lights.append([sun, spot, lamp(vector(draw, -0.8, 0.8), 2.0)][draw.integers(3)])
+        spot = point_light(vector(draw, -0.7, 0.7), 2.0, spot_target=vector(draw, -1, 1), spot_cutoff=40.0)
+        lights.append([sun, spot, point_light(vector(draw, -0.8, 0.8), 2.0)][draw.integers(3)])
     elif len(lights) > 1:
         del lights[number]
     return lights
@@ -164,7 +164,7 @@ def change(name: str, run: Run, draw: Draw) -> Call:
 def refused(name: str, run: Run, draw: Draw) -> Call:
     renderer = run.renderer
     calls: list[Callable[[], object]] = [
-        lambda: renderer.relight([lamp((0.0, 0.5, 0.0))] * 1000),
+        lambda: renderer.relight([point_light((0.0, 0.5, 0.0))] * 1000),
         lambda: renderer.move(1, np.zeros((4, 4))),
         lambda: renderer.repaint("nobody", Material()),
         lambda: renderer.resize((0, 5)),

@@ -225,8 +225,8 @@ def test_a_spot_far_brighter_than_its_wall_has_a_picture_of_its_own(tmp_path: Pa
     from irrsplat.app.bake import bake_lightmap
     from irrsplat.app.bake.encoding import Encoding
 
-    lamp = Light(position=(0.3, 0.2, 0.05), color=(1.0, 1.0, 1.0), physical=True)
-    scene = Scene((square(albedo=(0.5, 0.5, 0.5)),), (lamp,), (Camera((0, 0, 5), (0, 0, 0)),))
+    point_light = Light(position=(0.3, 0.2, 0.05), color=(1.0, 1.0, 1.0), physical=True)
+    scene = Scene((square(albedo=(0.5, 0.5, 0.5)),), (point_light,), (Camera((0, 0, 5), (0, 0, 0)),))
     made = bake_lightmap(scene, 128, **FAST)
     encoding, bright = Encoding.of(made, "irradiance"), made.irradiance.max(-1)
     assert bright.max() > 100.0 * np.median(bright[made.lit.seen])

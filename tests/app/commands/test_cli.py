@@ -34,8 +34,8 @@ def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.Capture
     flags = [word for name, value in values.items() for word in (f"--{name}", value)]
     assert cli.main([*RENDER, "--size", "6", "4", "--preset", "preview", "--gather-size=64", *flags]) == 0
     assert (fake.asked.size, fake.asked.preset) == ((6, 4), "preview")
-    wanted = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
-    assert fake.asked.settings == {**wanted, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
+    requested = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
+    assert fake.asked.settings == {**requested, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
     for words, value in ((["--fill-holes"], True), (["--fill-holes", "OFF"], False), (["--fill-holes=off"], False)):
         assert cli.main(["render", *SMALL, "-o", "a.png", "--viewer-samples", "5", *words, "plain.scene"]) == 0
         assert fake.asked.scene.name == "plain" and fake.asked.settings == {
@@ -66,14 +66,14 @@ def test_cameras(fake: Any, place: Path) -> None:
     """Negative numbers of every spelling are none of flags; what a camera lacks comes from the scene."""
     (place / "plain.scene").write_text((place / "plain.scene").read_text() + "cam side 5 0 0 0 0 0 0 0 1\n")
     numbers = ["--eye", "-1", "-.5", "-1e-3", "--target", "-2.5E+2", "+3", "-0", "--up", "0", "-1", "-1e0"]
-    for words, *wanted in (
+    for words, *requested in (
         ([*numbers, "--fov", "30"], (-1.0, -0.5, -0.001), (-250.0, 3.0, 0.0), (0.0, -1.0, -1.0), 30.0),
         (["--eye", "1", "1", "1", "--target", "0", "0", "0"], (1, 1, 1), (0, 0, 0), (0, 1, 0), 40),
         (["--camera", "side", "--fov", "20"], (5, 0, 0), (0, 0, 0), (0, 0, 1), 20),
     ):
         assert cli.main([*RENDER, *SMALL, *words]) == 0
         camera = fake.asked.camera
-        assert [camera.eye, camera.target, camera.up, camera.fov] == wanted
+        assert [camera.eye, camera.target, camera.up, camera.fov] == requested
 
 
 def test_a_render_that_ends_early_is_written(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -185,11 +185,11 @@ def test_a_changed_scene_renews_its_file(
 ) -> None:
     """By --cache-mode update, in a render and in the window; then the file belongs to the scene as it is."""
     assert cli.main([*RENDER, "-o", "a.png"]) == 0
-    lamp, shown = place / "lamp.light", list[str]()
-    dim = lamp.read_text()
+    point_light, shown = place / "lamp.light", list[str]()
+    dim = point_light.read_text()
     window(lambda it: shown.extend(message.text for message in it.actions.messages.lines))
     for brighter, command in (("4 3 3", [*RENDER, "-o", "a.png"]), ("5 3 3", VIEW)):
-        lamp.write_text(dim.replace("3 3 3", brighter))
+        point_light.write_text(dim.replace("3 3 3", brighter))
         said = refused(command)
         assert "made for other lights" in said
         assert cli.main([*command, "--cache-mode", "update"]) == 0

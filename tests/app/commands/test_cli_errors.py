@@ -202,10 +202,10 @@ def test_what_was_meant_is_told(argv: list[str], meant: str, refused: Callable[.
 def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: Path) -> None:
     argv = ["render", "cornel", "--exposre", "auto", "--a", "9", "--size", "4", "--preset", "fast", "--up", "0", "1", "0"]
     line = refused([*argv, "-o", "b.mp4", "-o", "missing/c.png", "--buffers", "dpth,colour", "--stats", "missing/s.json"])
-    wanted = ["(1) unknown flag --exposre", "--size: expected 2 arguments", "--preset: takes default|paper"]
-    wanted += ["'a' takes 0.01..2, not 9", "--up needs --eye", "no file 'cornel'", "b.mp4: a film needs a flight"]
-    wanted += ["missing/c.png: cannot", "'dpth' (did you mean 'depth'?), 'colour'", "missing/s.json: cannot write"]
-    assert not [words for words in wanted if words not in line]
+    requested = ["(1) unknown flag --exposre", "--size: expected 2 arguments", "--preset: takes default|paper"]
+    requested += ["'a' takes 0.01..2, not 9", "--up needs --eye", "no file 'cornel'", "b.mp4: a film needs a flight"]
+    requested += ["missing/c.png: cannot", "'dpth' (did you mean 'depth'?), 'colour'", "missing/s.json: cannot write"]
+    assert not [words for words in requested if words not in line]
     assert line.startswith("irrsplat: 10 mistakes: (1) ") and "(10) " in line and "(11)" not in line
 
 

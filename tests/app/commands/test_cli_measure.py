@@ -102,7 +102,7 @@ RENDER = ["render", "lit.scene", "--size", "48", "32", "--bounces", "1", "--gath
 
 
 @pytest.fixture
-def lamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
+def point_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
     """A working folder with the scene in it; the floor's albedo."""
     for name, text in (("lit.scene", COLOURED.format(0.5)), ("floor.obj", WIDE)):
         (tmp_path / name).write_text(text)
@@ -123,7 +123,7 @@ def read(path: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("unit", ["lux", "W/m2"])
-def test_the_light_on_a_floor_is_that_of_the_closed_form(lamp: float, unit: str) -> None:
+def test_the_light_on_a_floor_is_that_of_the_closed_form(point_light: float, unit: str) -> None:
     """I·h/d³, times 179 in lux, whatever the floor reflects; every pixel in the colour of its place, and a legend."""
     factor = 179.0 if unit == "lux" else 1.0
     argv = ["--falsecolor", "--unit", unit, "--scale", str(5.0 * factor), "--lines", "off"]
@@ -132,7 +132,9 @@ def test_the_light_on_a_floor_is_that_of_the_closed_form(lamp: float, unit: str)
     assert picture.shape[0] == 32 and picture.shape[1] > 64, "a legend stands beside it"
     with np.load("a.npz") as data:
         p = data["position"]
-        assert data["image"].max() == pytest.approx(lamp / np.pi * 2.5, rel=0.02), "of the floor below the lamp; other files stay"
+        assert data["image"].max() == pytest.approx(point_light / np.pi * 2.5, rel=0.02), (
+            "of the floor below the lamp; other files stay"
+        )
     truth = 10.0 * 2.0 / np.linalg.norm(p - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
     assert np.abs(place_of(picture[:, :48]) - truth / 5.0).max() < 0.02
 

@@ -11,14 +11,14 @@ from imgui_bundle import imgui
 from irrsplat.meter.light_scale import LightScale
 from tests.support.viewing import Driver, push
 
-LAMP = "position 0 2 0 1\nintensity 10 10 10\n"
+LIGHT = "position 0 2 0 1\nintensity 10 10 10\n"
 FLOOR = "v -2 0 2\nv 2 0 2\nv 2 0 -2\nv -2 0 -2\nf 1 2 3 4\n"
 SCENE = "cam 0 3 3  0 0 0  0 1 0\nproj 60 1 0.1 100\nlight lamp.light\nbrdf diffuse 0 0 0 1\nobj floor.obj\n"
 
 
-def test_light_along_a_line_under_a_lamp(driver: Driver, tmp_path: Path) -> None:
+def test_light_along_a_line_under_a_light(driver: Driver, tmp_path: Path) -> None:
     """The floor is black, and a point light of 10 W/sr is 2 m above it: the illuminance is 179·I·h/d³ lux."""
-    for name, text in (("floor.scene", SCENE), ("floor.obj", FLOOR), ("lamp.light", LAMP)):
+    for name, text in (("floor.scene", SCENE), ("floor.obj", FLOOR), ("lamp.light", LIGHT)):
         (tmp_path / name).write_text(text)
     driver.resize((640, 480), density=0.5)  # so that the plot leaves the floor free
     driver.frame()

@@ -55,7 +55,7 @@ def set_object(driver: Driver, draw: Draw) -> None:
     ][draw.integers(5)])  # fmt: skip
 
 
-def set_lamps(driver: Driver, draw: Draw) -> None:
+def set_lights(driver: Driver, draw: Draw) -> None:
     """Add or delete one; or move, heat, dim and switch one."""
     made, chance = editor(driver), draw.random()
     number = int(draw.integers(max(len(made.lights), 1)))
@@ -64,8 +64,8 @@ def set_lamps(driver: Driver, draw: Draw) -> None:
     elif chance < 0.5:
         made.delete_light(number)
     else:
-        lamp = made.lights[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
-        made.set_light(number, replace(lamp, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
+        point_light = made.lights[number].moved(triple(draw, 0.9)).heated(float(draw.uniform(1500.0, 12_000.0)))
+        made.set_light(number, replace(point_light, on=bool(draw.random() < 0.8), stops=float(draw.uniform(-2.0, 2.0))))
 
 
 def move_camera(driver: Driver, draw: Draw) -> None:
@@ -105,7 +105,7 @@ def show(driver: Driver, draw: Draw) -> None:
 
 
 # actions and their weights
-ACTS: list[tuple[Act, float]] = [(set_object, 5.0), (set_lamps, 4.0), (move_camera, 4.0), (press, 4.5), (show, 4.5)]
+ACTS: list[tuple[Act, float]] = [(set_object, 5.0), (set_lights, 4.0), (move_camera, 4.0), (press, 4.5), (show, 4.5)]
 
 
 def check(driver: Driver, done: list[str]) -> None:

@@ -29,10 +29,10 @@ def carry(path: Path) -> None:
         if words and words[0] == "proj":
             lines.append("trans {} {} {}".format(*PLACE))
     path.write_text("\n".join(lines) + "\n")
-    lamp = path.with_name("lamp.light")
-    word, *place, last = lamp.read_text().splitlines()[0].split()
+    point_light = path.with_name("lamp.light")
+    word, *place, last = point_light.read_text().splitlines()[0].split()
     moved = [repr(float(v) + by) for v, by in zip(place, PLACE, strict=True)]
-    lamp.write_text(" ".join([word, *moved, last]) + "\n" + lamp.read_text().split("\n", 1)[1])
+    point_light.write_text(" ".join([word, *moved, last]) + "\n" + point_light.read_text().split("\n", 1)[1])
 
 
 def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,8 +59,8 @@ def test_a_worker_with_another_scene_or_other_code_refuses(job: work.Job) -> Non
     """The scene changes between the command's reading and the worker's."""
     with pytest.raises(InputError, match=r"this worker has irrsplat .*, code [0-9a-f]{12}, and the job is for other code"):
         work.fill(replace(job, software="other code"), range(1))
-    lamp = Path("lamp.light")
-    lamp.write_text(lamp.read_text().replace("3 3 3", "4 3 3"))
+    point_light = Path("lamp.light")
+    point_light.write_text(point_light.read_text().replace("3 3 3", "4 3 3"))
     with pytest.raises(InputError, match="the scene of this worker was made for other lights"):
         work.fill(job, range(1))
 

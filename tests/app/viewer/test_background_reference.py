@@ -81,10 +81,10 @@ def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer)
     """Views of one eye, size, lighting and number of bounces have one truth. Any other view has none, or its own."""
     session, editor = driver.session, driver.actions.editor
     truth, home, bounces = traced_truth(driver, tracer), session.camera, session.settings(0)[1].bounces
-    lamp = editor.lights[0]
+    point_light = editor.lights[0]
     for change, undo in (
         (lambda: session.free_camera.go(replace(home, fov=home.fov + 1.0)), lambda: session.free_camera.go(home)),
-        (lambda: editor.set_light(0, replace(lamp, stops=1.0)), lambda: editor.set_light(0, lamp)),
+        (lambda: editor.set_light(0, replace(point_light, stops=1.0)), lambda: editor.set_light(0, point_light)),
         (lambda: driver.resize((200, 240)), lambda: driver.resize(SIZE)),
     ):
         change()

@@ -152,7 +152,7 @@ def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, targ
     """
     posts = (worlds.box((x - 0.1, 0.0, x - 0.1), (x + 0.1, 1.0, x + 0.1)) for x in (-1.9, 1.9))
     bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3)), *posts
-    spot = worlds.lamp((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
+    spot = worlds.point_light((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
     light = spot if kind == "spot" else Light((0, 1, 0), (1, 1, 1), directional=True)
     with shown_view(worlds.scene(*bodies, lights=(light,)), rounds=1) as made:
         scene, shadows = made.source.scene, made.renderer.shadows

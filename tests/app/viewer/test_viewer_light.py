@@ -45,11 +45,13 @@ def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> No
     panel = replace(worlds.quad((0.5, 1.5, -0.5), (1.0, 0, 0), (0, 0, 1.0), glowing), name="panel")
     hidden = replace(worlds.quad((-1.6, 1.5, -0.2), (0.4, 0, 0), (0, 0, 0.4), glowing), name="hidden")
     lights = (
-        worlds.lamp((-1.5, 2.0, 0.0), 9.0, name="over the shelf"),
-        worlds.lamp((0.0, 2.0, 1.0), 5.0, name="spot", spot_target=aim, spot_cutoff=30.0, spot_inner=2.0, spot_exponent=2.0),
+        worlds.point_light((-1.5, 2.0, 0.0), 9.0, name="over the shelf"),
+        worlds.point_light(
+            (0.0, 2.0, 1.0), 5.0, name="spot", spot_target=aim, spot_cutoff=30.0, spot_inner=2.0, spot_exponent=2.0
+        ),
         Light((1.0, 2.0, 3.0), (1.0, 0.8, 0.5), directional=True, name="sun"),
         Light((0.5, 1.0, 0.5), (1.0, 1.0, 1.0), attenuation=(1.0, 0.5, 0.2), name="falls off"),
-        worlds.lamp((0.0, -1.0, 0.0), name="below"),
+        worlds.point_light((0.0, -1.0, 0.0), name="below"),
     )
     scene = worlds.scene(worlds.floor(paint=black), shelf, panel, hidden, lights=lights, sky=0.5)
     with LightMeter(scene, ctx=ctx) as meter:
@@ -72,5 +74,5 @@ def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
     assert session.options.surface is not None and session.options.surface[1] == (0.0, 1.0, 0.0)
     assert session.options.surface[0] == pytest.approx((-0.45, -1.0, -0.4), abs=0.02)
     renderer = session.renderers[0]
-    (lamp,) = light_at(renderer.scene, renderer.world.caster, *session.options.surface).sources
-    assert lamp.reason == "blocked by box" and (driver.display.light_at(session.options.surface[0]) or 0.0) > 0.0
+    (point_light,) = light_at(renderer.scene, renderer.world.caster, *session.options.surface).sources
+    assert point_light.reason == "blocked by box" and (driver.display.light_at(session.options.surface[0]) or 0.0) > 0.0

@@ -87,11 +87,11 @@ class DropSource:
 
     def _wait(self, kind: str, uris: bytes) -> list[int]:
         """Return the values of the target's message of this kind; until then, hand out the files where they are requested."""
-        event, wanted = Event(), self.atom(kind)
+        event, requested = Event(), self.atom(kind)
         while True:
             while self.x.XPending(self.display):
                 self.x.XNextEvent(self.display, ctypes.byref(event))
-                if event.type == CLIENT_MESSAGE and event.message.kind == wanted:
+                if event.type == CLIENT_MESSAGE and event.message.kind == requested:
                     return list(event.message.values)
                 if event.type == SELECTION_REQUEST:
                     self._hand_out(event.request, uris)
