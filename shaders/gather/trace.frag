@@ -44,6 +44,20 @@ layout(location = 3) out vec4 out_place;   // where that is, and on which triang
 layout(location = 4) out vec4 out_normal;  // the shading normal there
 #endif
 
+// What light i adds to the irradiance of a receiver, which a ray from the eye hits `away` from it; ray: its direction in the record's frame.
+vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 away, vec3 ray)
+{
+    float spread;
+    vec3 E = light_irradiance(i, receiver, spread);
+#if VIRTUAL_LIGHTS
+    E *= lamp_share(i, receiver.p, spread, away, receiver.g, ray_density(ray));
+#endif
+    // Software renderers look up shadows for all hits. Hits without light look up the eye's, which is in the processor's cache.
+    bool lit = E.r + E.g + E.b > 0.0;
+    float share = visibility(i, Receiver(lit ? receiver.p : eye, receiver.n, receiver.g, FLAT), 1, vec2(1.0, 0.0));
+    return lit ? E * share : vec3(0.0);
+}
+
 void main()
 {
     vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
@@ -80,15 +94,17 @@ void main()
     material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(ray));
 #endif
     vec3 E = vec3(0.0);
-    for (int light = 0; light < LIGHTS; ++light)
-    {
-        float spread;
-        vec3 part = light_irradiance(light, receiver, spread);
-#if VIRTUAL_LIGHTS
-        part *= lamp_share(light, receiver.p, spread, away, g, ray_density(ray));
+    // the first ones one by one, as direct_irradiance has them
+#if LIGHTS > 0
+    E += irradiance_at_hit(0, receiver, eye, away, ray);
 #endif
-        if (part.r + part.g + part.b > 0.0) E += part * visibility(light, receiver, 1, vec2(1.0, 0.0));
-    }
+#if LIGHTS > 1
+    E += irradiance_at_hit(1, receiver, eye, away, ray);
+#endif
+#if LIGHTS > 2
+    E += irradiance_at_hit(2, receiver, eye, away, ray);
+#endif
+    for (int light = 3; light < LIGHTS; ++light) E += irradiance_at_hit(light, receiver, eye, away, ray);
 #if HITS
     // HITS goes with SURFACE
     Look look = surface_look(hit.triangle, hit.share, int(behind));

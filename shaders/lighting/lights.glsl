@@ -193,15 +193,16 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     t.beside = BESIDE * bias + 3.0 * steps + rounding;
     if (taps == 1)
     {
-        float own = shadow_gap(t, vec2(0.0));
         // a flat receiver is seen by its texel, or the texel's centre lies past an edge of it: then the texel across the point's
-        // quarter lies inside of an edge in either direction
-        if (own >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.beside)) return float(own <= t.tolerance);
-        vec2 inward = sign(fract(t.texel) - 0.5), slope = abs(t.plane.xy);
-        float next = shadow_gap(t, inward);
+        // quarter lies inside of an edge in either direction. Software renderers look up all three texels for all receivers; where
+        // the first one decides, the others are the same one, since its place is in the processor's cache.
+        float own = shadow_gap(t, vec2(0.0));
+        bool decides = own >= (dot(r.n, r.g) > STRAIGHT ? -2.0 * t.tolerance : -t.beside);
+        vec2 inward = decides ? vec2(0.0) : sign(fract(t.texel) - 0.5);
         // near a second edge, too: across a receiver that the light sees edge on
-        if (next < -t.beside) next = shadow_gap(t, slope.x > slope.y ? vec2(inward.x, 0.0) : vec2(0.0, inward.y));
-        return float(next >= -t.beside ? next <= rounding : own <= t.tolerance);
+        if (shadow_gap(t, inward) < -t.beside) inward *= abs(t.plane.x) > abs(t.plane.y) ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
+        float next = shadow_gap(t, inward);
+        return float(decides || next < -t.beside ? own <= t.tolerance : next <= rounding);
     }
 #if SHADOW_RAYS || SHADOW_MARKS
     // If the four texels around the receiver all see its plane, it is lit. If they all see something before it, it is in shadow.
