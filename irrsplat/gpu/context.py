@@ -104,6 +104,9 @@ def link(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None
         return ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
 
 
+_signals = cache(signal.valid_signals)  # the look-up takes half of the time of a delay, at each of a start's dozens of programs
+
+
 @contextmanager
 def _signals_delayed() -> Iterator[None]:
     """Delay Python's signal handlers until the block ends. No effect outside the main thread, which alone receives signals."""
@@ -121,7 +124,7 @@ def _signals_delayed() -> Iterator[None]:
             handlers[number](number, frame)
 
     try:
-        for one in signal.valid_signals():
+        for one in _signals():
             if callable(handler := signal.getsignal(one)):
                 handlers[one] = handler
                 signal.signal(one, handle_or_delay)

@@ -36,7 +36,7 @@ class SplatPass(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
-        self.ctx = ctx
+        self.ctx, self.size = ctx, size
         self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
         defines = record_defines(gradients)
         self.bends = gradients  # without gradients, E is known for the record's normal alone
@@ -45,30 +45,30 @@ class SplatPass(Owner):
             for kind in product((0, 1) if gradients else (0,), (0, 1))
         }
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
-        self.target = splat_target(ctx, size)
-        self.small: Target | None = None  # made at first use
+        self.targets: dict[int, Target] = {}  # by pixel stride, made at first use
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.numbers, *self.programs.values(), self.empty, self.target, self.small)
+        return (self.numbers, *self.programs.values(), self.empty, *self.targets.values())
 
     def free_all_but_sums(self) -> None:
         """Free the weights, the depths and the smaller buffer; after that, this can only be released."""
         self.ctx.detect_framebuffer(0).use()
-        for thing in (self.target.gl, *self.target.textures[1:], self.target.depth, self.small):
+        whole, small = self.target(1), self.targets.get(2)
+        for thing in (whole.gl, *whole.textures[1:], whole.depth, small):
             if thing is not None:
                 thing.release()
 
-    def _of(self, pixel_stride: int) -> Target:
-        if pixel_stride == 1:
-            return self.target
-        width, height = self.target.size
-        self.small = self.small or splat_target(self.ctx, ((width + 1) // 2, (height + 1) // 2))
-        return self.small
+    def target(self, pixel_stride: int) -> Target:
+        """Return the buffer of every `pixel_stride`-th pixel in both directions."""
+        if pixel_stride not in self.targets:
+            size = -(-self.size[0] // pixel_stride), -(-self.size[1] // pixel_stride)
+            self.targets[pixel_stride] = splat_target(self.ctx, size)
+        return self.targets[pixel_stride]
 
     def clear(self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        target = target or self._of(pixel_stride)
+        target = target or self.target(pixel_stride)
         self.empty(target, state=DrawState(depth="1"), position=gbuffer.position, pixel_stride=pixel_stride)
 
     def __call__(
@@ -86,7 +86,7 @@ class SplatPass(Owner):
 
         reach: see SplatBuffer.
         """
-        width, height = self.target.size
+        width, height = self.size
         if not len(numbers):
             return
         some: Uniforms = {} if reach is None else {"reach": reach}
@@ -97,7 +97,7 @@ class SplatPass(Owner):
         self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
         self.numbers.write(data)
         self.programs[int(bent), int(reach is not None)](
-            target or self._of(pixel_stride),
+            target or self.target(pixel_stride),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=len(numbers),
@@ -105,8 +105,8 @@ class SplatPass(Owner):
             state=DrawState(depth="<", depth_write=False, blend="add", depth_clamp=True),
             **records.uniforms,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
-            **view_radius_uniforms(camera, self.target.size, settings),
-            pixel=camera.pixel(self.target.size) * pixel_stride,
+            **view_radius_uniforms(camera, self.size, settings),
+            pixel=camera.pixel(self.size) * pixel_stride,
             forward=-camera.axes[2],
             position=gbuffer.position,
             normal=gbuffer.normal,
@@ -116,5 +116,5 @@ class SplatPass(Owner):
 
     def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:
         """Return the present sums, in the pass's own textures. luminance_floor: see Records. reach: see SplatBuffer."""
-        sums, weight = self._of(pixel_stride).textures
+        sums, weight = self.target(pixel_stride).textures
         return SplatBuffer(sums, weight, luminance_floor, pixel_stride, reach)

@@ -137,4 +137,4 @@ class ViewSplats(Owner):
         self.splat_pass.clear(gbuffer)
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
-        return self.splat_pass.target.read(0)
+        return self.splat_pass.target(1).read(0)

@@ -66,7 +66,7 @@ class LaidOut(Owner):
         self.layout = layout
         self.places: Places | None = None
         self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, max(len(layout.sites), 1))
+        self.table = LookupTable(ctx, layout.clusters.tessellation.table, layout.cells, max(len(layout.sites), 1))
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

@@ -88,24 +88,6 @@ def detail_for(settings: Settings) -> Detail:
 
 
 @dataclass(frozen=True)
-class SiteLayout:
-    """The sites of a surface cache, S values in all, and the cells that find them.
-
-    sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
-    the surface that each stands for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of
-    their corners' values, -1 for none, and 0. Where something stands on the cell, so that not all corners see each other, the
-    last is the number of one of the H further rows. Such a row has the lines beyond which corners are hidden, see _borders.
-    spacing: metres between points, at most.
-    """
-
-    tessellation: Tessellation
-    sites: Sites
-    area: np.ndarray
-    cells: np.ndarray
-    spacing: float
-
-
-@dataclass(frozen=True)
 class Clusters:
     """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
@@ -132,6 +114,24 @@ class Clusters:
 
 
 @dataclass(frozen=True)
+class SiteLayout:
+    """The sites of a surface cache, S values in all, and the cells that find them.
+
+    clusters: the members that the sites represent. value: (M,) the numbers of the members' values. sites: (S,) where the values
+    are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of the surface that each stands
+    for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for
+    none, and 0. Where something stands on the cell, so that not all corners see each other, the last is the number of one of the
+    H further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    """
+
+    clusters: Clusters
+    value: np.ndarray
+    sites: Sites
+    area: np.ndarray
+    cells: np.ndarray
+
+
+@dataclass(frozen=True)
 class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
@@ -155,7 +155,7 @@ class SiteChooser:
         yield _FOUND
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self.cells(clusters, value)
-        return SiteLayout(clusters.tessellation, clusters.sites(at), area.astype(float), cells, clusters.spacing)
+        return SiteLayout(clusters, value, clusters.sites(at), area.astype(float), cells)
 
     def _cluster(self) -> Generator[float, None, Clusters]:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many

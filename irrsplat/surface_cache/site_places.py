@@ -4,7 +4,7 @@ A site represents its whole cluster: the bright and the dark side of a moulding,
 the site alone, a dark site in a bright cluster would lose light at each bounce. So the rays of a site start from PLACES places.
 These are hits of other sites' rays, drawn in proportion to the light that each hit passes on. The site's value is then the mean
 over the visible part of its cluster: a Galerkin projection (Zatz 1993, "Galerkin Radiosity") by the measure of the hits, which
-conserves the light that is passed on.
+conserves the light that is passed on. A coarse level draws its places among the members of the clusters, by their area.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
-from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.site_layout import FIRST_SITE, SiteLayout
 from irrsplat.surface_cache.transport import Transport
 
 PLACES = 8  # of a site
@@ -123,6 +123,18 @@ class Survey:
             seen = self.transport.backward(seen)
             importance = importance + seen
         return importance
+
+
+def members_places(layout: SiteLayout, seed: int) -> Places:
+    """Return places among the members that the sites of this `layout` represent, drawn by the members' areas."""
+    clusters, value, count = layout.clusters, layout.value, len(layout.sites)
+    weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
+    drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
+    places, met = layout.sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
+    members = clusters.sites(drawn[met])
+    for name in ("position", "normal", "geometric", "triangle"):
+        getattr(places, name)[met] = getattr(members, name)
+    return Places(places)
 
 
 def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:

@@ -109,7 +109,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
     """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
     assert cache.laid_out is not None
-    cut, triangles = cache.laid_out.layout.tessellation, cache.world.geometry.corners.astype(float)
+    cut, triangles = cache.laid_out.layout.clusters.tessellation, cache.world.geometry.corners.astype(float)
     numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))

@@ -17,7 +17,7 @@ from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangePr
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.settings import SETTINGS, Settings
 
-_PROBE_RAYS = 1 << 18  # rays of one batch of probes, at most
+_FEW_RAYS = 1 << 18  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 
 
 class Gathers(Owner):
@@ -54,7 +54,8 @@ class Gathers(Owner):
         samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
         settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings))
+        capacity = _batch(size) if size < present else None
+        return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings, capacity))
 
     def probes(self, basis: Basis) -> ChangeProbe:
         """Return the pass that probes records with few rays to find the records that a change affects."""
@@ -88,10 +89,15 @@ class Gathers(Owner):
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients
 
         def make() -> ChangeProbe:
-            return ChangeProbe(kinds.gather_pass(self.world, settings, min(MAX_RECORDS, _PROBE_RAYS // side**2)), gradients)
+            return ChangeProbe(kinds.gather_pass(self.world, settings, _batch(side)), gradients)
 
         return self._made.get(name, way, make)
 
     def _emitters(self, settings: Settings) -> bool:
         """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
         return settings.light_samples > 0 and emitter_table(self.world) is not None
+
+
+def _batch(side: int) -> int:
+    """Return the greatest number of places from which side² rays each are gathered at once."""
+    return min(MAX_RECORDS, _FEW_RAYS // side**2)
