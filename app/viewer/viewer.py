@@ -99,8 +99,8 @@ class Viewer(Owner):
         """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
         start = now()
         actions, session = self.actions, self.session
-        if actions.options.fullscreen != self.wnd.fullscreen:
-            self.wnd.fullscreen = actions.options.fullscreen
+        if actions.panels.fullscreen != self.wnd.fullscreen:
+            self.wnd.fullscreen = actions.panels.fullscreen
         answers = self._take_events()
         if not all(self.wnd.buffer_size):  # minimised
             return
@@ -143,7 +143,7 @@ class Viewer(Owner):
 
     def _restyle(self) -> None:
         """Scale text and widgets by the monitor and by the user's choice; between frames."""
-        scale = self.desktop.scale * self.actions.options.scale
+        scale = self.desktop.scale * self.actions.panels.scale
         if scale != self.backend.scale:
             self.backend.resize_scale(scale)
 

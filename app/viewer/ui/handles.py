@@ -40,7 +40,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
             edit = replace(edit, turn=angles(turn))
         if edit != editor.edit.objects[number]:
             actions.attempt(lambda: editor.set_object(number, edit))
-    elif editor.light is not None and actions.options.lights:
+    elif editor.light is not None and actions.panels.lights:
         light_number, edited = editor.light, editor.lights[editor.light]
         light = edited.light
         at = _middle(actions.session) if light.directional else light.position

@@ -70,15 +70,15 @@ class Interface:
     ) -> None:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         paint: puts the picture below all else."""
-        actions, options, layout, display = self.actions, self.actions.options, self.layout, self.display
-        layout.start(scale, options.controls and not options.hidden)
+        actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
+        layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
             paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
-        if options.close_menus:
+        if panels.close_menus:
             imgui.internal.close_popups_except_modals()
-            options.close_menus = False
-        if not options.hidden:
+            panels.close_menus = False
+        if not panels.hidden:
             if display.shows_scene:
                 draw_rings(actions, layout)
                 draw_values(actions, layout)
@@ -96,7 +96,7 @@ class Interface:
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
         actions.messages.expire()
-        if not options.hidden or actions.messages.errors:
+        if not panels.hidden or actions.messages.errors:
             draw_messages(actions.messages, layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

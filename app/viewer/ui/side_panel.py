@@ -50,7 +50,7 @@ class SidePanel:
 
     def draw(self) -> None:
         """Draw the panel if it is open."""
-        if not self.actions.options.controls:
+        if not self.actions.panels.controls:
             return
         layout, view = self.layout, imgui.get_main_viewport()
         imgui.internal.begin_viewport_side_bar("side panel", view, imgui.Dir.left, layout.panel, _FLAGS)
