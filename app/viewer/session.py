@@ -135,10 +135,10 @@ class Session(Owner):
         """True if the views have the window's size: those of a moving camera may be smaller."""
         return all(view.image.size == self.size for view in self.views)
 
-    def draw_whole(self) -> None:
-        """Draw the views in the window's size."""
-        if not self.whole:
-            self.tick(0.0, self.renderers[0].settings.budget / 1e3)
+    @property
+    def budget(self) -> float:
+        """Seconds of a frame."""
+        return self.renderers[0].settings.budget / 1e3
 
     @property
     def exposure(self) -> float:
