@@ -337,14 +337,7 @@ def tile_uniforms(size: tuple[int, int], count: int, cell: tuple[float, float], 
     scale = max(float(pixels[best]), 1.0 / max(cell))  # pixels per texel
     width, height = (float(n[best]) * (c * scale + _GAP) - _GAP for n, c in ((per_row, cell[0]), (rows, cell[1])))
     place = (size[0] - width) / 2.0, (size[1] + height) / 2.0, 1.0 / scale, _GAP
-    return {
-        "cell": cell,
-        "columns": columns,
-        "count": count,
-        "place": place,
-        "across": int(per_row[best]),
-        "ground": GROUND,
-    }
+    return {"cell": cell, "columns": columns, "count": count, "place": place, "across": int(per_row[best]), "ground": GROUND}
 
 
 def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
