@@ -155,7 +155,7 @@ class Actions:
         if path is None:
             self.say("recording the flight; R ends it")
             return
-        name = _stamped("flight", self.session.scene.name, ".path")
+        name = _stamped("flight", self.title, ".path")
         write_text(name, path_text(path.shifted(self.session.origin)))
         self.say(f"{name}: {path.frames} frames; P plays it")
 
@@ -210,10 +210,12 @@ class Actions:
 
     @property
     def title(self) -> str:
-        """The name of the scene on show; its folder where the file is called as those of its format are.
-        A saved scene has the name of its file."""
-        if self.saved_as:
-            return Path(self.saved_as).stem
+        """The title of the scene on show: the name of the file that it was saved as, or its name."""
+        return Path(self.saved_as).stem if self.saved_as else self.name
+
+    @property
+    def name(self) -> str:
+        """The name of the opened scene; its folder where the file is called as those of its format are."""
         name = self.session.scene.name
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
@@ -346,7 +348,7 @@ class Actions:
 
     def _free_name(self) -> str:
         """Return a name for the scene, where the program runs, that no file has yet."""
-        names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
+        names = (f"{self.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
@@ -374,7 +376,7 @@ class Actions:
             values["exposure"] = session.exposure
         folder.mkdir(parents=True, exist_ok=True)
         scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
-        name = _stamped(str(folder / "irrsplat"), session.scene.name, ".mp4")
+        name = _stamped(str(folder / "irrsplat"), self.title, ".mp4")
         self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
@@ -439,7 +441,7 @@ class Actions:
 
         def write() -> None:
             folder.mkdir(parents=True, exist_ok=True)
-            path = _stamped(str(folder / "irrsplat"), self.session.scene.name, ".png")
+            path = _stamped(str(folder / "irrsplat"), self.title, ".png")
             write_picture(Path(path), picture)
             self.say(f"{path} is written")
 

@@ -36,9 +36,12 @@ class Prompt:
 
 
 def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
-    """Return the entries whose names have all words; if there are words, those with the least else first."""
-    found = [name for name in entries if all(word in name.lower() for word in words.lower().split())]
-    return {name: entries[name] for name in (sorted(found, key=len) if words.strip() else found)}
+    """Return the entries whose names have all words; if there are words, those with whole words and the least else first."""
+    wanted = words.lower().split()
+    found = [name for name in entries if all(word in name.lower() for word in wanted)]
+    if wanted:
+        found.sort(key=lambda name: (not set(wanted) <= set(name.lower().split()), len(name)))
+    return {name: entries[name] for name in found}
 
 
 def command(actions: Actions) -> Prompt:
@@ -75,7 +78,7 @@ def _scenes(actions: Actions) -> dict[str, Act]:
 def unsaved(actions: Actions, act: Act) -> Prompt:
     """Offer the choices for unsaved changes before `act`."""
     answers: dict[str, Act] = {"save": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
-    return Prompt(f"{actions.session.scene.name} has changes that no file has", lambda text: answers, None)
+    return Prompt(f"{actions.title} has changes that no file has", lambda text: answers, None)
 
 
 def folder(actions: Actions) -> str:

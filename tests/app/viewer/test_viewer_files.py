@@ -64,7 +64,7 @@ def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
-    """From its own first camera, remembered as the newest."""
+    """From its own first camera, remembered as the newest. One whose file is called `scene` has the name of its folder."""
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
     other = write_room(tmp_path).rename(tmp_path / "other.scene")
@@ -79,6 +79,10 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     driver.frame(2)
     driver.choose(next(w.label.split("##")[0] for w in driver.widgets if w.label.endswith(f"##{room}")))
     assert driver.session.scene.name == "room"
+    (tmp_path / "hall").mkdir()
+    driver.actions.open(str(write_room(tmp_path / "hall").rename(tmp_path / "hall" / "scene.scene")))
+    push(driver, "F12")
+    assert driver.actions.title == "hall" and list(Path("pictures").glob("irrsplat-hall-*.png"))
 
 
 def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 @pytest.mark.parametrize(("typed", "found"), [
     ("wireframe", lambda driver: driver.session.options.wire),
     ("preset preview", lambda driver: driver.session.settings(0)[0] == "preview"),
+    ("weight", lambda driver: driver.session.options.buffers[0] == "weight"),
     ("setting radius max", lambda driver: driver.actions.panels.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip
