@@ -35,7 +35,7 @@ IMAGES = HERE.parent / "images" / "walk"
 SIZE = (1000, 640)
 LIMIT = 200_000  # bytes a picture
 PATIENCE = 900.0  # seconds: a limit of safety
-SAMPLES = 64  # of a pixel of the reference on show
+SAMPLES = 256  # of a pixel of the reference on show
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
     *("slider_float", "slider_int", "drag_float3", "drag_float", "drag_int", "color_edit3", "input_text", "collapsing_header"),
