@@ -21,7 +21,7 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import on_screen
-from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.editing.scene_edit import bounds_of, object_name
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
@@ -136,8 +136,7 @@ class Actions:
         self.stop()
         mesh, bounds = self.editor.mesh, self.session.scene.bounds
         if mesh is not None and not self.editor.edit.objects[mesh].hidden:
-            positions = self.session.scene.meshes[mesh].positions
-            bounds = np.stack([positions.min(0), positions.max(0)]).astype(float)
+            bounds = bounds_of(self.session.scene.meshes[mesh])
         self.session.free_camera.frame(bounds, self.session.size[0] / self.session.size[1])
 
     def go(self, camera: Camera) -> None:

@@ -19,7 +19,7 @@ _NEAR = 0.01  # stops within which the goal counts as reached
 _SLACK = 1.0  # stops that it may be off while a view fills, so that it moves once, when all light is there
 _FASTEST = 6.0  # stops a second
 _MOST = 20.0  # stops, up and down: what is darker than that stays dark
-_ROWS = 48  # of pixels that are read for the brightest light
+_ROWS = 24  # of pixels that are read for the brightest light
 
 
 class AutoExposure:

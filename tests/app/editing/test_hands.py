@@ -13,7 +13,7 @@ import pytest
 
 from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import Editor, Kind
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
+from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, bounds_of
 from irrsplat.core.color import LUMINANCE
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
 
@@ -29,7 +29,7 @@ def editor(driver: Driver) -> Editor:
 
 def box_at(driver: Driver) -> tuple[float, float]:
     """Return the place of the middle of the box in the window."""
-    x, y, z = middle(driver.session.scene.meshes[BOX]).tolist()
+    x, y, z = bounds_of(driver.session.scene.meshes[BOX]).mean(0).tolist()
     return driver.seen((x, y, z))
 
 

@@ -11,11 +11,11 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, light_units
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, bounds_of, rotation
 from irrsplat.core.color import LUMINANCE
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Light, Mesh, Scene
 from tests.support import worlds
 from tests.support.viewing import write_room
 
@@ -92,3 +92,9 @@ def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
     shown = np.concatenate([mesh.positions for mesh in gone.meshes[1:]])
     assert gone.bounds == pytest.approx(np.array([shown.min(0), shown.max(0)]))
     assert made.scene(edit).meshes is room.meshes
+
+
+def test_a_mesh_without_points_has_a_box() -> None:
+    """The list of objects selects it as any other, and F goes there."""
+    none = np.zeros((0, 3), "f4")
+    assert np.array_equal(bounds_of(Mesh(none, none, none.astype("i4"), worlds.material())), np.zeros((2, 3)))
