@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.app.viewer.view_options import Panels
 from irrsplat.gpu.program import Program
 from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
@@ -113,8 +114,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     """Each frame copies the existing picture into the window and draws the interface: no object is made."""
     options = driver.session.options
     if case == "panels":
-        panels = driver.actions.panels
-        panels.controls = panels.settings = panels.lights = True
+        driver.actions.panels = Panels(settings=True, lights=True)
     elif case == "marks":
         options.points = options.discs = options.wire = True
     elif case == "split":
