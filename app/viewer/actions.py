@@ -21,13 +21,13 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import on_screen
-from irrsplat.app.viewer.editing.scene_edit import object_name
+from irrsplat.app.viewer.editing.scene_edit import bounds_of, object_name
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Split, ViewOptions
+from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Panels, Split, ViewOptions
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -36,6 +36,7 @@ from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
+_KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # options from one run to the next
 _FINEST = 0.05  # % of estimated error: what refinement can aim at by the menu
 _RING = 12.0  # window coordinates from the middle of a light's ring that a click may be
 
@@ -58,9 +59,10 @@ class Actions:
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
-        self.options.restore(preferences.ui)
-        self.options.scale = min(max(preferences.scale, SCALES[0]), SCALES[1])
-        self.options.fullscreen = preferences.fullscreen
+        self.panels = Panels(fullscreen=preferences.fullscreen, scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
+        for name in _KEPT:
+            owner = self._owner(name)
+            setattr(owner, name, bool(preferences.ui.get(name, getattr(owner, name))))
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
@@ -93,7 +95,7 @@ class Actions:
 
     @property
     def selected(self) -> bool:
-        return self.editor.mesh is not None or (self.editor.light is not None and self.options.lights)
+        return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
 
     @property
     def has_path(self) -> bool:
@@ -120,7 +122,7 @@ class Actions:
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui, preferences.scale = self.options.kept(), self.options.scale
+        preferences.ui, preferences.scale = {name: getattr(self._owner(name), name) for name in _KEPT}, self.panels.scale
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -134,8 +136,7 @@ class Actions:
         self.stop()
         mesh, bounds = self.editor.mesh, self.session.scene.bounds
         if mesh is not None and not self.editor.edit.objects[mesh].hidden:
-            positions = self.session.scene.meshes[mesh].positions
-            bounds = np.stack([positions.min(0), positions.max(0)]).astype(float)
+            bounds = bounds_of(self.session.scene.meshes[mesh])
         self.session.free_camera.frame(bounds, self.session.size[0] / self.session.size[1])
 
     def go(self, camera: Camera) -> None:
@@ -153,7 +154,7 @@ class Actions:
         if path is None:
             self.say("recording the flight; R ends it")
             return
-        name = _stamped("flight", self.session.scene.name, ".path")
+        name = _stamped("flight", self.title, ".path")
         write_text(name, path_text(path.shifted(self.session.origin)))
         self.say(f"{name}: {path.frames} frames; P plays it")
 
@@ -188,7 +189,11 @@ class Actions:
 
     def is_on(self, name: str) -> bool:
         """Return True if an option or a part of the interface is on; a section of the side panel, while that is open."""
-        return bool(getattr(self.options, name, False)) and (self.options.controls or name not in SECTIONS)
+        return bool(getattr(self._owner(name), name, False)) and (self.panels.controls or name not in SECTIONS)
+
+    def _owner(self, name: str) -> ViewOptions | Panels:
+        """Return the object that has an option."""
+        return self.panels if hasattr(self.panels, name) else self.options
 
     def is_active(self, command: Command) -> bool:
         """Return True if what an action chooses or switches on is so now."""
@@ -204,17 +209,19 @@ class Actions:
 
     @property
     def title(self) -> str:
-        """The name of the scene on show; its folder where the file is called as those of its format are.
-        A saved scene has the name of its file."""
-        if self.saved_as:
-            return Path(self.saved_as).stem
+        """The title of the scene on show: the name of the file that it was saved as, or its name."""
+        return Path(self.saved_as).stem if self.saved_as else self.name
+
+    @property
+    def name(self) -> str:
+        """The name of the opened scene; its folder where the file is called as those of its format are."""
         name = self.session.scene.name
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
     def toggle(self, name: str) -> None:
         on = not self.is_on(name)
-        setattr(self.options, name, on)
-        self.options.controls |= on and name in SECTIONS
+        setattr(self._owner(name), name, on)
+        self.panels.controls |= on and name in SECTIONS
 
     def use_split(self, way: Split) -> None:
         self.session.split(way)
@@ -274,7 +281,7 @@ class Actions:
         lit = {
             number: on_screen(session.camera, session.size, edited.light.position)
             for number, edited in enumerate(editor.lights)
-            if self.options.lights and not edited.light.directional
+            if self.panels.lights and not edited.light.directional
         }
         near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
         if near:  # of several, the one nearest to the eye
@@ -289,7 +296,7 @@ class Actions:
         if mesh is not None:
             editor.hide(mesh)
             self.say(f"{object_name(editor.loaded, mesh)} is hidden; the list of objects shows it again", topic="pick")
-        elif light is not None and self.options.lights:
+        elif light is not None and self.panels.lights:
             name = light_name(editor.lights[light].light, light)
             editor.delete_light(light)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
@@ -299,7 +306,7 @@ class Actions:
     def add_light(self, kind: Kind) -> None:
         """Add a light where the camera looks, and show it in its panel."""
         self.editor.add_light(kind)
-        self.options.lights = self.options.controls = True
+        self.panels.lights = self.panels.controls = True
 
     def undo(self) -> None:
         """Take back the last change of lights and objects."""
@@ -340,7 +347,7 @@ class Actions:
 
     def _free_name(self) -> str:
         """Return a name for the scene, where the program runs, that no file has yet."""
-        names = (f"{self.session.scene.name}-{i}.scene" for i in range(2, 10_000))
+        names = (f"{self.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
@@ -368,7 +375,7 @@ class Actions:
             values["exposure"] = session.exposure
         folder.mkdir(parents=True, exist_ok=True)
         scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
-        name = _stamped(str(folder / "irrsplat"), session.scene.name, ".mp4")
+        name = _stamped(str(folder / "irrsplat"), self.title, ".mp4")
         self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
@@ -391,13 +398,13 @@ class Actions:
         """Close menus, dialogs and messages, stop a path, and deselect object and light."""
         self.stop()
         self.editor.pick_light(None)
-        self.options.close_menus, self.prompt = True, None
+        self.panels.close_menus, self.prompt = True, None
         self.messages.close()
 
     def enlarge(self, step: float) -> None:
         """Make text and widgets larger by a step, within SCALES."""
-        self.options.scale = min(max(self.options.scale + step, SCALES[0]), SCALES[1])
-        self.say(f"interface × {self.options.scale:g}", topic="scale")
+        self.panels.scale = min(max(self.panels.scale + step, SCALES[0]), SCALES[1])
+        self.say(f"interface × {self.panels.scale:g}", topic="scale")
 
     def find_command(self) -> None:
         """Open the prompt for an action, a setting or a scene."""
@@ -409,8 +416,8 @@ class Actions:
 
     def show_setting(self, name: str) -> None:
         """Open the settings at the one of this name."""
-        self.options.controls = self.options.settings = True
-        self.options.sought = name
+        self.panels.controls = self.panels.settings = True
+        self.panels.sought = name
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or given up."""
@@ -433,7 +440,7 @@ class Actions:
 
         def write() -> None:
             folder.mkdir(parents=True, exist_ok=True)
-            path = _stamped(str(folder / "irrsplat"), self.session.scene.name, ".png")
+            path = _stamped(str(folder / "irrsplat"), self.title, ".png")
             write_picture(Path(path), picture)
             self.say(f"{path} is written")
 

@@ -13,11 +13,12 @@ from irrsplat.app.viewer.buffers.background_reference import Reference, Subject,
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
-from irrsplat.app.viewer.show.exposure import AutoExposure, BrightestLight
+from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
 from irrsplat.app.viewer.show.screen import Region, texel
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
@@ -71,14 +72,15 @@ class Session(Owner):
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
         self.auto_exposure = AutoExposure()
-        self.brightest_light = BrightestLight(ctx)
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
         self.plane = MeasuringPlane()
+        self.brightest = 0.0  # of the light in the left view, W/m²; found while false colours are on show
+        self._memo = Memo()
         self._made: list[_Side] = []  # at the last tick
         self._shown: tuple[object, object] | None = None  # what the views are of
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.renderers, self.tracing, self.brightest_light, self.plane)
+        return (*self.renderers, self.tracing, self.plane)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -133,10 +135,10 @@ class Session(Owner):
         """True if the views have the window's size: those of a moving camera may be smaller."""
         return all(view.image.size == self.size for view in self.views)
 
-    def draw_whole(self) -> None:
-        """Draw the views in the window's size."""
-        if not self.whole:
-            self.tick(0.0, self.renderers[0].settings.budget / 1e3)
+    @property
+    def budget(self) -> float:
+        """Seconds of a frame."""
+        return self.renderers[0].settings.budget / 1e3
 
     @property
     def exposure(self) -> float:
@@ -175,7 +177,8 @@ class Session(Owner):
         self._made, self._shown = made, subject
         self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not all(_filled(p) for p in self.progress))
         if "light" in self.options.buffers:
-            self.brightest_light.look(self.renderers[0], self.views[0])
+            renderer, view = self.renderers[0], self.views[0]
+            self.brightest = self._memo.get("brightest", Identity(view), lambda: brightest_light(renderer, view))
         return True
 
     def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
@@ -246,7 +249,7 @@ class Session(Owner):
     @property
     def light_scale(self) -> LightScale:
         """The scale of false colours on both sides, its upper end known."""
-        return self.options.light_scale.up_to(self.brightest_light.found)
+        return self.options.light_scale.up_to(self.brightest)
 
     def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
         """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
@@ -353,6 +356,7 @@ class Session(Owner):
         if not keep_camera:
             self.auto_exposure = AutoExposure()
         self._made = []
+        self._memo.forget()
 
 
 def _filled(progress: Progress) -> bool:

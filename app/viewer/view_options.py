@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -21,20 +21,6 @@ SPLITS: dict[Split, str] = {  # and their titles
 }
 
 SCALES = (0.75, 2.0)  # least and greatest of the interface
-KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # from one session to the next
-_INTERFACE = (
-    "controls",
-    "settings",
-    "lights",
-    "outliner",
-    "hidden",
-    "fullscreen",
-    "close_menus",
-    "context_menu",
-    "sought",
-    "scale",
-)
-_OTHERWISE = ("buffers", "line", "surface")  # reach the picture by its sides, and by what is drawn over it
 SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # of the side panel
 
 
@@ -45,7 +31,7 @@ def point_of(values: np.ndarray | Sequence[float]) -> Point:
 
 @dataclass
 class ViewOptions:
-    """The buffers on show, the split, overlays, what is measured, and the open parts of the interface."""
+    """Options of the picture: the buffers, the split, overlays, and what is measured."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
@@ -62,6 +48,17 @@ class ViewOptions:
     surface: Surface | None = None  # that was clicked on for this
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
+
+    @property
+    def copy(self) -> ViewOptions:
+        """A copy of the present options, for a memo."""
+        return replace(self, buffers=list(self.buffers))
+
+
+@dataclass
+class Panels:
+    """The open parts of the interface; they need no new picture."""
+
     controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
     settings: bool = False
     lights: bool = False
@@ -72,16 +69,3 @@ class ViewOptions:
     context_menu: bool = False  # opens in the next frame
     sought: str = ""  # the setting that its list scrolls to
     scale: float = 1.0  # of text and widgets; the monitor has another one
-
-    def of_picture(self) -> dict[str, object]:
-        """Return the options that the picture depends on directly. Parts of the interface open without a new picture."""
-        return {name: value for name, value in vars(self).items() if name not in (*_INTERFACE, *_OTHERWISE)}
-
-    def kept(self) -> dict[str, object]:
-        """Return what is on of all that is kept from one session to the next, plain JSON."""
-        return {name: getattr(self, name) for name in KEPT}
-
-    def restore(self, choices: dict[str, object]) -> None:
-        """Set the choices of an earlier session."""
-        for name in KEPT:
-            setattr(self, name, bool(choices.get(name, getattr(self, name))))

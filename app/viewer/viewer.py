@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Sequence
 from functools import partial
@@ -11,10 +12,10 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
+from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Identity
-from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
@@ -24,20 +25,20 @@ from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
+from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.backdrop import GREY
+from irrsplat.records import cache_file
 from irrsplat.scene.model import Camera, Scene
 
 SIZE = (1280, 720)
 _SLEEP = 0.05  # seconds that the window waits for an event after a frame that shows the same as the one before
 _QUICK = 3  # frames in a row that may be drawn for events alone
 _PASSES, _INSTANT = 2, 1e-4  # passes of the interface that follow an event at once, and the seconds between these
-_AWAKE = (
-    1.0  # seconds after an event in which frames go on: tooltips come late, and windows take their size from the frame before
-)
+_AWAKE = 1.0  # seconds after an event in which frames go on: tooltips come late, and a window's size a frame late
 _LOOK = 0.5  # seconds after which it looks for what comes without an event: a traced reference
 _LEAST = 0.2  # of the budget is the core's, however slow everything else is
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of what everything else takes
@@ -67,7 +68,6 @@ class Viewer(Owner):
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
         self._shown: object = None  # the last state of all that changes without an event
-        self._ending = False  # by a signal: nobody is asked
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # the last tick was ended by input
@@ -99,10 +99,10 @@ class Viewer(Owner):
         """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
         start = now()
         actions, session = self.actions, self.session
-        if actions.options.fullscreen != self.wnd.fullscreen:
-            self.wnd.fullscreen = actions.options.fullscreen
+        if actions.panels.fullscreen != self.wnd.fullscreen:
+            self.wnd.fullscreen = actions.panels.fullscreen
         answers = self._take_events()
-        if not all(self.wnd.buffer_size):  # minimised
+        if self._minimised:
             return
         actions.collect()
         before, self._unspent = now(), self._unspent + dt
@@ -111,7 +111,7 @@ class Viewer(Owner):
             self._quick += 1
         else:
             self._tick(hurried=answers and self.controls.flies)
-        if not all(self.wnd.buffer_size):
+        if self._minimised:
             return
         core = now() - before
         cursor = self.controls.pointer
@@ -130,7 +130,7 @@ class Viewer(Owner):
         The interface takes several passes: for a motion, a press and a release, and for the size of a window that opens.
         """
         answers = False
-        while (self.session.views or not all(self.wnd.buffer_size)) and (taken := self.desktop.take()):
+        while (self.session.views or self._minimised) and (taken := self.desktop.take()):
             self.wake()
             answers = answers or not all(taken) or not self.controls.active
             for _ in range(0 if self.controls.flies else _PASSES):  # no shortcut works in flight
@@ -143,15 +143,24 @@ class Viewer(Owner):
 
     def _restyle(self) -> None:
         """Scale text and widgets by the monitor and by the user's choice; between frames."""
-        scale = self.desktop.scale * self.actions.options.scale
+        scale = self.desktop.scale * self.actions.panels.scale
         if scale != self.backend.scale:
             self.backend.resize_scale(scale)
 
+    @property
+    def _minimised(self) -> bool:
+        return not all(self.wnd.buffer_size)
+
     def _fit(self) -> None:
-        """Follow the size of the window."""
+        """Follow the size that the window leaves for the picture."""
         size = self._place[2:]
-        if all(self.wnd.buffer_size) and size != self.session.size:
-            self._resize(size)
+        if self._minimised or size == self.session.size:
+            return
+        self.actions.attempt(lambda: self.session.resize(size))
+        for texture in self.canvas.textures:  # which it has only borrowed
+            texture.release()
+        self.canvas.release()
+        self.canvas = self._canvas(size)
 
     @property
     def _place(self) -> tuple[int, int, int, int]:
@@ -173,7 +182,7 @@ class Viewer(Owner):
         in flight is seen at once: the tick after it gathers nothing. hurried: True if such an event came before it.
         """
         session, start = self.session, now()
-        budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
+        budget, dt = session.budget, max(self._unspent, 0.0)
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
         moving, seconds = session.moving, max(budget - self._overhead, _LEAST * budget)
@@ -191,21 +200,14 @@ class Viewer(Owner):
         if first:  # nobody has seen the notices before the first picture, which takes a while
             self.actions.messages.renew()
 
-    def _resize(self, size: tuple[int, int]) -> None:
-        self.actions.attempt(lambda: self.session.resize(size))
-        for texture in self.canvas.textures:  # which it has only borrowed
-            texture.release()
-        self.canvas.release()
-        self.canvas = self._canvas(size)
-
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and write the requested screenshot."""
         actions = self.actions
-        wanted, actions.screenshot_wanted = actions.screenshot_wanted, False
-        if wanted and not self.session.whole:
-            self.session.draw_whole()
-            self.display.update(self.canvas, cursor)
-        if wanted:
+        if actions.screenshot_wanted:
+            actions.screenshot_wanted = False
+            if not self.session.whole:
+                self.session.tick(0.0, self.session.budget)
+                self.display.update(self.canvas, cursor)
             actions.save_screenshot(_pixels(self.canvas))
         self._restyle()
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
@@ -221,13 +223,12 @@ class Viewer(Owner):
 
     def end(self) -> None:
         """Close the window at the next occasion; unsaved changes are lost."""
-        self._ending = True
-        self.wnd.is_closing = True
+        self.actions.quitting = self.wnd.is_closing = True
 
     @property
     def still(self) -> bool:
         """True if another frame would be the same without input."""
-        return (self.session.at_rest and not self.controls.active) or not all(self.wnd.buffer_size)
+        return (self.session.at_rest and not self.controls.active) or self._minimised
 
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
@@ -246,7 +247,7 @@ class Viewer(Owner):
 
     def _closing(self) -> bool:
         """Return True if the window is to close. Its own button asks about unsaved changes first."""
-        if self.wnd.is_closing and not (self._ending or self.actions.quitting):
+        if self.wnd.is_closing and not self.actions.quitting:
             self.actions.quit()
             self.wnd.is_closing = self.actions.quitting
             self.wake()  # for the question
@@ -327,3 +328,35 @@ def run(
         return problem
     finally:
         wnd.destroy()
+
+
+class CacheFile:
+    """Keeps a session's records in the file at `path`, those of the left side where there are two.
+
+    update: a file of another state of the scene is taken, and what that concerns is gathered again, with a message. Raises
+    InputError where there is a file that is not for these settings or, without `update`, not for this scene.
+    """
+
+    def __init__(self, path: str, actions: Actions, update: bool = False) -> None:
+        self.path, self.actions, self.source = path, actions, actions.source
+        self._kept = KeptCache(path)
+        if os.path.exists(path) and (reason := actions.session.renderers[0].load_cache(path, update)):
+            actions.say(cache_file.renewal(path, reason))
+
+    def save(self) -> str | None:
+        """Write the file anew; None, or one line: why it stays as it was.
+
+        It belongs to the scene that was opened first as its own files light it, and an empty cache never replaces it.
+        """
+        actions, renderer = self.actions, self.actions.session.renderers[0]
+        if not renderer.cache.count:
+            return None
+        if actions.source != self.source:
+            return f"{self.path}: not written, since another scene was opened"
+        if actions.editor.changed:
+            return f"{self.path}: not written, since lights or objects are no longer the scene's own"
+        try:
+            self._kept.save(renderer.save_cache)
+        except IrrsplatError as error:
+            return str(error)
+        return None

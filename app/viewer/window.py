@@ -155,12 +155,10 @@ def signals(called: Callable[[], None]) -> Iterator[list[int]]:
         called()
 
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in numbers}
-    taken = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
-    for number in taken:
-        signal.signal(number, take)
+    heeded = [number for number in numbers if signal.getsignal(number) not in (None, signal.SIG_IGN)]
+    before = {number: signal.signal(number, take) for number in heeded}
     try:
         yield came
     finally:
-        for number, handler in taken.items():
+        for number, handler in before.items():
             signal.signal(number, handler)

@@ -89,7 +89,7 @@ def usual_spacing(d: float) -> float:
 def horizontal(scene: Scene, height: float) -> Plane:
     """Return the level plane `height` metres above the scene's lowest point, over its bounding box, measured from above.
 
-    Raises InputError for a box without extent.
+    Raises InputError for a box without horizontal extent.
     """
     up = np.asarray(scene.up, float)
     first = np.eye(3)[np.argmin(np.abs(up))]
@@ -98,6 +98,8 @@ def horizontal(scene: Scene, height: float) -> Plane:
     axes = np.stack([first, np.cross(up, first), up])
     along = scene.corners @ axes.T
     low, extent = along.min(0), np.ptp(along, axis=0)
+    if not extent[:2].min() > 1e-9 * extent.max():
+        raise InputError("the scene has no horizontal extent, so there is no level plane to measure")
     x, y, z = ((low + np.array([0.0, 0.0, height])) @ axes).tolist()
     u, v = (axes[0] * extent[0]).tolist(), (axes[1] * extent[1]).tolist()
     return Plane((x, y, z), (u[0], u[1], u[2]), (v[0], v[1], v[2]))

@@ -187,6 +187,7 @@ def test_a_level_plane_lies_above_the_lowest_point(up: tuple[float, float, float
     ("make", "words"),
     [
         (lambda: Plane((0, 0, 0), (1, 0, 0), (2, 0, 0)), "span no area"),
+        (lambda: horizontal(worlds.scene(worlds.quad((0, 0, 0), (4, 0, 0), (0, 5, 0))), 0.8), "no horizontal extent"),
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 0, np.inf)), "finite"),
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 1, 0)).grid(0.0), "spacing is 0"),
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 1, 0)).grid(1e-4), "at most 1,000,000"),

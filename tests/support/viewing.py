@@ -27,7 +27,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.screen import Programs, Region
-from irrsplat.app.viewer.view_options import ViewOptions
+from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.timing import other_process
@@ -352,7 +352,8 @@ class Driver:
         actions.screenshot_wanted = False
         actions.messages.lines.clear()
         actions.saved_as = ""
-        session.options, session.path_recorder = ViewOptions(controls=False), PathRecorder()
+        session.options, session.path_recorder = ViewOptions(), PathRecorder()
+        actions.panels = Panels(controls=False)
         session.tracing.release()
         actions.quitting = False
         speed = session.scene.diagonal / 6.0

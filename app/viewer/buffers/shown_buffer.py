@@ -129,7 +129,7 @@ def depth_at(source: ViewSource, x: int, y: int) -> float | None:
 
 @dataclass(frozen=True)
 class ShownBuffer:
-    """A buffer that the viewer can show, an entry of table.BUFFERS; kinds.py and tiled_buffers.py make them.
+    """A buffer that the viewer can show, an entry of table.BUFFERS; kinds.py makes them.
 
     name: as in core.buffers.CHANNELS where it is one of those. title: in menu, legend and help. help: one line for the tooltip.
     draw: over a whole canvas. read: its 1 or 3 numbers at a pixel of the view, in the legend's unit; None where it has none.

@@ -6,7 +6,7 @@ shaders/viewer/buffers/ will do).
 
 from __future__ import annotations
 
-from irrsplat.app.viewer.buffers import kinds, tiled_buffers
+from irrsplat.app.viewer.buffers import kinds
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ShownBuffer, ViewSource
 
 
@@ -29,8 +29,8 @@ BUFFERS: dict[str, ShownBuffer] = {
         kinds.share("albedo", lambda view: view.gbuffer.albedo, "reflectance, sRGB encoded"),
         kinds.depth(),
         kinds.requests(),
-        tiled_buffers.shadow_maps(),
-        tiled_buffers.gather_atlas(),
+        kinds.shadow_maps(),
+        kinds.gather_atlas(),
         kinds.light(),
         # the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's
         kinds.radiance("emission", lambda view: view.emission or view.gbuffer.emission, lambda view: view.emission is not None),

@@ -9,6 +9,7 @@ import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.view_options import Point
+from irrsplat.core.vectors import box
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
 
@@ -84,12 +85,9 @@ def angles(matrix: np.ndarray) -> Point:
     return math.degrees(x), math.degrees(y), math.degrees(z)
 
 
-def middle(mesh: Mesh) -> np.ndarray:
-    """(3,) float64: the middle of a mesh's bounding box."""
-    if not len(mesh.positions):
-        return np.zeros(3)
-    centre: np.ndarray = 0.5 * (mesh.positions.min(0).astype(float) + mesh.positions.max(0).astype(float))
-    return centre
+def bounds_of(mesh: Mesh) -> np.ndarray:
+    """Return (2, 3) float64 the ends of a mesh's bounding box; 0 0 0 for a mesh without points."""
+    return box(mesh.positions).astype(float) if len(mesh.positions) else np.zeros((2, 3))
 
 
 class EditedScene:
@@ -119,7 +117,7 @@ class EditedScene:
         if before == edit:
             return mesh
         if (before.offset, before.turn, before.hidden) != (edit.offset, edit.turn, edit.hidden):
-            mesh = loaded if edit.stays else transformed(loaded, edit.matrix(middle(loaded)))
+            mesh = loaded if edit.stays else transformed(loaded, edit.matrix(bounds_of(loaded).mean(0)))
         material = loaded.material
         if edit.albedo is not None:
             material = replace(material, albedo=edit.albedo)

@@ -47,12 +47,7 @@ class Command:
 
 EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # a module of each, and how it is installed
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
-_WORDS = {
-    "MINUS": "-",
-    "EQUAL": "=",
-    "ESCAPE": "Esc",
-    "TAB": "Tab",
-}
+_WORDS = {"MINUS": "-", "EQUAL": "=", "ESCAPE": "Esc", "TAB": "Tab"}
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
@@ -109,13 +104,7 @@ _COMPARE = (
     Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
     Command("Compare", "Other side", "flip", "SPACE", help="alone, in the place of both"),
     Command(
-        "Compare",
-        "Path-trace the reference",
-        "trace",
-        "Y",
-        help="of this view; again: stop",
-        extra="reference",
-        section=True,
+        "Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", extra="reference", section=True
     ),
 )
 _WINDOW = (

@@ -9,6 +9,7 @@ import numpy as np
 from irrsplat.app.viewer.view_options import point_of
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
+from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
 PITCH = math.radians(89.0)  # the steepest that `look` and `orbit` go, up and down
@@ -36,7 +37,10 @@ class FreeCamera:
         self.camera = self.first = camera
         self.speed = diagonal / 6.0
         self._diagonal = diagonal
-        self._world = _basis(np.asarray(nearest_axis(camera) if up is None else up, float))
+        up = nearest_axis(camera) if up is None else up
+        if not 0.0 < math.hypot(*up) < math.inf:
+            raise InputError("the world's up vector has no direction; give another up")
+        self._world = upright_axes(up)  # rows east, up and south
 
     def look(self, dx: float, dy: float, per_pixel: float) -> None:
         """Turn the view by a mouse motion in pixels, right and down positive; per_pixel: radians.
@@ -123,18 +127,6 @@ class FreeCamera:
     def _useful(self, reach: float) -> float:
         """The distance to the target within the bounds of the scene's size."""
         return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
-
-
-def _basis(up: np.ndarray) -> np.ndarray:
-    """(3, 3) rows: east, up and south, unit and right-handed, for a world whose up is `up` (any length)."""
-    length = float(np.linalg.norm(up))
-    if not 0.0 < length < math.inf:
-        raise InputError("the world's up vector has no direction; give another up")
-    up = up / length
-    # y up: east is x and south is z, as in a camera that looks down -z
-    east = np.cross(up, np.eye(3)[2] if abs(up[2]) < 0.9 else -np.eye(3)[1])
-    east = east / np.linalg.norm(east)
-    return np.stack([east, up, np.cross(east, up)])
 
 
 def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ class Display(Owner):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
         plane = Identity(session.plane.measured)
-        inputs = sides, options.of_picture(), plane, options.inspect and cursor, Identity(screen)
+        inputs = sides, options.copy, plane, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:

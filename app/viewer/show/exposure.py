@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from weakref import ref
 
-import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Identity
+from irrsplat.app.viewer.show.screen import some_rows
 from irrsplat.core.color import LUMINANCE
-from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import PERCENTILE
 from irrsplat.renderer import Renderer
@@ -23,6 +19,7 @@ _NEAR = 0.01  # stops within which the goal counts as reached
 _SLACK = 1.0  # stops that it may be off while a view fills, so that it moves once, when all light is there
 _FASTEST = 6.0  # stops a second
 _MOST = 20.0  # stops, up and down: what is darker than that stays dark
+_ROWS = 24  # of pixels that are read for the brightest light
 
 
 class AutoExposure:
@@ -90,32 +87,10 @@ class AutoExposure:
             self._goal = 0.0
 
 
-_LATTICE = (96, 60)  # pixels that are looked at for the brightest
-
-
-class BrightestLight(Owner):
-    """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.program, self.target = Program(ctx, "viewer/light_level", "lib/fullscreen"), Target(ctx, _LATTICE, (4,))
-        self.found = 0.0  # W/m², weighted as luminance is
-        self._view: ref[View] | None = None  # weak: it knows its scene, which may no longer be open
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.target)
-
-    def look(self, renderer: Renderer, view: View) -> None:
-        """Look at the view, where that is another one than before."""
-        if self._view is not None and view is self._view():
-            return
-        self.program(
-            self.target,
-            position=view.gbuffer.position,
-            sums=view.sums,
-            direct=renderer.direct_irradiance(view),
-            weights=LUMINANCE,
-            lattice=_LATTICE,
-        )
-        light, seen = self.target.read()[..., :2].reshape(-1, 2).T
-        self.found = float(np.percentile(light[seen > 0.0], PERCENTILE)) if seen.any() else 0.0
-        self._view = ref(view)
+def brightest_light(renderer: Renderer, view: View) -> float:
+    """Return what nearly all light in the view stays below, W/m² weighted as luminance is: the upper end of false colours."""
+    textures = view.gbuffer.position, view.sums, renderer.direct_irradiance(view)
+    position, sums, direct = (some_rows(texture, _ROWS) for texture in textures)
+    light = (direct[:, :3] + sums[:, :3] / np.where(sums[:, 3:] > 0.0, sums[:, 3:], 1.0)) @ LUMINANCE
+    seen = position[:, 3] > 0.0
+    return float(np.percentile(light[seen], PERCENTILE)) if seen.any() else 0.0

@@ -44,14 +44,7 @@ class Markers(Owner):
         return (self.number,)
 
     def records(
-        self,
-        kind: str,
-        target: Target,
-        view: View,
-        records: Records,
-        settings: Settings,
-        scene: Scene,
-        region: Region | None,
+        self, kind: str, target: Target, view: View, records: Records, settings: Settings, scene: Scene, region: Region | None
     ) -> None:
         """Draw every record, coloured by its radius a·R_k.
 
@@ -118,11 +111,7 @@ class Markers(Owner):
         """Tint the pixels that record `number` contributes to, in `region` of the target; return their count."""
         if not 0 <= number < records.count:
             return 0
-        uniforms = {
-            **self._of_records(target, view, records, settings),
-            "forward": -view.camera.axes[2],
-            "tint": _TINT,
-        }
+        uniforms = {**self._of_records(target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
         self.number.write(np.array([number], "i4").tobytes())
         program = self.programs("viewer/markers/serves", "indirect/splat", record_defines(settings.gradients))
         with self.query:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
+from irrsplat.app.viewer.buffers.kinds import draw_atlas
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
-from irrsplat.app.viewer.buffers.tiled_buffers import draw_atlas
 from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo

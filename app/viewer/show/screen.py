@@ -28,6 +28,14 @@ def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
     return found
 
 
+def some_rows(texture: moderngl.Texture, most: int) -> np.ndarray:
+    """Return (N, 4) the texels of about `most` rows of a float32 texture."""
+    framebuffer, step = texture.ctx.framebuffer([texture]), max(texture.height // most, 1)
+    rows = [framebuffer.read((0, y, texture.width, 1), 4, dtype="f4") for y in range(0, texture.height, step)]
+    framebuffer.release()
+    return np.frombuffer(b"".join(rows), np.float32).reshape(-1, 4)
+
+
 class Programs(Owner):
     """The shared tools of all drawing: programs, each made on first use and kept.
 

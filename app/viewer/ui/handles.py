@@ -11,11 +11,12 @@ from imgui_bundle import imgui, imguizmo
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.picking import pixel_of
-from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
+from irrsplat.app.viewer.editing.scene_edit import angles, bounds_of, rotation
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.scene.model import Light
+from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
@@ -31,7 +32,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
     if editor.mesh is not None:
         number, edit = editor.mesh, editor.edit.objects[editor.mesh]
         _draw_box(actions.session, layout, number)
-        origin = middle(editor.loaded.meshes[number])
+        origin = bounds_of(editor.loaded.meshes[number]).mean(0)
         axes = rotation(edit.turn)
         place, turn = _dragged(actions, layout, origin + edit.offset, axes, True, True)
         if not np.array_equal(place, origin + edit.offset):
@@ -40,7 +41,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
             edit = replace(edit, turn=angles(turn))
         if edit != editor.edit.objects[number]:
             actions.attempt(lambda: editor.set_object(number, edit))
-    elif editor.light is not None and actions.options.lights:
+    elif editor.light is not None and actions.panels.lights:
         light_number, edited = editor.light, editor.lights[editor.light]
         light = edited.light
         at = _middle(actions.session) if light.directional else light.position
@@ -56,10 +57,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
 
 def _draw_box(session: Session, layout: Layout, number: int) -> None:
     """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
-    positions = session.scene.meshes[number].positions
-    if not len(positions):
-        return
-    ends = np.stack([positions.min(0), positions.max(0)]).astype(float)
+    ends = bounds_of(session.scene.meshes[number])
     corners = [layout.seen(session.camera, point_of(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
     with layout.over_picture() as draw:
         for i, axis in product(range(8), (1, 2, 4)):
@@ -122,13 +120,10 @@ def _axes_of(light: Light) -> np.ndarray:
     """Return (3, 3) columns at right angles, the last one against a light's direction."""
     if light.spot_target is None and not light.directional:
         return np.eye(3)
-    z = np.asarray(light.position, float)
-    z = z if light.spot_target is None else z - light.spot_target
-    z = z / np.linalg.norm(z)
-    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-    x /= np.linalg.norm(x)
-    axes: np.ndarray = np.stack([x, np.cross(z, x), z], axis=1)
-    return axes
+    against = np.asarray(light.position, float)
+    against = against if light.spot_target is None else against - light.spot_target
+    right, back, front = upright_axes(point_of(against))
+    return np.stack([front, right, back], axis=1)
 
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:

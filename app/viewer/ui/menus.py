@@ -40,10 +40,9 @@ def draw_menus(actions: Actions) -> None:
 
 def draw_context_menu(actions: Actions) -> None:
     """Draw the menu that a right click on an object or a light opens."""
-    options = actions.options
-    if options.context_menu:
+    if actions.panels.context_menu:
         imgui.open_popup("context")
-        options.context_menu = False
+        actions.panels.context_menu = False
     if imgui.begin_popup("context"):
         for command in COMMANDS:
             if command.action in _CONTEXT:

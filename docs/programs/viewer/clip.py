@@ -65,7 +65,7 @@ def walk(clip: Clip) -> None:
     actions.show("irradiance")
     clip.take(3)
     actions.show("image")
-    actions.options.lights, lamp = True, actions.editor.lights[0]
+    actions.panels.lights, lamp = True, actions.editor.lights[0]
     clip.take(2)
     x, y, z = lamp.light.position
 
@@ -74,7 +74,7 @@ def walk(clip: Clip) -> None:
 
     clip.take(6, move)
     clip.take(3, frames=20)
-    actions.options.lights = False
+    actions.panels.lights = False
     actions.show("light")
     clip.take(4, frames=12)
     actions.show("image")

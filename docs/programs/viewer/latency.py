@@ -51,7 +51,7 @@ def swapped(self):
     if made and made[0].session.progress:
         session, actions = made[0].session, made[0].actions
         rest, filled = session.at_rest, all(p.coverage == 1.0 and p.surface == 1.0 for p in session.progress)
-        shown = {"wire": session.options.wire, "lights": actions.options.lights}
+        shown = {"wire": session.options.wire, "lights": actions.panels.lights}
         camera = session.views[0].camera
         shown["aside"] = float(camera.axes[0] @ camera.eye)  # which flight ahead does not change
         state = "rest" if rest else "refining" if filled else "filling"

@@ -79,7 +79,7 @@ def whole(viewer: Viewer) -> None:
         viewer.frame(DT)
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
-    actions.options.controls = False
+    actions.panels.controls = False
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
@@ -98,7 +98,7 @@ def whole(viewer: Viewer) -> None:
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer, or show nothing of this scene."""
     actions = viewer.actions
-    actions.options.controls = False
+    actions.panels.controls = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_reference and name not in PLAIN):
         if name == "asking":  # some pixels must still request records
@@ -117,7 +117,7 @@ def sky(viewer: Viewer) -> None:
     """Show emitted light alone: in this scene, the sky."""
     actions = viewer.actions
     actions.session.change(0, bounces=0)
-    actions.options.controls = False
+    actions.panels.controls = False
     actions.session.options.buffers[0] = "emission"
     keep(viewer, "buffers/emission")
 

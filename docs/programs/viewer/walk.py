@@ -34,7 +34,8 @@ HERE = Path(__file__).resolve().parents[1]
 IMAGES = HERE.parent / "images" / "walk"
 SIZE = (1000, 640)
 LIMIT = 200_000  # bytes a picture
-PATIENCE = 900.0  # seconds
+PATIENCE = 900.0  # seconds: a limit of safety
+SAMPLES = 256  # of a pixel of the reference on show
 LABELLED = (
     *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
     *("slider_float", "slider_int", "drag_float3", "drag_float", "drag_int", "color_edit3", "input_text", "collapsing_header"),
@@ -162,9 +163,9 @@ class Walker:
         self._hand("type", "--delay", "60", text)
 
     def place(self, label: str) -> tuple[float, float]:
-        """The middle of what is labelled so."""
+        """The middle of what is labelled so, once it is there."""
         self.wait(2)
-        assert label in self.labels.now, f"no {label!r} among {sorted(self.labels.now)}"
+        self.until(lambda: label in self.labels.now, f"no {label!r} among {sorted(self.labels.now)}")
         x0, y0, x1, y1 = self.labels.now[label]
         return 0.5 * (x0 + x1), 0.5 * (y0 + y1)
 
@@ -312,12 +313,14 @@ def compare(walker: Walker) -> None:
 @task("Compare with the reference")
 def truth(walker: Walker) -> None:
     walker.key("Tab", "y")
-    tracing = walker.viewer.actions.session.tracing
-    walker.until(lambda: tracing.traced is None or tracing.traced > 0.1, "a reference of some samples")
+    session = walker.viewer.actions.session
+    walker.until(lambda: session.tracing.traced is not None, "the path tracer")
     walker.click("buffer", "error")
-    walker.wait(6)
+    walker.until(lambda: session.tracing.shown and session.tracing.shown.estimate.samples >= SAMPLES, "a reference")
+    walker.wait(3)
     walker.keep("truth")
     walker.key("y")
+    assert session.tracing.traced is None and session.options.buffers[0] == "error"
 
 
 @task("Save what was made of the scene")

@@ -122,7 +122,7 @@ def check(driver: Driver, done: list[str]) -> None:
 def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver) -> None:
     """Edits, undone and done again, equal those of a list. After all of them are undone, the scene is the loaded one."""
     driver.resize(SIZES[0])
-    driver.actions.options.scale = 0.75
+    driver.actions.panels.scale = 0.75
     driver.session.change(0, **QUICK)
     draw, states, at, edits, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])

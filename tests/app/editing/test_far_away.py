@@ -64,7 +64,7 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     now = session.scene.lights[0].position[0] + session.origin[0]
     assert x + 0.01 < now < x + 2.0 and any(one.startswith(f"in the file: {now:.3f} ") for one in said)
     driver.actions.undo()
-    driver.actions.options.lights = driver.actions.options.controls = False
+    driver.actions.panels.lights = driver.actions.panels.controls = False
     driver.resize((160, 120))
     driver.frame(2)
 

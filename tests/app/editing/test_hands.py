@@ -13,7 +13,7 @@ import pytest
 
 from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import Editor, Kind
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
+from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, bounds_of
 from irrsplat.core.color import LUMINANCE
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
 
@@ -29,7 +29,7 @@ def editor(driver: Driver) -> Editor:
 
 def box_at(driver: Driver) -> tuple[float, float]:
     """Return the place of the middle of the box in the window."""
-    x, y, z = middle(driver.session.scene.meshes[BOX]).tolist()
+    x, y, z = bounds_of(driver.session.scene.meshes[BOX]).mean(0).tolist()
     return driver.seen((x, y, z))
 
 
@@ -158,7 +158,7 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
 
 
 def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor) -> None:
-    editor.mesh, driver.actions.options.controls = BOX, True
+    editor.mesh, driver.actions.panels.controls = BOX, True
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
@@ -207,7 +207,7 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
 def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -> None:
     """128 of 255 is a linear 0.2159 (IEC 61966-2-1), for objects and for lights, relative to the brightest component."""
     driver.resize((760, 640), density=0.125)
-    editor.mesh, driver.actions.options.controls = 1, True
+    editor.mesh, driver.actions.panels.controls = 1, True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
     albedo = editor.edit.objects[1].albedo

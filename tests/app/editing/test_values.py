@@ -11,11 +11,11 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, light_units
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, rotation
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, bounds_of, rotation
 from irrsplat.core.color import LUMINANCE
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Light, Mesh, Scene
 from tests.support import worlds
 from tests.support.viewing import write_room
 
@@ -92,3 +92,5 @@ def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
     shown = np.concatenate([mesh.positions for mesh in gone.meshes[1:]])
     assert gone.bounds == pytest.approx(np.array([shown.min(0), shown.max(0)]))
     assert made.scene(edit).meshes is room.meshes
+    none = np.zeros((0, 3), "f4")
+    assert not bounds_of(Mesh(none, none, none.astype("i4"), worlds.material())).any(), "F goes to a mesh without points, too"

@@ -99,9 +99,7 @@ def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, 
 @pytest.mark.parametrize(("place", "diagonal"), [(0.0, 12.0), (1e12, 1e-3), (1e6, 1e5)])
 def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) -> None:
     """A Camera checks itself when made: it is finite, eye ≠ target, up is not parallel. The eye stays within 1000 diagonals.
-
-    Arguments that are not finite move nothing.
-    """
+    Arguments that are not finite move nothing."""
     random = np.random.default_rng(7)
     ahead = diagonal + 1e-3 * place
     first = Camera((place, place, place), (place + ahead, place, place - ahead))

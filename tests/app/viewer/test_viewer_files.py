@@ -64,14 +64,15 @@ def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
-    """From its own first camera, remembered as the newest."""
+    """From its own first camera, remembered as the newest. One whose file is called `scene` has the name of its folder."""
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
-    other = write_room(tmp_path).rename(tmp_path / "other.scene")
+    (tmp_path / "hall").mkdir()
+    other = write_room(tmp_path / "hall").rename(tmp_path / "hall" / "scene.scene")
     other.write_text(ROOM.replace("cam 0 0 2.6", "cam 0 0.1 2.2"))
     driver.viewer.controls.files_dropped([str(other), "second.scene"])
-    driver.frame()
-    assert driver.session.scene.name == "other" and driver.session.camera.eye == (0.0, 0.1, 2.2)
+    push(driver, "F12")
+    assert list(Path("pictures").glob("irrsplat-hall-*.png")) and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert driver.session.settings(0)[1].a == 0.7
     assert driver.actions.preferences.recent[:2] == [str(other), str(room)]
     driver.resize((640, 480), density=0.25)

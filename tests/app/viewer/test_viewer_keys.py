@@ -202,20 +202,20 @@ def keys(driver: Driver, shown: str) -> None:
 @case("F3", "F4")
 def section(driver: Driver, shown: str) -> None:
     """The side panel opens with the section, and stays open without it; the picture is fitted into the rest."""
-    before, options, titles = driver.session.size, driver.actions.options, {"F3": "settings", "F4": "lights"}
+    before, panels, titles = driver.session.size, driver.actions.panels, {"F3": "settings", "F4": "lights"}
     driver.session.options.frozen = True
     for titled in (True, False):
         push(driver, shown)
         driver.frame(3)
-        assert options.controls and driver.session.size[0] < 0.7 * before[0]
+        assert panels.controls and driver.session.size[0] < 0.7 * before[0]
         assert (titles[shown] in driver.viewer.interface.side_panel.open_titles) == titled
-    options.frozen = options.controls = False
+    driver.session.options.frozen = panels.controls = False
 
 
 @case("Ctrl+=", "Ctrl+-")
 def enlarge(driver: Driver, shown: str) -> None:
     push(driver, shown)
-    assert driver.viewer.backend.scale == driver.actions.options.scale == (1.25 if shown == "Ctrl+=" else 0.75)
+    assert driver.viewer.backend.scale == driver.actions.panels.scale == (1.25 if shown == "Ctrl+=" else 0.75)
     push(driver, "Ctrl+-" if shown == "Ctrl+=" else "Ctrl+=")
 
 

@@ -62,9 +62,7 @@ def pages() -> float:
 
 def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once another scene is open, nothing holds a renderer or a scene of before: a large one is gigabytes.
-
-    Once the viewer is closed, no OpenGL object is alive but the window's own.
-    """
+    Once the viewer is closed, no OpenGL object is alive but the window's own."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     watch = Watch(monkeypatch)
     with viewing(write_room(tmp_path), (160, 120), radius_min=8.0, radius_max=40.0) as driver:

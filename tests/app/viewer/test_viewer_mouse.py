@@ -19,10 +19,8 @@ def gone(driver: Driver, since: Camera) -> np.ndarray:
 
 
 def test_a_held_key_flies_its_way(driver: Driver) -> None:
-    """The first camera looks down -z: so long as the key is held, at the flight's speed, by Shift and Alt at another pace.
-
-    The window that loses the keyboard lets go of all keys.
-    """
+    """The first camera looks down -z: so long as the key is held, at the flight's speed, by Shift and Alt at another pace. The
+    window that loses the keyboard lets go of all keys."""
     ways = {"S": (0, 0, 1), "A": (-1, 0, 0), "E": (0, 1, 0)}
     driver.session.options.frozen = True
     metre = DT * driver.session.free_camera.speed
@@ -50,10 +48,8 @@ def test_a_held_key_flies_its_way(driver: Driver) -> None:
 
 
 def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
-    """A motion of the window's height turns by the field of view; the first one after the capture is a jump, and none.
-
-    While the button is held, the wheel sets the speed.
-    """
+    """A motion of the window's height turns by the field of view; the first one after the capture is a jump, and none. While
+    the button is held, the wheel sets the speed."""
     before, speed = driver.session.camera, driver.session.free_camera.speed
     driver.move(*WALL)
     driver.button(True, RIGHT)
@@ -134,7 +130,7 @@ def test_the_divider_is_dragged_and_keys_are_about_the_side_that_was_clicked(dri
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
     """The mouse may come to a panel and press within one slow frame: who is under it counts, not who was."""
     driver.resize((640, 240))
-    driver.actions.options.controls = driver.session.options.frozen = True
+    driver.actions.panels.controls = driver.session.options.frozen = True
     driver.settle()
     driver.frame(3)
     before = driver.session.camera

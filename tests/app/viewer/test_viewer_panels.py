@@ -37,7 +37,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
-    driver.actions.options.controls = driver.actions.options.settings = driver.session.options.frozen = True
+    driver.actions.panels.controls = driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in STAGES:
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):

@@ -63,7 +63,7 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
         assert buffer.box[1] > 0.0, "the panel is not scrolled to the settings"
         settings = driver.session.settings(0)[1]
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
-        assert driver.session.options.discs and driver.actions.options.settings and not driver.actions.options.lights
+        assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.lights
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
         failed = driver.actions.save_preferences(driver.wnd.size, False)
         assert failed is not None and str(room) in failed

@@ -128,7 +128,7 @@ def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
 def draw_rings(actions: Actions, layout: Layout) -> None:
     """Draw a ring in the picture where each light is, while the panel is open; that of the selected light is filled."""
     editor = actions.editor
-    if not actions.options.lights:
+    if not actions.panels.lights:
         return
     with layout.over_picture() as draw:
         for i, edited in enumerate(editor.lights):

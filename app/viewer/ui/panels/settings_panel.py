@@ -28,9 +28,9 @@ _TOOLTIP = 28.0  # width of the text, in heights of the font
 
 def draw_settings(actions: Actions, layout: Layout) -> None:
     """Draw all settings of the side that panels change, stage by stage."""
-    options = actions.options
+    sought = actions.panels.sought
     for stage in _STAGES:
-        if options.sought and SETTINGS[options.sought].stage == stage:
+        if sought and SETTINGS[sought].stage == stage:
             imgui.set_next_item_open(True)
         if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
             for declaration in SETTINGS.values():
@@ -63,9 +63,9 @@ def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
     chosen, settings = actions.session.settings(actions.session.options.side)
     value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
     imgui.push_id(d.name)
-    if d.name == actions.options.sought:
+    if d.name == actions.panels.sought:
         imgui.set_scroll_here_y()
-        actions.options.sought = ""
+        actions.panels.sought = ""
     imgui.begin_group()
     new = _widget(actions, layout, d, value)
     imgui.end_group()

@@ -37,7 +37,7 @@ def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
     assert driver.actions.prompt is not None
     push(driver, "Esc")
     assert driver.actions.prompt is None
-    driver.actions.options.scale = 2.0
+    driver.actions.panels.scale = 2.0
     driver.frame(6)
     assert [w.label for w in driver.widgets if w.kind == "begin_menu" and w.box[2] <= 640] == list(MENUS)
 
@@ -56,7 +56,8 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 @pytest.mark.parametrize(("typed", "found"), [
     ("wireframe", lambda driver: driver.session.options.wire),
     ("preset preview", lambda driver: driver.session.settings(0)[0] == "preview"),
-    ("setting radius max", lambda driver: driver.actions.options.settings),
+    ("weight", lambda driver: driver.session.options.buffers[0] == "weight"),
+    ("setting radius max", lambda driver: driver.actions.panels.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip
 def test_the_palette_finds_actions_settings_and_scenes(driver: Driver, typed: str, found: Callable[[Driver], bool]) -> None:

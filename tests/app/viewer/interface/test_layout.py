@@ -17,7 +17,7 @@ SIZE = (1000, 640)
 
 
 def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
-    driver.session.options.frozen = driver.actions.options.controls = driver.actions.options.settings = True
+    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.settings = True
     driver.resize((640, 1000), density=0.25)
     driver.frame(6)
     slider = driver.find("blend")
@@ -34,8 +34,8 @@ def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
 def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int, int], scale: float) -> None:
     """The window shows the whole picture, pixel for pixel, right of the panel and below the menus; without the panel it fills the
     window. A click picks the mesh at that pixel. The first settings are within the panel."""
-    driver.session.options.frozen = driver.actions.options.controls = True
-    driver.actions.options.scale = scale
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.panels.scale = scale
     driver.resize(size)
     driver.frame(8)
     left, top, width, height = driver.viewer._place
@@ -48,7 +48,7 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
     driver.actions.editor.mesh = None
     named = [w for w in driver.widgets if w.label.lstrip("#") in ("a", "blend", "buffer")]
     assert len(named) == 3 and all(w.box[2] < left for w in named)
-    driver.actions.options.controls = False
+    driver.actions.panels.controls = False
     driver.frame(3)
     assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
 
@@ -56,11 +56,11 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
 def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
     """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider is wide enough for
     its number."""
-    options = driver.session.options
-    options.frozen = options.controls = True
-    driver.actions.options.scale = 2.0
+    options, panels = driver.session.options, driver.actions.panels
+    options.frozen = panels.controls = True
+    driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
-    options.lights = options.outliner = options.settings = options.why = options.plane = True
+    panels.lights = panels.outliner = panels.settings = options.why = options.plane = True
     driver.frame(6)
     with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
         font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
@@ -74,8 +74,8 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
 
 def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
     """At 640×400 and scale 2, the question about unsaved changes and a legend with a colour scale are not cut off."""
-    driver.session.options.frozen = driver.actions.options.controls = True
-    driver.actions.options.scale = 2.0
+    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
     driver.actions.show("weight")
     driver.actions.prompt = prompts.unsaved(driver.actions, driver.actions.stop)

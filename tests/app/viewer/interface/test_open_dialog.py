@@ -27,7 +27,7 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
         driver.frame(2)
         assert driver.session.scene.name == name and driver.actions.prompt is None
     driver.resize((640, 400), density=0.25)
-    driver.actions.options.scale = 2.0
+    driver.actions.panels.scale = 2.0
     push(driver, "Ctrl+O")
     driver.frame(6)
     assert driver.find("").box[0] > 0.0, "the line is not scrolled out of the prompt"
