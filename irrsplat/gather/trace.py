@@ -62,7 +62,8 @@ class TraceGather(Gather):
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks, varying=True)
         self.places_of_texels = places_of_texels(self.cell, places)
-        self._by_place = np.argsort(self.places_of_texels, kind="stable")  # each place has as many texels
+        # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
+        self._by_place = np.argsort(self.places_of_texels, kind="stable") if places > 1 else slice(None)
         self.search = LightSearch(world, light_samples, self.share.size / np.pi, embree=embree)
         self.program = Program(
             ctx,
@@ -152,11 +153,11 @@ class TraceGather(Gather):
             return None
         rays = self.rays[self._by_place].reshape(self.places, -1, 3)
         found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), rays)
-        hits = np.empty((rows.shape[1] // self.places, self.share.size), np.int32)
-        hits[:, self._by_place] = found.reshape(hits.shape)
-        lines = -(-hits.size // TABLE_COLUMNS)
-        padded = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
-        self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
+        count, lines = found.size // self.share.size, -(-found.size // TABLE_COLUMNS)
+        table = np.zeros(lines * TABLE_COLUMNS, np.int32)
+        hits = table[: found.size].reshape(count, -1)
+        hits[:, self._by_place] = found.reshape(count, -1)
+        self.first_hits.write(table, viewport=(0, 0, TABLE_COLUMNS, lines))
         return hits
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
