@@ -161,7 +161,7 @@ class TraceGather(Gather):
         return hits
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the last call's first `count` records hit, R rays each in the order of the cell's texels.
+        """Return the hits of the last call's first `count` records, R rays each in the order of the cell's texels.
 
         The number (N, R) of a value of the surface cache at each hit, -1 for a miss or an unknown value; and the reflectance
         (N, R, 3), 0 there. The value is one of three there, drawn by its weight; in a survey, that of the greatest weight.

@@ -38,7 +38,7 @@ def _container() -> list[int]:
 
 
 def _process() -> list[int]:
-    """Return the rest of the limit of ulimit -v."""
+    """Return the unused part of the limit of ulimit -v."""
     with suppress(ImportError, OSError, ValueError, IndexError):
         import resource
 

@@ -137,7 +137,7 @@ class LightMeter(Tenant):
 def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings:
     """Return the meter's settings for these; raises InputError for unknown ones."""
     settings = {"light_samples": _LIGHT_SAMPLES, **settings}
-    # gradients and placement only serve interpolation
+    # gradients and placement only matter for interpolation
     return replace(preset(name, **settings), gradients=False, placement="tiles")
 
 

@@ -30,7 +30,7 @@ _LIGHT = "seed", "bounces", "light_samples", "shadow_size"  # settings on which 
 class SurfaceCache(Owner):
     """The surface cache of a world's scene. detail: the density of sites and rays of its own level.
 
-    In ticks, the values of a coarse level stand in for its own until these are complete. Finer levels replace its own.
+    In ticks, the values of a coarse level replace its own until these are complete. Finer levels replace its own.
     last_change: relative change of the values by their last change; 1 for new values.
     """
 
@@ -38,7 +38,7 @@ class SurfaceCache(Owner):
         self.ctx, self.world, self.timers = world.ctx, world, timers
         self._level = SiteLevel(world, settings, timers, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick that needs it
-        self._finer: list[SiteLevel] = []  # the last two finer levels, of which the last one's values are in use
+        self._finer: list[SiteLevel] = []  # the last two finer levels; the values of the last one are in use
         self._next: SiteLevel | None = None  # the level after these, while it is made
         self._coarse_in_use = False  # True while lookups find the values of the coarse level
         self._relit = False  # True while its own values are of other lights or materials
@@ -49,7 +49,7 @@ class SurfaceCache(Owner):
         """Return the resources that `release` frees."""
         return (self._view_pass, self._point_pass, self._level, *self._finer, self._next, self._coarse)
 
-    # ---- what it holds ---------------------------------------------------------------------------------------------
+    # ---- its values ------------------------------------------------------------------------------------------------
 
     @property
     def result(self) -> BouncedLight | None:
@@ -78,7 +78,7 @@ class SurfaceCache(Owner):
 
     @property
     def _own(self) -> Solution:
-        """Its own values, and not those of the coarse one."""
+        """The values of its own or finer levels, without the coarse one."""
         return (self._finer[-1] if self._finer else self._level).solution
 
     @property
@@ -122,21 +122,21 @@ class SurfaceCache(Owner):
         return self._now.laid_out
 
     def uniforms(self, table: LookupTable | None = None) -> Uniforms:
-        """The uniforms of shaders/surface_cache/lookup.glsl, with this table or else with that in use."""
+        """Return the uniforms of shaders/surface_cache/lookup.glsl with this `table`; None for the table in use."""
         return (table or self.lookup).uniforms | self.world.triangles.corner_uniforms
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
-        """Return the cache's values at every pixel, as from SurfaceViewPass; valid until the next call."""
+        """Return the cache's values at every pixel, see SurfaceViewPass; valid until the next call."""
         return self._viewed.get("view", (gbuffer, self.result), lambda: self._view_pass(gbuffer, self.uniforms()))
 
     def at(self, sites: Sites) -> np.ndarray:
-        """(N, 3) what the cache says at `sites` whose triangles are known, W/m²."""
+        """Return (N, 3) the cache's irradiance at `sites`, whose triangles are known, W/m²."""
         return self._point_pass.at(sites, self.uniforms())
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare to follow a change of the scene, whose present shadow maps these are."""
+        """Prepare to follow a change of the scene. shadows: the maps before the change."""
         for level in filter(None, (self._level, self._coarse)):
             level.hold_light(shadows)
 
@@ -189,7 +189,7 @@ class SurfaceCache(Owner):
         return True
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Continue the next finer level, as far as the budget goes. Return True if lookups find its values now.
+        """Continue the next finer level within the budget. Return True if lookups find its values now.
 
         They hold until the light of the scene changes.
         """

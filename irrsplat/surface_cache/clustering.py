@@ -1,6 +1,6 @@
-"""Points on surfaces in clusters: those that lie close together and face alike share one of them, their site.
+"""Clusters of points on surfaces: close points with similar normals share one of them, their site.
 
-Every point of a tessellation stands for two members, one on either side of its surface.
+Every point of a tessellation has two members, one on either side of its surface.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from irrsplat.surface_cache.tessellation import Tessellation
 
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
     0
-]  # any one that takes walls away from the axes
-_BLOCKS = 3.0, 12.0  # steps of near_sites: sides of blocks in which a site is looked for, a wide one where a small one has none
-_AT_ONCE = 16_384  # members, for each of which near_sites compares some ten sites
-_MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
-_BEYOND = 1.001  # as far as the point between: the first segment ends behind a surface on which that lies
-_CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
+]  # any rotation that turns walls away from the axes
+_BLOCKS = 3.0, 12.0  # steps of near_sites: sides of the blocks searched for a site; the wide one if the small one is empty
+_AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
+_MIN_COSINE = 0.3  # least cosine between normals of a member and its site
+_BEYOND = 1.001  # of the distance to the point between: the first segment ends behind a surface at that point
+_CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
 
 
 @dataclass(frozen=True)
 class Members:
     """M points, each on one side of its surface.
 
-    position: (M, 3) on it; eye: (M, 3) as far above it as a record looks from. normal and geometric: (M, 3) unit, on this side.
+    position: (M, 3) on it; eye: (M, 3) above it by the offset of a record's eye. normal and geometric: (M, 3) unit, on this side.
     """
 
     position: np.ndarray
@@ -44,22 +44,24 @@ class Members:
 
 
 def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inner: np.ndarray) -> Members:
-    """The points `outer` (N,) on the side that their winding tells, then `inner` (K,) on the other; eyes `offset` metres up."""
+    """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back; eyes `offset` metres up."""
     position = tessellation.position[np.concatenate([outer, inner])]
     normal, geometric = (np.concatenate([n[outer], -n[inner]]) for n in (tessellation.normal, tessellation.geometric))
     return Members(position, normal, geometric, position + np.float32(offset) * geometric)
 
 
 def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
-    """(M,) True where all of the box `bounds` (2, 3) lies below a member's surface, so that it sees nothing of the scene."""
+    """Return (M,) True where all of the box `bounds` (2, 3) lies below a member's surface, so that it sees only the sky."""
     farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
     below: np.ndarray = ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
     return below
 
 
 def unlit_interiors(scene: Scene) -> np.ndarray:
-    """(F,) True for triangles, in the order of flatten, whose inner side no light reaches. Their meshes are closed, do not emit,
-    let no light pass, and hold no light and no emitter inside, by their bounding boxes."""
+    """Return (F,) True for triangles, in the order of flatten, whose inner side no light reaches.
+
+    Their meshes are closed, opaque and not emissive. Their bounding boxes contain no light and no emitter.
+    """
     found = [np.zeros(0, bool)]
     sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
     shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
@@ -75,7 +77,8 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
 
 
 def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
-    """(M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the sphere."""
+    """Return (M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the
+    sphere."""
     low = [float(at.min(initial=np.inf)) for at in position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
     x, y, z = (((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(position.T, low, strict=True))
@@ -88,8 +91,9 @@ def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndar
 
 
 def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Merge points of very small triangles that lie in one voxel of `size` metres and face alike: a fine mesh has far more
-    triangles than light there has changes.
+    """Merge points of very small triangles that lie in one voxel of `size` metres and have similar normals.
+
+    A fine mesh has far more triangles than its light has detail.
 
     mesh: (F,) the number of each triangle's mesh; only points of one mesh are merged. Returns the points (K,) that stay, of each
     voxel the one nearest to their mean; and which of these each point is now, (P,).
@@ -109,10 +113,10 @@ def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[n
 def choose_sites(
     keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The site of each cluster of members, which have these keys (M,) and positions (M, 3): the one nearest to their mean.
+    """Return the site of each cluster of members with equal `keys` (M,): the member nearest to their mean `position` (M, 3).
 
-    area: (M,) m² of the surface that each member stands for. A cluster of less than `min_area` m² has no site, and of the others
-    those `most` have one that are largest. Returns the sites (K,), as numbers of members, and which of them is each member's,
+    area: (M,) m² of the surface that each member stands for. Only the `most` largest clusters of at least
+    `min_area` m² have a site. Returns the sites (K,), as numbers of members, and which of them is each member's,
     (M,), -1 where its cluster has none.
     """
     order = np.argsort(keys, kind="stable")
@@ -139,7 +143,7 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
     """Return (N, most), the nearest sites to each of the members `asking` (N,), the nearest first, as indices into `sites`.
 
     Sites face alike and lie in a member's block, in a small one if there are any. Entries are -1 where there are no more. asking
-    and sites: as numbers of members. Distance is in place, of which `size` metres count as much as 60° between normals, and in
+    and sites: as numbers of members. Distance combines places and normals: `size` metres count as much as 60° between
     normals.
     """
     found = np.full((len(asking), most), -1)
@@ -170,8 +174,8 @@ def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndar
     """Return starts and ends (N + K, 3) of the segments that are free where members `a` (N,) see members `b`.
 
     The first N segments start at the eyes of `a`. Where the surface is concave or flat, they end at those of `b`. Where it is
-    convex, a second segment follows. The two meet at a point over what bulges there: where the tangents of an arc between a and b
-    meet, and a little higher. The third result has the numbers (K,) of the first ones, of which the last K are the second ones.
+    convex, a second segment follows. Both meet slightly above the point where the tangents of an arc between a and b
+    meet. The third result has the numbers (K,) of first segments that have a second one.
     """
     start, end = members.eye[a], members.eye[b]
     n_a, n_b = members.geometric[a], members.geometric[b]

@@ -47,7 +47,7 @@ class Follower:
         self._relit = False  # True if lights have changed since
 
     def begin(self, shadows: ShadowMaps) -> None:
-        """Measure the direct light before the first change of the scene; a scene without changes does without it."""
+        """Measure the direct light before the first change of the scene."""
         if self._direct is None:
             self._direct = self.light(shadows)
             self._beyond = self._beyond - self.transport(self._direct)
@@ -58,7 +58,7 @@ class Follower:
         return self._direct is not None
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
-        """(S, 3) D, W/m²."""
+        """Return (S, 3) D, W/m²."""
         lights = light_defines(self.world.scene)
         count = self.records.count
         light_pass = self._made.get("site light", (lights, count), lambda: SiteLightPass(self.world.ctx, lights, max(count, 1)))
@@ -76,7 +76,7 @@ class Follower:
             self._direct = self._direct * factor
 
     def move(self, change: SceneChange) -> None:
-        """Let the sites on moved meshes move along; which those near them see has to be found out again."""
+        """Move the sites on moved meshes along. The hits of rays from near sites become unknown."""
         self.records.move_with_meshes(change)
         self.transport.known[self.records.column("due") > _OTHER_HITS] = False
 
@@ -89,7 +89,7 @@ class Follower:
         return order[: np.count_nonzero(due > 0.0)]
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
-        """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered with the present lights."""
+        """Return (S, 3) the present irradiance E, W/m². gathered: the sites that were gathered with the present lights."""
         assert self._direct is not None
         D = self.light(shadows)
         if self._relit:

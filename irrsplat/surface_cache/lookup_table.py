@@ -1,4 +1,4 @@
-"""The tables by which shaders look the surface cache up: the cells of every triangle, and the values at their corners; and the
+"""The tables of the surface cache in shaders: the cells of every triangle, and the values at their corners; and the
 sites with these tables, on the GPU."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from irrsplat.surface_cache.transport import BouncedLight
 class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
-    rows: (T, 2) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
+    rows: (T, 2) of the triangles that light sees, see Tessellation.table. cells: see SiteLayout.cells.
     count: of the values. known: False where the first row stands for all triangles.
     """
 
@@ -54,12 +54,12 @@ class LookupTable(Owner):
 
 
 def unknown(ctx: moderngl.Context) -> LookupTable:
-    """The table of no scene in particular, by which every look-up finds no value, so that no light is added."""
+    """Return an empty table for any scene: every lookup finds no value, so that no light is added."""
     return LookupTable(ctx, np.array([[1.0, 0.0]]), np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, known=False)
 
 
 class LaidOut(Owner):
-    """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
+    """Sites on the GPU: a record for each value, in the order of the values, and their lookup table.
     places: the origins of their rays; None until these are known."""
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:

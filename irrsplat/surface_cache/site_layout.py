@@ -26,23 +26,23 @@ from irrsplat.surface_cache.clustering import Members
 from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-POINTS = 2000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
-COARSE_SITES = 4000  # of a coarse level, however many parts a scene has: a half is twice as far off, for a tenth of the time
-MAX_SITES = 1 << 15
-MAX_REFINED_SITES = 1 << 16  # of finer levels; the transport between them takes some 80 MB
-SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see only the sky, and of members that no light reaches
-FIRST_SITE = 2  # the number of the first value that is gathered
-_ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
-_ALTERNATIVES = 10  # sites near by that a member without a site of its own is compared with at the end
-_FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
-_MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
-VOXEL = 0.7  # of the spacing: how near members of one cluster lie
-_PLACES = 32  # lights and cameras, at most, around which the surfaces are cut finely
-_DIRECTIONS = 64  # in which their surroundings are measured
-_ROOMS = 3.0  # times as far as these surroundings surfaces count in full; beyond, steps grow by the square of the distance
-_MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
+POINTS = 2000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
+COARSE_SITES = 4000  # greatest number of sites of a coarse level: half as many have twice the error, for a tenth of the time
+MAX_SITES = 1 << 15  # greatest number of sites of a full level
+MAX_REFINED_SITES = 1 << 16  # greatest number of sites of finer levels; the transport between them takes some 80 MB
+SKY_VALUE, DARK_VALUE = 0, 1  # numbers of the values of members that see only the sky, and of members without light
+FIRST_SITE = 2  # number of the first gathered value
+_ROUNDS = 4  # rounds of clustering; members that do not see their cluster's site form clusters in the next round
+_ALTERNATIVES = 10  # near sites that are tried for a member without a site of its own
+_FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at most; members that see none get the remaining
+_MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
+VOXEL = 0.7  # of the spacing: width of the voxels of clusters
+_PLACES = 32  # greatest number of lights and cameras with fine cells around them
+_DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
+_ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
+_MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 
-_CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
+_CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # about the finished share of the work during a step
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class Clusters:
     """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values where no gather
-    is needed to know them, else -1. first: the sites among the members without a value, and which of them is each one's, as
+    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values that
+    need no gather, else -1. first: the sites among the members without a value, and which of them is each one's, as
     clustering.choose_sites has them.
     """
 
@@ -108,7 +108,7 @@ class Clusters:
     first: tuple[np.ndarray, np.ndarray]
 
     def sites(self, at: np.ndarray) -> Sites:
-        """The members `at` (N,) as places for records."""
+        """Return the members `at` (N,) as places for records."""
         members = self.members
         return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
 
@@ -147,7 +147,7 @@ class SiteChooser:
     detail: Detail
 
     def layout(self) -> Generator[float, None, SiteLayout]:
-        """All steps, one after the other."""
+        """Choose the sites: all steps in their order."""
         clusters = yield from self._cluster()
         value = clusters.value
         chosen = yield from self.assign(clusters, value)
@@ -158,8 +158,7 @@ class SiteChooser:
         return SiteLayout(clusters, value, clusters.sites(at), area.astype(float), cells)
 
     def _cluster(self) -> Generator[float, None, Clusters]:
-        """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
-        sites would come of it."""
+        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites."""
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
         vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
@@ -176,10 +175,10 @@ class SiteChooser:
         return far * np.array(rooms)
 
     def _surfaces(self, places: np.ndarray, rooms: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-        """Return the vertices, the faces that light sees, as flatten has them, the area in m² that counts of them, and factors
+        """Return the vertices, the faces that light sees, see flatten, their effective area in m², and factors
         (F,) on their steps.
 
-        places, rooms: where there are lights and cameras, and how far their surroundings reach, as _rooms has it.
+        places, rooms: of lights and cameras, and the reach of their surroundings, see _rooms.
         """
         vertices, faces, _ = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
@@ -195,7 +194,7 @@ class SiteChooser:
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
     def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> Clusters:
-        """The clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long.
+        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long.
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
@@ -223,7 +222,7 @@ class SiteChooser:
             spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
 
     def _known_values(self, members: Members) -> np.ndarray:
-        """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
+        """Return (M,) the numbers of the members' values that need no gather, else -1."""
         value = np.full(len(members), -1)
         if self.scene.environment is None and not any(self.scene.sky_gradient):  # else it depends on where a member faces
             value[clustering.sees_nothing(members, self.scene.bounds)] = SKY_VALUE
@@ -236,7 +235,7 @@ class SiteChooser:
 
     @staticmethod
     def _choose(clusters: Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
-        """The sites among the members `left`, and which of them is each one's, as clustering.choose_sites has them."""
+        """Return the sites among the members `left`, and the site of each, see clustering.choose_sites."""
         position, area = clusters.members.position[left], clusters.area[left]
         return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
 
@@ -264,11 +263,10 @@ class SiteChooser:
         return sites
 
     def _assign_near(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
-        """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
-        gathered: the members that are sites.
+        """Assign the members without a value in `value` (M,) to a near site: the nearest visible one, else the nearest.
 
-        Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
-        full of them lost a third of its second bounce.
+        gathered: the members that are sites. Without this step, small objects beyond the number of sites are black: a room full
+        of them lost a third of its second bounce.
         """
         members, left = clusters.members, np.flatnonzero(value < 0)
         # a coarse level compares one member of each cluster; in a full one, a groove's members take other sites than its rim's
@@ -285,7 +283,7 @@ class SiteChooser:
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
     def cells(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """SiteLayout.cells for members with these values (M,)."""
+        """Return SiteLayout.cells for members with these values (M,)."""
         members = clusters.members
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
         for side, cells in enumerate(table[0].swapaxes(0, 1)):
@@ -304,7 +302,8 @@ class SiteChooser:
         return np.concatenate(table)
 
     def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """(N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free ones.
+        """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free
+        ones.
 
         eyes: (N, 3, 3) metres, of the corners. free: (N, 3) of each corner, whether the other two see each other.
         """
@@ -317,7 +316,7 @@ class SiteChooser:
         return reach
 
     def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
+        """Return (N,) True where members a see members b (N,); yields `done` from batch to batch."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
         starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
@@ -327,7 +326,7 @@ class SiteChooser:
         return seen
 
     def _free_shares(self, starts: np.ndarray, ends: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """(N,) the visible share of segments, see RayCaster.reach; yields `done` from batch to batch."""
+        """Return (N,) the visible share of segments, see RayCaster.reach; yields `done` from batch to batch."""
         free = np.ones(len(starts), np.float32)
         for first in range(0, len(starts), VisibilityPass.capacity):
             some = slice(first, first + VisibilityPass.capacity)
@@ -337,7 +336,7 @@ class SiteChooser:
 
 
 def _interesting(scene: Scene) -> np.ndarray:
-    """(N, 3) metres: places of the scene's cameras and lights, and of what emits."""
+    """Return (N, 3) metres, the places of the scene's cameras, lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
     shining = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
     places = np.array([*(camera.eye for camera in scene.cameras), *lights, *shining], float).reshape(-1, 3)

@@ -99,10 +99,10 @@ class SiteLevel(Owner):
             return 0.5 * self._steps.chosen
         return 0.5 + 0.49 * (1.0 - len(records.stale) / records.count)
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def hold_light(self, shadows: ShadowMaps) -> None:
-        """Prepare to follow a change of the scene, whose present shadow maps these are."""
+        """Prepare to follow a change of the scene. shadows: the maps before the change."""
         if self.follower is not None:
             self.follower.begin(shadows)
 
@@ -141,7 +141,7 @@ class SiteLevel(Owner):
         self._scene, self._unlit, self.settings, self._rays.settings = change.new, unlit, settings, settings
 
     def _dim(self, factor: np.ndarray) -> None:
-        """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
+        """Scale all finished and unfinished values by `factor`, (3,)."""
         held, f = self.solution, np.asarray(factor, np.float32)
         self._steps.bouncing = None
         caches = [laid_out.records for laid_out in {self.laid_out, held.laid_out} if laid_out is not None]
@@ -156,7 +156,7 @@ class SiteLevel(Owner):
 
     def expire(self) -> None:
         """Gather all sites again."""
-        if self.laid_out is not None:  # one by one: which of them a move concerns most is still to be known
+        if self.laid_out is not None:  # one by one, since their order after a move is decided later
             self.laid_out.records.invalidate(np.arange(self.laid_out.records.count))
         self._bounce_again()
 
@@ -165,7 +165,7 @@ class SiteLevel(Owner):
         self._steps.bouncing = None
 
     def _drop_sites(self) -> None:
-        """Choose the sites again; those whose values are in use stay until there are others."""
+        """Choose the sites again; the present sites stay until new values are complete."""
         before, self.laid_out = self.laid_out, None
         self._steps.choosing = self._steps.searching = self._transport = None
         self._bounce_again()
@@ -233,7 +233,7 @@ class SiteLevel(Owner):
         pace: Pace,
         budget: Budget,
     ) -> int:
-        """Gather E_1 at sites of these numbers, as many as the budget has time for. Return how many.
+        """Gather E_1 at sites of these numbers, within the budget. Return their number.
 
         transport: gets the sites that the rays of unknown rows hit; None for two bounces.
         """
@@ -251,7 +251,7 @@ class SiteLevel(Owner):
         return done
 
     def _lay_out(self, budget: Budget) -> LaidOut | None:
-        """The sites, once all are chosen; None where the budget ends before."""
+        """Return the sites once all are chosen; None if the budget ends before."""
         while self.laid_out is None:
             if self._steps.choosing is None:
                 offset = offset_of(self._scene)
@@ -300,12 +300,12 @@ class SiteLevel(Owner):
         return E_1
 
     def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
-        """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, up to the last one of the settings."""
+        """Return the light of E_1 (S, 3) at the sites, with one bounce more in each item, up to the settings' last bounce."""
         most, everything = self.settings.most_bounces, self.settings.bounces == "all"
         return sum_bounces(E_1, self._transport if most > 2 else None, laid_out.layout.area, most, everything)
 
     def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
-        """All bounces from E_1, one after the other; None where the budget ends before."""
+        """Return the light of all bounces from E_1; None if the budget ends before."""
         if self._steps.bouncing is None:
             self._steps.bouncing = self._bounces(self._first(laid_out.records), laid_out)
         made = next(self._steps.bouncing)
@@ -316,7 +316,7 @@ class SiteLevel(Owner):
         return made
 
     def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
-        """Make these the values that lookups find."""
+        """Let lookups find these values."""
         laid_out.table.write(made.irradiance)
         before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
         self._steps.bouncing, self._changing = None, _Changing()

@@ -31,7 +31,7 @@ class Places:
     sites: Sites
 
     def of(self, numbers: np.ndarray) -> Sites:
-        """The places of the sites of these numbers (N,), (N·PLACES,)."""
+        """Return (N·PLACES,) the places of the sites of these numbers (N,)."""
         rows = _rows(numbers)
         return replace(self.sites[rows], frame_rotation=rows)
 
@@ -47,7 +47,7 @@ class Places:
 
 
 def _rows(numbers: np.ndarray) -> np.ndarray:
-    """(N·PLACES,) the rows of the places of the sites of these numbers (N,)."""
+    """Return (N·PLACES,) the rows of the places of the sites of these numbers (N,)."""
     rows: np.ndarray = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
     return rows
 
@@ -84,8 +84,8 @@ class Survey:
         hits: tuple[np.ndarray, np.ndarray],
         met: tuple[np.ndarray, np.ndarray, np.ndarray],
     ) -> None:
-        """Store the rays of the sites of these numbers (N,): what they hit, as Transport.fill has it, and where, as
-        TraceGather.met has it."""
+        """Store the rays of the sites of these numbers (N,): their hits, see Transport.fill, and the places of the hits, see
+        TraceGather.met."""
         self.transport.fill(numbers, share, hits)
         sites, albedo = hits
         part = np.where(sites < FIRST_SITE, 0.0, share * albedo.mean(-1))

@@ -1,4 +1,4 @@
-"""Rays from the sites of a surface cache: what light comes to them, which other sites they meet, and what they see."""
+"""Rays from the sites of a surface cache: their incident light, the sites that they hit, and visibility."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-RAYS = 1_000_000  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
 _SURVEY = 4  # side² rays a site
@@ -56,7 +56,7 @@ class SiteRays(Owner):
         return ray_kind(self.ctx, self.settings) == "embree"
 
     def gather_for(self, sites: int, quick: bool = False) -> TraceGather:
-        """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
+        """Return the gather for so many sites, compiled for the scene's kinds of lights. quick: True for the fewest rays."""
         return self._gather("quick gather" if quick else "gather", self._side(0, 0) if quick else self._side(sites, RAYS))
 
     def _side(self, sites: int, rays: int) -> int:
@@ -65,7 +65,7 @@ class SiteRays(Owner):
         return int(np.clip(side, *(round(limit * share**0.5) for limit in SIDES)))
 
     def survey_gather(self) -> TraceGather:
-        """Few rays from each site itself, of which it is told where they hit."""
+        """Return the gather of few rays from each site itself, with the places of their hits."""
         return self._gather("survey", _SURVEY, survey=True)
 
     def _gather(self, name: str, side: int, survey: bool = False) -> TraceGather:
@@ -101,7 +101,7 @@ class SiteRays(Owner):
         gather_records(gather, self._reduce, light, records, numbers, self.settings.seed, where=places)
 
     def link(self, gather: TraceGather, transport: Transport, places: Places, numbers: np.ndarray) -> None:
-        """Fill the rows `numbers` of the transport by what the rays of the last gather met, from these places."""
+        """Fill the rows `numbers` of the transport by the hits of the last gather's rays from these places."""
         transport.fill(numbers, self._shares(gather, places.of(numbers)), gather.hits(len(numbers)))
 
     def survey(self, gather: TraceGather, light: HitLight, records: RecordCache, survey: Survey, numbers: np.ndarray) -> None:
@@ -111,7 +111,7 @@ class SiteRays(Owner):
         survey.store(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
 
     def _shares(self, gather: TraceGather, sites: Sites) -> np.ndarray:
-        """(N, R) cosθ·dω of the rays from these places, those of N sites, 0 for those below the surface."""
+        """Return (N, R) cosθ·dω of the rays from these places, those of N sites, 0 for those below the surface."""
         assert sites.frame_rotation is not None
         frames = tangent_frames(sites.normal, sites.frame_rotation, self.settings.seed)
         upward = np.einsum("nij,nj->ni", frames, sites.geometric).reshape(-1, gather.places, 3)
@@ -123,7 +123,7 @@ class SiteRays(Owner):
         return share
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """(N,) the visible share of segments, see RayCaster.reach."""
+        """Return (N,) the visible share of segments, see RayCaster.reach."""
         if self._embree:
             return self.world.caster.reach(starts, ends)
         return self._visibility(self.world.ray_uniforms, starts, ends)
@@ -140,7 +140,7 @@ class PlaceSearch:
         self._drawing: Generator[None, None, Places] | None = None
 
     def advance(self, shadows: ShadowMaps, budget: Budget) -> Places | None:
-        """Go on as far as the budget goes; the places, once they are found."""
+        """Continue within the budget. Return the places once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
         light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms, virtual=False)

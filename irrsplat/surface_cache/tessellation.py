@@ -1,4 +1,4 @@
-"""A scene's surfaces cut into small triangular cells, so that a value at their corners can be looked up anywhere on them.
+"""A scene's surfaces cut into small triangular cells, so that values at their corners are found at any point.
 
 A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
 triangle is one.
@@ -26,8 +26,8 @@ class Tessellation:
     corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
     shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one for all three corners.
     position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that a point on the edge of a wall sees
-    the wall. normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding
-    tells. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point.
+    the wall. normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the front by the
+    winding. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point.
     """
 
     table: np.ndarray
@@ -51,10 +51,9 @@ class Tessellation:
 
 
 def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float) -> Tessellation:
-    """The tessellation whose steps are at most `spacing` metres long, one number or (F,), or longer where that would make more
-    than _MAX_CELLS cells.
+    """Return the tessellation with steps of at most `spacing` metres, one number or (F,), or longer beyond _MAX_CELLS cells.
 
-    vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
+    vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see scene.flatten.flatten.
     """
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
     edges = (p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1])
@@ -98,7 +97,7 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndar
 
 
 def _inset(p: np.ndarray, inset: float) -> np.ndarray:
-    """(N, 3, 3) the corners `p` of triangles, moved by `inset` metres towards their mean, at most half of the way."""
+    """Return (N, 3, 3) the corners `p` of triangles, moved by `inset` metres towards their mean, at most half of the way."""
     inward = p.mean(1, keepdims=True) - p
     length = np.linalg.norm(inward, axis=-1, keepdims=True)
     moved: np.ndarray = p + inward * np.minimum(inset / np.maximum(length, 1e-30), 0.5)
@@ -106,7 +105,7 @@ def _inset(p: np.ndarray, inset: float) -> np.ndarray:
 
 
 def steps(longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
-    """(F,) the steps n of triangles by their longest edges (F,) in metres."""
+    """Return (F,) the steps n of triangles by their longest edges (F,) in metres."""
     while True:
         n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
         if (n * n).sum() <= len(n) + _MAX_CELLS:
@@ -115,7 +114,8 @@ def steps(longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
 
 
 def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(C, 3) each, steps along the two edges from a triangle's first corner to the corners of its cells, numbered row by row.
+    """Return (C, 3) each, steps along the two edges from a triangle's first corner to the corners of its cells, numbered row by
+    row.
 
     Row j has 2(n - j) - 1 cells, and n² - (n - j)² are before it. The even ones of a row have (i, j) as a corner and lie as the
     triangle does; the odd ones are turned by 180°, between (i + 1, j + 1) and its neighbours.
@@ -129,7 +129,7 @@ def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _grid(point: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(P,) each, steps along the two edges to the points of triangles, numbered row by row: row j has n - j + 1 points."""
+    """Return (P,) each, steps along the two edges to the points of triangles, numbered row by row: row j has n - j + 1 points."""
     left = (n + 1) * (n + 2) // 2 - 1 - point  # points after this one
     after = ((np.sqrt(8 * left + 1) - 1.0) / 2.0).astype(np.intp)  # rows after its own; squares are exact
     return after - (left - after * (after + 1) // 2), n - after

@@ -1,4 +1,4 @@
-"""Light between surfaces: which sites see which, and what N bounces bring, by plain sums."""
+"""Light between surfaces: the sites that see each other, and the light of N bounces by sums."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_DECAYS = 0.97  # of the light of a bounce that the next one has: below it, the rest after the last bounce is well known
+_DECAYS = 0.97  # greatest ratio of successive bounces at which the light after the last bounce is well known
 
 
 class Transport:
@@ -25,9 +25,9 @@ class Transport:
         self._values = np.zeros((3, sites, rays), np.float32)
 
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray]) -> None:
-        """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R) sites and (N, R, 3) reflectance.
+        """Fill `rows` (N,) by the hits of their rays, see TraceGather.hits: (N, R) sites and (N, R, 3) reflectance.
 
-        share: (N, R) cosθ·dω of each ray, of which there may be fewer than the most; a hit that receives E sends out ρ/π·E.
+        share: (N, R) cosθ·dω of each ray, possibly of fewer rays than the most; a hit that receives E sends out ρ/π·E.
         """
         sites, albedo = hits
         rays = sites.shape[1]
@@ -67,7 +67,8 @@ class BouncedLight:
 def sum_bounces(
     E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool
 ) -> Iterator[BouncedLight]:
-    """E_(N−1) at the sites for N = 2, 3 and so on to `most` bounces, or with `everything` until less than CONVERGED remains.
+    """Yield E_(N−1) at the sites for N = 2, 3 and so on to `most` bounces, or with `everything` until less than CONVERGED
+    remains.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
@@ -102,7 +103,7 @@ def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray
 
 
 def _remainder(before: np.ndarray, last: np.ndarray, decay: np.ndarray) -> np.ndarray:
-    """Return (S, 3) about what follows the `last` bounce, where the one before it was `before`.
+    """Return (S, 3) an estimate of the light after the `last` bounce, which follows `before`.
 
     Each site's light continues to fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
     While light spreads, a site's own r may be too great, so that it is at most `decay` (3,).

@@ -14,7 +14,7 @@ from irrsplat.gpu.texel_table import table_rows
 
 
 class SurfaceViewPass(Owner):
-    """Looks the surface cache up at pixels."""
+    """Pass that finds the surface cache's values at pixels."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -26,7 +26,7 @@ class SurfaceViewPass(Owner):
         return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, surface: Uniforms) -> moderngl.Texture:
-        """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.
+        """Return the RGBA32F texture of indirect irradiance in W/m²; a: 1 on a surface, else 0. It belongs to this pass.
 
         surface: the cache's uniforms for triangles numbered as in the scene.
         """
@@ -36,7 +36,7 @@ class SurfaceViewPass(Owner):
         return target.textures[0]
 
     def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
-        """(N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
+        """Return (N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
         assert sites.triangle is not None
         x, y = octahedral_encode(sites.geometric)
         parts = (sites.position, np.ones(len(sites))), (sites.normal, x), (np.zeros((len(sites), 3)), y)

@@ -1,4 +1,4 @@
-"""The visibility test: how much of a segment is free, for many segments at once, by rays through the tree in a shader."""
+"""The visibility test: the free share of many segments at once, by rays through the tree in a shader."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ROWS = 16  # of segments in a batch
 
 
 class VisibilityPass(Owner):
-    """Tests up to `capacity` segments at once. materials: World.material_defines (default: nothing is cut out)."""
+    """Tests up to `capacity` segments at once. materials: World.material_defines (default: no holes)."""
 
     capacity = TABLE_COLUMNS * _ROWS
 
@@ -32,9 +32,9 @@ class VisibilityPass(Owner):
         return (self.program, self.lines, self.target)
 
     def __call__(self, rays: Uniforms, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """(N,) as RayCaster.reach has it, of the segments from `starts` to `ends`, (N, 3) metres each.
+        """Return (N,) the visible share of the segments from `starts` to `ends`, (N, 3) metres each, see RayCaster.reach.
 
-        rays: the uniforms of shaders/lib/rays/bvh.glsl, as World.ray_uniforms has them.
+        rays: the uniforms of shaders/lib/rays/bvh.glsl, see World.ray_uniforms.
         """
         rows = table_rows(np.pad(np.stack([starts, ends], axis=1), ((0, 0), (0, 0), (0, 1))).astype("f4"))
         self.lines.write(rows.tobytes(), viewport=(0, 0, 2 * TABLE_COLUMNS, len(rows)))
