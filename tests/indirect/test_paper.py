@@ -77,7 +77,7 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
     gbuffer = gbuffer_of(ctx, seen.position, seen.normal, depth)
     splats.clear(gbuffer)
     splats(cache.records, np.arange(cache.count), gbuffer, CAMERA, settings)
-    found = splats.target.read(1)[..., 0]
+    found = splats.target(1).read(1)[..., 0]
     assert (weight[seen.mask] > 0.0).mean() > 0.2
     # √(1 - n·n_k) of two equal normals is up to √(2⁻²³) = 3.5e-4 by rounding, and w = 1/e
     off = (np.abs(found - weight) > 1e-4 * weight + 5e-4 * weight**2) & seen.mask

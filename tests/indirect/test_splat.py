@@ -175,7 +175,7 @@ def drawn(ctx: moderngl.Context, seen: View, records: Table, settings: Settings)
     gbuffer, splatter = seen.gbuffer(ctx), SplatPass(ctx, SIZE, settings.gradients)
     splatter.clear(gbuffer)
     splatter(records.records(ctx), np.arange(len(records.p)), gbuffer, CAMERA, settings)
-    return splatter.target.read(0).copy(), splatter.target.read(1)[..., :2].copy()
+    return splatter.target(1).read(0).copy(), splatter.target(1).read(1)[..., :2].copy()
 
 
 VARIANTS = {

@@ -59,7 +59,7 @@ def test_what_is_left_out_would_add_nothing(ctx: moderngl.Context, name: str) ->
         for numbers in (np.arange(COUNT), reaching(cache, 0, camera, SIZE, settings)):
             splats.clear(gbuffer)
             splats(cache.records, numbers, gbuffer, camera, settings)
-            found.append((splats.target.read(0).copy(), splats.target.read(1).copy(), len(numbers)))
+            found.append((splats.target(1).read(0).copy(), splats.target(1).read(1).copy(), len(numbers)))
         (all_sums, all_weight, _), (sums, weight, count) = found
         assert np.array_equal(sums, all_sums) and np.array_equal(weight, all_weight)
         drawn.append(count)
