@@ -140,5 +140,5 @@ def _luminance(
     splat.clear(gbuffer)
     numbers = reaching(renderer.cache, 0, places.camera, renderer.size, renderer.settings)
     splat(renderer.cache.records, numbers, gbuffer, places.camera, renderer.settings)
-    sums = pixels(splat.target.textures[0])
+    sums = pixels(splat.target(1).textures[0])
     return (sums[..., :3] @ LUMINANCE) / np.maximum(sums[..., 3], 1e-20), sums[..., 3] > 0.0

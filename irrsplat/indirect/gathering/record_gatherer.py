@@ -33,7 +33,7 @@ _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FEWEST = 16  # least side of a gather whose own rays measure its noise well
-_FIRST_RECORDS = 1000  # by coarse values: while ticks add some of these, finer values wait
+_FIRST_RECORDS = 600  # by coarse values: while ticks add some of these, finer values wait
 _LOOKS = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
