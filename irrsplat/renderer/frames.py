@@ -80,8 +80,11 @@ class Frames(Owner):
             return shown.view, replace(done.progress, accumulating=shown.view.accumulating)
         start = now()
         accumulating = budget.limited and self.state.settings.placement != "scan"
-        # the first light does not wait for the programs of exact shadows
-        view = self.stages.draw_picture(self.state, done, accumulating, budget.limited, moving or dark)  # 2.4, 2.5
+        # the first light and the first records do not wait for exact shadows
+        filling = budget.limited and self.scheduler.gatherer.provisional and done.progress.coverage < 1.0
+        view = self.stages.draw_picture(  # 2.4, 2.5
+            self.state, done, accumulating, budget.limited, moving or dark or filling
+        )
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))

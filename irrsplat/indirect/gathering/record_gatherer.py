@@ -33,6 +33,7 @@ _PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FEWEST = 16  # least side of a gather whose own rays measure its noise well
+_FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
@@ -58,6 +59,7 @@ class RecordGatherer(Owner):
         if settings.most_bounces > 0:
             world.prebuild(caster=self._casts)
         self.gathers = Gathers(world)
+        self._count = 0  # of the records at the last advance of the surface cache
         self._made = Workshop()  # the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -287,7 +289,8 @@ class RecordGatherer(Owner):
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
         before = surface.at(sites) if follows else None
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
-        waits = budget.limited and coarse and self._without_tree  # its own values have virtual lights
+        first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
+        waits = budget.limited and coarse and (self._without_tree or first_records)  # its own values have virtual lights
         made = not waits and surface.advance(shadows, part)
         if made and basis.from_file is None:
             self._follow_values(surface, first, before, sites)
