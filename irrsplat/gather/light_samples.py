@@ -47,8 +47,8 @@ class LightSearch:
 
     def _virtual(self, light: HitLight) -> VirtualLights | None:
         """Return the present virtual point lights of the world; None for none."""
-        wanted = self._may_be_virtual and light.virtual
-        return virtual_lights(self.world, self._virtual_samples, self.rays) if wanted else None
+        requested = self._may_be_virtual and light.virtual
+        return virtual_lights(self.world, self._virtual_samples, self.rays) if requested else None
 
     @property
     def defines(self) -> dict[str, int]:

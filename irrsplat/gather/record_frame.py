@@ -94,12 +94,12 @@ def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
     return numbers
 
 
-def atlas_grid(cell: tuple[int, int], wanted: int | None, limit: int) -> tuple[int, int]:
+def atlas_grid(cell: tuple[int, int], requested: int | None, limit: int) -> tuple[int, int]:
     """Return the cells per row of an atlas and its number of cells: as many as requested, or fewer if 32 MiB hold fewer.
 
     cell: width and height in texels. wanted: None for no limit. limit: greatest side of a texture, in texels.
     """
     most = min(max(1, _TEXELS // (cell[0] * cell[1])), limit)
-    count = min(wanted or most, most)
+    count = min(requested or most, most)
     columns = max(1, min(math.isqrt(count), limit // cell[0]))
     return columns, columns * max(1, min(count // columns, limit // cell[1]))

@@ -46,7 +46,7 @@ class VirtualLights(Owner):
         self._windows = world.derived.get("light windows", _inputs(world), lambda: LightWindows(world))
         spots = self._spots(np.flatnonzero(self._windows.rooms), samples, rays)
         while not spots.worthwhile.all():  # the remaining lights share the samples
-            spots = self._spots(spots.lamps[spots.worthwhile], samples, rays)
+            spots = self._spots(spots.lights[spots.worthwhile], samples, rays)
         columns = spots.columns
         self.count, sets = columns.shape[:2]
         rows = columns.reshape(self.count, sets * columns.shape[2], 4).swapaxes(0, 1)
@@ -54,9 +54,9 @@ class VirtualLights(Owner):
         self._radiance = Target(world.ctx, (uneven(max(self.count, 1)), sets), (4,))
         self._lit: ShadowMaps | None = None  # lights that `_radiance` was computed for
         self.reach = np.zeros((max(len(world.scene.lights), 1), 4))
-        self.reach[spots.lamps, 0], self.reach[spots.lamps, 1] = spots.density, spots.reach**2
+        self.reach[spots.lights, 0], self.reach[spots.lights, 1] = spots.density, spots.reach**2
         self.windows = np.zeros_like(self.reach)
-        self.windows[spots.lamps] = self._windows.rectangles[spots.lamps]
+        self.windows[spots.lights] = self._windows.rectangles[spots.lights]
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -67,18 +67,18 @@ class VirtualLights(Owner):
         assert self._places is not None
         if self._lit is not shadows:
             # the present passes: this result can be current again after other lights, which had passes of their own
-            _passes(self.world).shine(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
+            _passes(self.world).emit(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
             self._lit = shadows
         return {"virtual_places": self._places, "virtual_radiance": self._radiance.textures[0]}
 
-    def _spots(self, lamps: np.ndarray, samples: int, rays: float) -> _Spots:
+    def _spots(self, lights: np.ndarray, samples: int, rays: float) -> _Spots:
         """Return the ends of rays from the lights of these numbers, which share `samples` virtual point lights."""
-        scene, each = self.world.scene, max(samples // max(len(lamps), 1), 1)
-        if not len(lamps):
+        scene, each = self.world.scene, max(samples // max(len(lights), 1), 1)
+        if not len(lights):
             none = np.zeros(0)
-            return _Spots(lamps, none, none, np.zeros((0, 1, 1, 3, 4)), np.zeros((0, 1, 1), bool))
-        rows = np.array([_row(scene.lights[lamp], scene, self._windows.rectangles[lamp]) for lamp in lamps])
-        parallel, sides = rows[:, 0, 3] > 0.5, 2.0 * self._windows.rectangles[lamps, 2:]
+            return _Spots(lights, none, none, np.zeros((0, 1, 1, 3, 4)), np.zeros((0, 1, 1), bool))
+        rows = np.array([_row(scene.lights[i], scene, self._windows.rectangles[i]) for i in lights])
+        parallel, sides = rows[:, 0, 3] > 0.5, 2.0 * self._windows.rectangles[lights, 2:]
         density = each / np.where(parallel, sides.prod(1), 2.0 * np.pi * rows[:, 1, 3])
         sets = int(np.clip(_ENDS // samples, *_SETS))
         place, normal, share = _passes(self.world).find(rows, each, sets, _find_uniforms(self.world, each))
@@ -86,13 +86,13 @@ class VirtualLights(Owner):
         lit = spread > 0.0
         # a room is about as wide as a light's rays are long: within reach they are as dense as the rays of records across it
         room = np.sqrt((np.where(lit, far, 0.0) ** 2).sum((1, 2)) / np.maximum(lit.sum((1, 2)), 1))
-        room = np.where(parallel, self._windows.rooms[lamps], room)
+        room = np.where(parallel, self._windows.rooms[lights], room)
         reach = 2.0 * room * np.sqrt(WORTH * density / rays)
         place[..., 3] = density[:, None, None] * spread
-        normal[..., 3], share[..., 3] = lamps[:, None, None], triangle
+        normal[..., 3], share[..., 3] = lights[:, None, None], triangle
         # metres for a point light; a directional light's window is within reach as a whole or not at all
         near = lit & (np.where(parallel[:, None, None], 1.0, far) < reach[:, None, None])
-        return _Spots(lamps, density, reach, np.stack([place, normal, share], axis=3), near)
+        return _Spots(lights, density, reach, np.stack([place, normal, share], axis=3), near)
 
 
 def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | None:
@@ -161,12 +161,12 @@ def _rectangle(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 class _Spots:
     """The ends of rays from K lights, in sets of R a light.
 
-    lamps: (K,) indices of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
+    lights: (K,) indices of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
     which the end of a ray is a virtual point light. near: (K, SETS, R) True for these ends. texels: (K, SETS, R, 3, 4), the two
     of `virtual_places` in shaders/gather/light_samples/sample.glsl, then the barycentric coordinates and the triangle's number.
     """
 
-    lamps: np.ndarray
+    lights: np.ndarray
     density: np.ndarray
     reach: np.ndarray
     texels: np.ndarray
@@ -197,24 +197,24 @@ class VirtualLightPasses(Owner):
         self.ctx, materials = world.ctx, world.material_defines
         self._find = Program(world.ctx, "lighting/virtual_lights/find", "lib/fullscreen", materials)
         kinds = {**light_defines(world.scene), **materials}
-        self._shine = Program(world.ctx, "lighting/virtual_lights/shine", "lib/fullscreen", kinds)
+        self._emit = Program(world.ctx, "lighting/virtual_lights/emit", "lib/fullscreen", kinds)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._find, self._shine)
+        return (self._find, self._emit)
 
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
         """Return three of (K, sets, rays, 4) float64, the outputs of shaders/lighting/virtual_lights/find.frag by K lights with
         these `rows` (K, 3, 4)."""
         with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
-            lamps = table_texture(self.ctx, rows)
-            made.callback(lamps.release)
-            self._find(ends, **self._find.declared({**uniforms, "lamps": lamps, "sets": sets}))
+            table = table_texture(self.ctx, rows)
+            made.callback(table.release)
+            self._find(ends, **self._find.declared({**uniforms, "lights": table, "sets": sets}))
             return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), sets, rays, 4) for i in range(3))
 
-    def shine(self, target: Target, uniforms: Uniforms) -> None:
+    def emit(self, target: Target, uniforms: Uniforms) -> None:
         """Write the radiance that the virtual point lights reflect."""
-        self._shine(target, **self._shine.declared(uniforms))
+        self._emit(target, **self._emit.declared(uniforms))
 
 
 def _passes(world: World) -> VirtualLightPasses:

@@ -64,12 +64,13 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
     """
     found = [np.zeros(0, bool)]
     sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
-    shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
+    seen = [mesh for mesh in scene.meshes if len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
+    emitters = [mesh for mesh in seen if any(mesh.material.emission)]
     for mesh in in_order(scene):
         if sorts[id(mesh)] == CLOSED and len(mesh.positions):
             low, high = mesh.bounds
-            lit = any((low <= one.bounds[1]).all() and (one.bounds[0] <= high).all() for one in shining)
-            lit |= any((low <= p).all() and (p <= high).all() for p in (np.asarray(lamp.position) for lamp in scene.lights))
+            lit = any((low <= one.bounds[1]).all() and (one.bounds[0] <= high).all() for one in emitters)
+            lit |= any((low <= p).all() and (p <= high).all() for p in (np.asarray(light.position) for light in scene.lights))
         else:
             lit = True
         found.append(np.full(len(mesh.faces), not lit))
@@ -155,8 +156,8 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
         known = blocks[order]
         for first in range(0, len(left), _AT_ONCE):
             some = left[first : first + _AT_ONCE]
-            wanted = blocks[len(sites) + first :][: len(some)]
-            begin, end = (np.searchsorted(known, wanted, side) for side in ("left", "right"))
+            requested = blocks[len(sites) + first :][: len(some)]
+            begin, end = (np.searchsorted(known, requested, side) for side in ("left", "right"))
             member, counts = np.repeat(some, end - begin), np.cumsum(end - begin)
             site = order[np.arange(len(member)) + np.repeat(end - counts, end - begin)]
             turned = np.einsum("nx,nx->n", members.normal[asking[member]], members.normal[sites[site]])

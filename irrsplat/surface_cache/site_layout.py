@@ -338,8 +338,8 @@ class SiteChooser:
 def _interesting(scene: Scene) -> np.ndarray:
     """Return (N, 3) metres, the places of the scene's cameras, lights and emitters."""
     lights = [light.position for light in scene.lights if not light.directional]
-    shining = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
-    places = np.array([*(camera.eye for camera in scene.cameras), *lights, *shining], float).reshape(-1, 3)
+    emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
+    places = np.array([*(camera.eye for camera in scene.cameras), *lights, *emitters], float).reshape(-1, 3)
     return places[:: -(-len(places) // _PLACES) or 1]
 
 

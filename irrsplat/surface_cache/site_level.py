@@ -30,7 +30,7 @@ from irrsplat.surface_cache.site_places import members_places
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
-_RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
+_STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
 
 
@@ -44,7 +44,7 @@ class _Changing:
 
     now: bool = False
     moved: bool = False
-    rested: int = 0
+    still: int = 0
 
 
 @dataclass
@@ -205,8 +205,8 @@ class SiteLevel(Owner):
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
         """Update the values in use while the scene changes from frame to frame. Return their relative change; None for none."""
         changing, follower, held = self._changing, self.follower, self.solution
-        following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
-        self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)
+        following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.still < _STILL))
+        self._changing = replace(changing, now=False, still=0 if changing.now else changing.still + 1)
         if not following:
             if changing.moved:
                 self._changing = _Changing()

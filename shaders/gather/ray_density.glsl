@@ -1,4 +1,4 @@
-// How many rays of a record look into a steradian about the unit direction w of its frame.
+// The density of a record's rays about the unit direction w of its frame, per steradian.
 uniform float rays;  // their number over π
 
 float ray_density(vec3 w)

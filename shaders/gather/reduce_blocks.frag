@@ -9,7 +9,7 @@ uniform sampler2D planes;    // plane of the hit: dot(xyz, w) is 1/distance in t
                              // the inner side of a closed mesh
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 #if SKY_MAP
-uniform sampler2D rays;      // the same with the directions in which the texels look
+uniform sampler2D rays;      // one cell: direction of each texel's ray in the record's frame, cosθ·dω
 #endif
 #if SKY_SHARE
 uniform sampler2D sky_share;  // the atlas: the share of a texel that sees the sky; else its own ray decides
@@ -50,7 +50,7 @@ vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 }
 
 // Frame, geometric normal in it and sky at an eye position of a record.
-void looks_from(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
+void read_eye(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
 {
     frame = mat3(texel_at(frames, ivec2(place, 0)).xyz, texel_at(frames, ivec2(place, 1)).xyz,
                  texel_at(frames, ivec2(place, 2)).xyz);
@@ -68,7 +68,7 @@ void main()
     mat3 frame;
     vec3 g;
     SkyFrame sky_there;
-    looks_from(place_of_texel(record, ivec2(0)), frame, g, sky_there);
+    read_eye(place_of_texel(record, ivec2(0)), frame, g, sky_there);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
@@ -78,7 +78,7 @@ void main()
         for (int x = inside.x; x < inside.x + block.x; ++x)
         {
 #if !GRADIENTS
-            looks_from(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
+            read_eye(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
 #endif
             vec4 direction = texel_at(table, ivec2(x, y));
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself

@@ -17,10 +17,10 @@ uniform sampler2D sums_g_b;
 uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at place i
 uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
-uniform vec2 radii;          // metres: the least and the greatest radius there is
+uniform vec2 radii;          // metres: the least and the greatest radius
 
 const float STEPS = 2.2;     // measured ratio of the summed differences between neighbouring rays to the error of E
-const float ENCLOSED = 0.2;  // share of all directions that end at inner sides; the rest may be of what reaches into that mesh
+const float ENCLOSED = 0.2;  // least share of directions that end at inner sides; others may hit objects in that mesh
 
 flat in int v_index;         // in the batch
 
@@ -66,9 +66,9 @@ void main()
     curvature = clamp(curvature, -1e30, 1e30);  // unreduced in the dark: next to a shadow's edge it shows that light is near
     // WIDE is settings.py's: a bound however little the light curves. The unlit inside of a closed mesh is
     // invisible: only rounding shows pixels of it, and their records contribute to no other pixel.
-    // Nothing comes to it, or what rays that begin within rounding of the mesh's side let through.
+    // It receives no light, except along rays that begin within rounding of the mesh's side.
     bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && solid.y > ENCLOSED * solid.x;
-    // next-event estimation adds to E and hardly to its error; that no ray finds light says little
+    // next-event estimation adds to E and hardly to its error; rays without light mean little
     float Y = dot(total.rgb, LUMINANCE);
     noise = Y > 0.0 ? min(sqrt(steps) / (STEPS * Y), 1.0) : 1.0;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);

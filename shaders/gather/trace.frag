@@ -34,7 +34,7 @@ uniform isampler2D first_hits;  // of each ray, record by record, the triangle t
 #endif
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
-layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
+layout(location = 1) out vec4 out_plane;     // plane of the hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
                                              // is the inner side of a closed mesh
 #if HITS
 uniform bool survey;  // whether a hit counts for the nearest site, and not for one drawn by its weight
@@ -44,13 +44,13 @@ layout(location = 3) out vec4 out_place;   // where that is, and on which triang
 layout(location = 4) out vec4 out_normal;  // the shading normal there
 #endif
 
-// What light i adds to the irradiance of a receiver, which a ray from the eye hits `away` from it; ray: its direction in the record's frame.
+// The irradiance by light i of a receiver, the hit of a ray from the eye, `away` from it. ray: direction in the record's frame.
 vec3 irradiance_at_hit(int i, Receiver receiver, vec3 eye, vec3 away, vec3 ray)
 {
     float spread;
     vec3 E = light_irradiance(i, receiver, spread);
 #if VIRTUAL_LIGHTS
-    E *= lamp_share(i, receiver.p, spread, away, receiver.g, ray_density(ray));
+    E *= light_share(i, receiver.p, spread, away, receiver.g, ray_density(ray));
 #endif
     // Software renderers look up shadows for all hits. Hits without light look up the eye's, which is in the processor's cache.
     bool lit = E.r + E.g + E.b > 0.0;
@@ -106,12 +106,12 @@ void main()
 #endif
     for (int light = 3; light < LIGHTS; ++light) E += irradiance_at_hit(light, receiver, eye, away, ray);
 #if HITS
-    // HITS goes with SURFACE
-    Look look = surface_look(hit.triangle, hit.share, int(behind));
+    // HITS implies SURFACE
+    Lookup lookup = surface_lookup(hit.triangle, hit.share, int(behind));
     // One of three values is drawn by its weight, so that the mean over a record's rays is right. The shifts of records and rays
     // are those of the R2 sequence and of the golden ratio.
     float shift = fract(texel_at(frames, ivec2(from, 3)).w * PLASTIC) + (floor(inside.y) * float(cell.x) + floor(inside.x)) * GOLDEN;
-    int value = survey ? surface_nearest(look) : surface_drawn(look, fract(shift));
+    int value = survey ? surface_nearest(lookup) : surface_drawn(lookup, fract(shift));
     value = hit.t < FARTHEST_HIT ? value : -1;
     out_albedo = value < 0 ? vec4(0.0, 0.0, 0.0, -1.0) : vec4(material.albedo, float(value));
     out_place = vec4(receiver.p, float(hit.triangle));

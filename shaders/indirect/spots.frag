@@ -22,8 +22,8 @@ void main()
     if (pixel != clamp(pixel, ivec2(0), textureSize(position, 0) - 1)) return;
     vec4 p = texel_at(position, pixel), a = texel_at(albedo, pixel), e = texel_at(emission, pixel), s = texel_at(sums, pixel);
     float cached = s.a > 0.0 ? dot(s.rgb, LUMINANCE) / s.a : 0.0;
-    bool wanted = p.w > 0.0 && s.a > 0.0 && dot(e.rgb, LUMINANCE) * PI <= dot(a.rgb, LUMINANCE) * cached;
-    out_position = vec4(p.xyz, wanted ? 1.0 : 0.0);
+    bool requested = p.w > 0.0 && s.a > 0.0 && dot(e.rgb, LUMINANCE) * PI <= dot(a.rgb, LUMINANCE) * cached;
+    out_position = vec4(p.xyz, requested ? 1.0 : 0.0);
     out_normal = texel_at(normal, pixel);
     out_rest = vec4(a.w, cached, e.w, 0.0);
 }

@@ -1,5 +1,4 @@
-// Points of emitters as samples find them: which triangle a random number stands for, what comes from a point of it, and whether
-// anything stands before it.
+// Points of emitters for next-event samples: the triangle of a random number, the radiance of a point of it, and its visibility.
 #include "lighting/emitters.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material_table.glsl"

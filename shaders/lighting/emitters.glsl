@@ -1,6 +1,6 @@
 // Emissive triangles as area lights: density and positions of next-event samples for a receiver.
-// The tables come from irrsplat/lighting/emitter_table.py. A sample goes to a cluster of triangles by the cluster's power over the
-// square of its distance, and in it by power: luminance times area.
+// The tables come from irrsplat/lighting/emitter_table.py. A cluster of triangles is drawn by its power over the square of its
+// distance, and a triangle in it by power: luminance times area.
 #include "generated/constants.glsl"
 #include "lib/table.glsl"
 

@@ -1,4 +1,4 @@
-// Of what rays find by chance of emitters: the share that counts, since next-event estimation samples them, too.
+// The share of the emission at a ray's hit that counts, since next-event estimation samples emitters, too.
 #include "lighting/emitters.glsl"
 
 uniform sampler2D emitter_numbers;  // a texel a triangle: the density of samples among those of its cluster, m⁻² (0: no light); the cluster

@@ -7,22 +7,22 @@
 #include "lib/rays/bvh.glsl"
 #endif
 
-// Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has what its name says. What no
-// light needs is not compiled, since software renderers run both sides of every branch. ANYWHERE: receivers may also lie outside of
+// Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has the named property. Code that
+// no light needs is not compiled, since software renderers run both sides of every branch. ANYWHERE: receivers may also lie outside of
 // the scene's bounding box.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
 uniform sampler2D shadow_depth;  // every tile of every light, side by side
 uniform vec3 shadow_layout;      // tile side in texels, tiles per row, metres of depth in point and spot tiles
 
 #if LIGHTS_WITH_LUMINAIRE
-// What irrsplat/lighting/luminaire_table.py makes: rows that say how each luminaire is turned, and the photometries of all of them.
+// Made by irrsplat/lighting/luminaire_table.py: a rotation of each luminaire, and the photometries of all luminaires.
 uniform vec4 luminaire_table[LUMINAIRE_ROWS * LIGHTS];
 uniform sampler2D photometry;
 
 const float BEYOND = 1e-3;  // degrees by which rounding may take a direction beyond the ends of a photometry
 
 // The number of the last of `count` rising angles (but one) that is not above `angle`, and the share of the way from there to the
-// next one. They stand in the photometry's texels from `first` on, in the direction `step`.
+// next one. The angles are in the photometry's texels from `first` on, in the direction `step`.
 vec2 angle_place(ivec2 first, ivec2 step, int count, float angle)
 {
     int low = 0, high = count - 1;
@@ -64,8 +64,8 @@ struct Receiver
     vec3 p;  // world position
     vec3 n;  // unit shading normal, turned to the viewer
     vec3 g;  // unit geometric normal, turned to the viewer
-    float rise;  // FLAT, or CURVED where neighbouring facets may stand before its plane without a shadow; records take FLAT,
-                 // since they add up what leaks by it
+    float rise;  // FLAT, or CURVED where neighbouring facets may lie before its plane without a shadow; records take FLAT,
+                 // since they add up its leaks
 };
 
 // A receiver in the coordinates of the tile that sees it. Depths are those of a parallel tile, 0..1, or -1/z of a perspective one:
@@ -82,8 +82,8 @@ struct Projected
     vec3 plane;       // dotted with (texel, 1): the depth of the tangent plane
     float own;        // depth of the point
     float nearest;    // the least depth of the plane that counts
-    float tolerance;  // what lies less far before the plane is the plane itself
-    float beside;     // what lies farther behind it or before it is something else for certain
+    float tolerance;  // an occluder less far before the plane is the plane itself
+    float beside;     // a surface farther behind or before the plane is certainly another one
 };
 
 const float BIAS = 0.1;       // of depth, in sizes of a texel
@@ -225,7 +225,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     return seen;
 #endif
 #else
-    // y: whether a texel sees the receiver. One whose centre lies beyond an edge of the receiver sees what is far behind: in a
+    // y: whether a texel sees the receiver. A texel whose centre lies beyond an edge of the receiver sees a surface far behind: in a
     // corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     vec2 lit = vec2(0.0);
@@ -276,7 +276,7 @@ vec3 light_irradiance(int i, Receiver r)
     return light_irradiance(i, r, spread);
 }
 
-// What light i adds to it.
+// The irradiance by light i.
 vec3 irradiance_by(int i, Receiver r, int taps, vec2 rotation)
 {
     vec3 E = light_irradiance(i, r);

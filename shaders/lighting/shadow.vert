@@ -17,6 +17,6 @@ void main()
 #endif
     vec4 p = vec4(in_position, 1.0);
     vec3 q = vec3(dot(tile_right, p), dot(tile_up, p), dot(tile_forward, p));
-    // perspective: what is before the near plane is clipped, and the fragments have their own depth
+    // perspective: the near plane clips, and the fragments have their own depth
     gl_Position = tile_near > 0.0 ? vec4(q.xy, q.z - 2.0 * tile_near, q.z) : vec4(q.xy, 2.0 * q.z - 1.0, 1.0);
 }

@@ -16,21 +16,21 @@ vec2 sky_square(vec3 d)
     return 0.5 + 0.5 * vec2(d.x < 0.0 ? -q.x : q.x, d.z < 0.0 ? -q.y : q.y);
 }
 
-// The mean of what comes from about `solid` steradians around a unit direction, in the sky's axes.
+// The mean radiance of about `solid` steradians around a unit direction, in the sky's axes.
 vec3 sky_radiance(vec3 d, float solid)
 {
     float side = float(textureSize(sky_light, 0).x), texel = SKY_RAY_TEXELS * 4.0 * PI / (side * side);
     return textureLod(sky_light, sky_square(d), 0.5 * log2(max(solid / texel, 1.0))).rgb;
 }
 
-// What turns directions in a record's frame into the sky's axes.
+// The rotation from a record's frame into the sky's axes.
 #define SkyFrame mat3
 SkyFrame sky_frame(mat3 frame)
 {
     return sky_from_world * frame;
 }
 
-// What comes along a ray in a record's frame; w: the cosθ·dω that it stands for.
+// The radiance along a ray in a record's frame; w: its cosθ·dω.
 vec3 sky_along(vec4 direction, SkyFrame frame)
 {
     return sky_radiance(frame * direction.xyz, direction.w / direction.z);
@@ -43,10 +43,10 @@ vec3 sky_irradiance(vec3 normal)
 }
 #else
 uniform vec3 sky;           // mean radiance, W/(m² sr)
-uniform vec3 sky_gradient;  // how much brighter it is straight up
+uniform vec3 sky_gradient;  // added radiance at the zenith
 uniform vec3 sky_up;        // unit, world space
 
-// What comes from a unit direction whose cosine with the up vector is `rise`.
+// The radiance of a unit direction whose cosine with the up vector is `rise`.
 vec3 sky_radiance(float rise)
 {
     return sky + sky_gradient * rise;
@@ -59,7 +59,7 @@ SkyFrame sky_frame(mat3 frame)
     return sky_up * frame;
 }
 
-// What comes along a ray in a record's frame.
+// The radiance along a ray in a record's frame.
 vec3 sky_along(vec4 direction, SkyFrame up)
 {
     return sky_radiance(dot(direction.xyz, up));

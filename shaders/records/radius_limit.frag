@@ -22,7 +22,7 @@ const float SURE = 2.0;  // standard errors of a difference, which may be noise:
 void main()
 {
     ivec2 here = ivec2(gl_FragCoord.xy);
-    bool wanted = here.y * textureSize(targets, 0).x + here.x < count;
+    bool requested = here.y * textureSize(targets, 0).x + here.x < count;
     int number = int(texelFetch(targets, here, 0).r);
     ivec2 texel = table_texel(number);
     vec3 p = record_position(texel), n = record_normal(texel);
@@ -35,7 +35,7 @@ void main()
     gradient = record_gradient(texel) * LUMINANCE;
     curvature = usable_curvature(texel);
 #endif
-    float limit = 1.0, range = wanted ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
+    float limit = 1.0, range = requested ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
     Walk walk = grid_walk(p - range, p + range);
     vec4 other;
     bool found;

@@ -1,15 +1,15 @@
-// The surface cache: indirect irradiance at sites spread over all surfaces, looked up by the cells that tessellation.py cuts.
+// The surface cache: indirect irradiance at sites spread over all surfaces, by the cells of tessellation.py.
 #include "lib/rays/triangles.glsl"
 
 uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
-                                      // w 0 where the corners see each other; positive: something stands on the cell, and w is
+                                      // w 0 where the corners see each other; positive: an object occludes part of the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
 uniform sampler2D surface_values;     // rgb E in W/m²
-uniform int surface_known;            // 0: no value is known yet, and the first triangle stands for all
+uniform int surface_known;            // 0: no value is known yet, and the first triangle represents all
 
 // Three values and their weights at a place, which sum to 1, or are all 0 where no value is known.
-struct Look
+struct Lookup
 {
     ivec3 values;
     vec3 weights;
@@ -28,7 +28,7 @@ vec3 surface_corners_seen(int item, vec3 weights)
         vec3 third = vec3(alone == 0, alone == 1, alone == 2);
         return dot(reach, third) < 1.0 ? third : 1.0 - third;
     }
-    float least = min(reach.x, min(reach.y, reach.z));  // a place that sees no corner takes the one that is nearest to do so
+    float least = min(reach.x, min(reach.y, reach.z));  // a place without a visible corner takes the nearest to visible
     return vec3(lessThanEqual(reach, vec3(max(least, 1.0))));
 }
 
@@ -42,9 +42,9 @@ int surface_cell(vec2 uv, int n, out vec3 share)
     return j * (2 * n - j) + 2 * i + int(odd);
 }
 
-// The values at the corners of the cell at a point of the triangle with these barycentric coordinates; side: 0 for the side of the
-// triangle that its winding tells, 1 for the other.
-Look surface_look(int triangle, vec3 share, int side)
+// The values at the corners of the cell at a point of the triangle with these barycentric coordinates; side: 0 for the front
+// by the triangle's winding, 1 for the back.
+Lookup surface_lookup(int triangle, vec3 share, int side)
 {
     vec2 cut = texel_at(surface_triangles, table_texel(triangle * surface_known)).xy;
     vec3 weights;
@@ -53,22 +53,22 @@ Look surface_look(int triangle, vec3 share, int side)
     vec3 known = mix(weights, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
     if (found.w > 0.0) known *= surface_corners_seen(int(found.w), weights);
     float sum = known.x + known.y + known.z;
-    return Look(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? known / sum : vec3(0.0));
+    return Lookup(ivec3(max(found.xyz, 0.0)), sum > 0.0 ? known / sum : vec3(0.0));
 }
 
 // The number of one of the values, drawn by its weight by a number in 0..1; -1 where no value is known.
-int surface_drawn(Look look, float random)
+int surface_drawn(Lookup lookup, float random)
 {
-    vec3 w = look.weights;
-    int value = random < w.x ? look.values.x : random < w.x + w.y ? look.values.y : look.values.z;
+    vec3 w = lookup.weights;
+    int value = random < w.x ? lookup.values.x : random < w.x + w.y ? lookup.values.y : lookup.values.z;
     return w.x + w.y + w.z > 0.0 ? value : -1;
 }
 
 // The number of the value of the greatest weight; -1 where no value is known.
-int surface_nearest(Look look)
+int surface_nearest(Lookup lookup)
 {
-    vec3 w = look.weights;
-    int value = w.x >= max(w.y, w.z) ? look.values.x : w.y >= w.z ? look.values.y : look.values.z;
+    vec3 w = lookup.weights;
+    int value = w.x >= max(w.y, w.z) ? lookup.values.x : w.y >= w.z ? lookup.values.y : lookup.values.z;
     return w.x + w.y + w.z > 0.0 ? value : -1;
 }
 
@@ -80,9 +80,9 @@ vec3 surface_value(int i)
 // Indirect irradiance at such a point, W/m².
 vec3 surface_irradiance(int triangle, vec3 share, int side)
 {
-    Look look = surface_look(triangle, share, side);
-    return look.weights.x * surface_value(look.values.x) + look.weights.y * surface_value(look.values.y) +
-           look.weights.z * surface_value(look.values.z);
+    Lookup lookup = surface_lookup(triangle, share, side);
+    return lookup.weights.x * surface_value(lookup.values.x) + lookup.weights.y * surface_value(lookup.values.y) +
+           lookup.weights.z * surface_value(lookup.values.z);
 }
 
 // The same at a point p of the triangle, on the side to which the unit vector g points.

@@ -50,7 +50,7 @@ LIT = {
     "gather/sky_share",
     "lighting/site_light",
     "lighting/virtual_lights/find",
-    "lighting/virtual_lights/shine",
+    "lighting/virtual_lights/emit",
 }  # stages whose shaders go by the lights, and the sky's share of a gather that has one of these
 
 

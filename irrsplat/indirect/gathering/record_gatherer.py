@@ -122,8 +122,8 @@ class RecordGatherer(Owner):
     @property
     def _needs_tree(self) -> bool:
         """True if gathers need the tree for rays in shaders. With Embree, virtual point lights need the tree."""
-        settings, lamps = self._basis.settings, self.world.scene.lights
-        lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
+        settings, lights = self._basis.settings, self.world.scene.lights
+        lit = settings.light_samples > 0 and any(not one.directional for one in lights)
         return self._basis.kind != "embree" or lit
 
     @property

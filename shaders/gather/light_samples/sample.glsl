@@ -6,7 +6,7 @@
 uniform sampler2D virtual_places;    // sets one above another, a column of three texels each: position, and density of
                                      // its set there, m⁻²; normal, turned to its light, and number of that light; the
                                      // shares of its triangle's corners, and that triangle's number
-uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² sr)
+uniform sampler2D virtual_radiance;  // a texel each: its outgoing radiance, W/(m² sr)
 #else
 #include "lighting/emitter_sample.glsl"
 #endif
@@ -39,7 +39,7 @@ Viewpoint viewpoint(int record)
     return Viewpoint(frame, g, eye.xyz, eye.w, vec2(tangent.w, bitangent.w), importance);
 }
 
-// What is sampled.
+// The source of a next-event sample.
 struct Source
 {
     vec3 away;       // from the eye, metres
@@ -96,7 +96,7 @@ struct LightSample
     vec3 m;         // its normal in that frame, turned away from the record
     float r;        // metres
     float cosine;   // at the source
-    bool possible;  // whether light may come from there, if nothing stands in the way
+    bool possible;  // true if light may come from there, unless something occludes it
 };
 
 LightSample light_sample(float s, Viewpoint from)

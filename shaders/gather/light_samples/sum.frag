@@ -37,7 +37,7 @@ vec3 beside(int k, Viewpoint from)
 }
 
 #if !SEEN
-// Which of the first so many eyes see what lies `away` from the first one, by bits.
+// The visibility of the point `away` from the first eye, for the first `eyes` eyes: a bit for each.
 int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
 {
     int bits = 0;
@@ -91,7 +91,7 @@ void main()
         float f = height * facing / r2;
         E += visible * f * L;
 #if GRADIENTS
-        // of the visibility V, by a polynomial through what the eyes see: the six of one circle tell all of its second derivatives
+        // of the visibility V, by a polynomial through the visibility at the eyes: six on a circle determine its second derivatives
         vec2 dV = vec2(0.0);
         vec3 ddV = vec3(0.0);  // xx, xy, yy
         for (int k = 1; k <= EYES_BESIDE; ++k)
@@ -107,7 +107,7 @@ void main()
         dV *= 2.0 / (float(EYES_BESIDE) * from.step);
         ddV *= 2.0 / (float(EYES_BESIDE) * from.step * from.step);
 
-        // E goes as V·f, f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
+        // E is proportional to V·f, f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
         vec3 df = (4.0 * height * facing * w - height * m - vec3(0.0, 0.0, facing)) / (r2 * r);
         vec3 ww = vec3(w.x * w.x, w.x * w.y, w.y * w.y), mw = vec3(2.0 * m.x * w.x, m.x * w.y + m.y * w.x, 2.0 * m.y * w.y);
         vec3 ddf = 4.0 * height * (6.0 * facing * ww - mw - facing * vec3(1.0, 0.0, 1.0)) / (r2 * r2);

@@ -4,27 +4,27 @@
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"
 
-uniform sampler2D lamps;  // three texels each: where it is; the axis of its cone, and 1 - the cosine of half its angle, 2 for all around;
+uniform sampler2D lights;  // three texels a light: its place; the axis of its cone, and 1 - the cosine of half its angle, 2 for all around;
                           // w of the first is 1 for a directional light: a corner of its window, and two edges
 uniform float rays;       // of each row
-uniform int further;      // rays that go on from what a directional light lights
+uniform int further;      // rays that continue from the first hits of a directional light's rays
 uniform int sets;
-uniform float near;       // metres: nothing nearer casts a shadow
+uniform float near;       // metres: nearer surfaces cast no shadow
 
 layout(location = 0) out vec4 out_place;   // metres; distance from a point light, or length of the longest further ray
 layout(location = 1) out vec4 out_normal;  // geometric, turned to the light; the triangle's number
-layout(location = 2) out vec4 out_share;   // of the triangle's corners; cosθ/d², of a directional light cosθ, 0: nothing is lit
+layout(location = 2) out vec4 out_share;   // of the triangle's corners; cosθ/d², of a directional light cosθ, 0: no hit
 
 void main()
 {
     int row = int(gl_FragCoord.y);
-    ivec2 lamp = ivec2(0, row / sets);
+    ivec2 light = ivec2(0, row / sets);
     float set = float(row % sets), number = floor(gl_FragCoord.x), part = (number + (set + 0.5) / float(sets)) / rays;
-    vec4 place = texel_at(lamps, lamp), axis = texel_at(lamps, lamp + ivec2(1, 0));
+    vec4 place = texel_at(lights, light), axis = texel_at(lights, light + ivec2(1, 0));
     bool parallel = place.w > 0.5;
-    vec3 edge = texel_at(lamps, lamp + ivec2(2, 0)).xyz, from = place.xyz, right = perpendicular(axis.xyz);
+    vec3 edge = texel_at(lights, light + ivec2(2, 0)).xyz, from = place.xyz, right = perpendicular(axis.xyz);
 
-    // a spiral about the axis, of which each turn takes up as much of the sphere (Swinbank and Purser 2006)
+    // a spiral about the axis; each turn covers an equal area of the sphere (Swinbank and Purser 2006)
     float down = axis.w * part, r = sqrt(max(down * (2.0 - down), 0.0));
     float angle = GOLDEN_ANGLE * number + 2.0 * PI * fract(set * PLASTIC);
     vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + (1.0 - down) * axis.xyz;
