@@ -1,4 +1,4 @@
-"""Places of sites: at ray hits, so that narrow gaps emit as much light as they receive, and in clusters for coarse levels."""
+"""Gather positions of sites at ray hits, so that narrow gaps emit as much light as they receive."""
 
 from __future__ import annotations
 
@@ -110,22 +110,6 @@ def test_hits_are_drawn_by_their_weights() -> None:
     )
     expected = PLACES * np.where(sites == 0, weight, 0.0) / weight[sites == 0].sum()
     assert np.abs(means - expected).max() < 0.1
-
-
-def test_a_coarse_level_has_its_places_in_the_clusters_of_their_sites() -> None:
-    """Each place lies on a member that looks its site's value up; no survey has run."""
-    with Renderer(grooves(), (48, 36)) as renderer:
-        for _ in range(500):
-            renderer.frame(seconds=0.05)
-            surface = renderer.scheduler.gatherer.surface_now
-            if surface is not None:
-                break
-        assert surface is not None and surface.is_coarse and surface.laid_out is not None and surface.laid_out.places is not None
-        layout, places = surface.laid_out.layout, surface.laid_out.places.sites.position.reshape(-1, PLACES, 3)
-        assert len(places) > 100
-        for site in range(site_layout.FIRST_SITE, len(places)):
-            mine = layout.clusters.members.position[layout.value == site]
-            assert (np.abs(places[site][:, None] - mine).max(-1).min(1) == 0.0).all()
 
 
 def test_codes_have_the_bits_of_coordinates_in_turn() -> None:
