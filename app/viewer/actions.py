@@ -54,7 +54,7 @@ class Actions:
         source: str,
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
-        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
         native: bool = False,
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
@@ -132,7 +132,7 @@ class Actions:
         self.session.free_camera.home()
 
     def frame_selected(self) -> None:
-        """Move the camera, without a turn, so that the picked object just fits into the picture; the whole scene without one."""
+        """Move the camera without a turn, so that the picked object, or else the whole scene, just fits into the picture."""
         self.stop()
         mesh, bounds = self.editor.mesh, self.session.scene.bounds
         if mesh is not None and not self.editor.edit.objects[mesh].hidden:
@@ -214,7 +214,7 @@ class Actions:
 
     @property
     def name(self) -> str:
-        """The name of the opened scene; the name of its folder if the file is called just "scene", as in its format."""
+        """The name of the opened scene; the name of its folder if the file has the common name "scene"."""
         name = self.session.scene.name
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 

@@ -19,7 +19,7 @@ from irrsplat.scene import bundled
 from irrsplat.settings import PRESETS, SETTINGS, SettingValues, check_name
 
 VERSION = 1  # version of the file's format
-RECENT = 10  # the most recent scenes in the list
+RECENT = 10  # the greatest number of recent scenes
 SIDE = 32768  # pixels: the greatest width and height of a window
 _FILE = "viewer.json"
 

@@ -70,16 +70,16 @@ class Session(Owner):
         self.options = ViewOptions()
         self.renderers = [
             Renderer(scene, size, preset, ctx=ctx, tile_size=0, **(values or {}))
-        ]  # the left side's, and the right side's too without a second one
+        ]  # the renderer of the left side, and of the right side too if there is no second renderer
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
         self.auto_exposure = AutoExposure()
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
         self.plane = MeasuringPlane()
-        self.brightest = 0.0  # see brightest_light, of the left view, W/m²; computed while false colours are on show
+        self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
         self._memo = Memo()
-        self._made: list[_Side] = []  # by side, at the last tick
+        self._made: list[_Side] = []  # by side, the results of the last tick
         self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -47,7 +47,7 @@ class ViewOptions:
     why: bool = False  # True if a click on a surface shows the sources of its light
     surface: Surface | None = None  # the surface of the last such click
     frozen: bool = False
-    light_scale: LightScale = LightScale()  # it is frozen
+    light_scale: LightScale = LightScale()  # frozen, so safe as a default
 
     @property
     def copy(self) -> ViewOptions:

@@ -57,7 +57,7 @@ class Viewer(Owner):
         source: str,
         preferences: Preferences,
         camera: Camera | None = None,
-        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     ) -> None:
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
@@ -305,7 +305,7 @@ def run(
     camera: Camera | None = None,
     notices: Sequence[str] = (),
     cache: str | None = None,
-    loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+    loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     update: bool = False,
 ) -> str | None:
     """Open the window on `scene`, and run until it closes. Return None, or the reason why preferences or records are not saved.

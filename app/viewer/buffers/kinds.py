@@ -66,7 +66,7 @@ def irradiance_at(view: View, x: int, y: int) -> np.ndarray:
 def radiance(name: str, texture: Texture, covers_unseen: Callable[[View], bool] = lambda view: True) -> ShownBuffer:
     """Show radiance with the exposure and the tone mapping of the picture.
 
-    covers_unseen: returns True if the texture also covers pixels without a surface; else these show the backdrop's radiance.
+    covers_unseen: a call that returns True if the texture also covers pixels without a surface. Else they show the backdrop.
     """
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
@@ -126,8 +126,8 @@ def irradiance(
 ) -> ShownBuffer:
     """Show irradiance as the radiance of a white surface, so that it compares with the picture.
 
-    texture: returns the texture of Σ k·E and Σ k, or None before it is made; the legend is then `missing`. more: returns further
-    words for the legend.
+    texture: a call that returns the texture of Σ k·E and Σ k, or None before it is made; the legend is then `missing`. more: a
+    call that returns further words for the legend.
     """
 
     def draw(canvas: Canvas, source: ViewSource) -> None:

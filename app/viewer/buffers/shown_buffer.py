@@ -72,7 +72,7 @@ class ViewSource:
     view: View
     exposure: float
     reference: TracedReference | None = None
-    light_scale: LightScale = LightScale()  # it is frozen
+    light_scale: LightScale = LightScale()  # frozen, so safe as a default
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property

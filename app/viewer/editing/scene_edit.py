@@ -96,7 +96,7 @@ class EditedScene:
     def __init__(self, loaded: Scene) -> None:
         self.loaded = loaded
         self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
-        self._meshes = loaded.meshes  # of the last scene
+        self._meshes = loaded.meshes  # the meshes of the last scene
 
     def scene(self, edit: SceneEdit) -> Scene:
         """Return the scene after an edit. Raises InputError if a mesh would leave the range of 32-bit floats."""

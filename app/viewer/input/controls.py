@@ -45,7 +45,7 @@ class Controls:
         self.pace = 1.0  # a factor on the speed of flight
         self.mouse = _NOWHERE
         self.dragged: Dragged = ""  # the object that a pressed mouse button drags
-        self.pivot = (0.0, 0.0, 0.0)  # of an orbit, a world point
+        self.pivot = (0.0, 0.0, 0.0)  # the world point of an orbit
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
         self._skip = False  # True if the next motion event does not count, since the mouse was just captured
         wnd.key_event_func = self.key

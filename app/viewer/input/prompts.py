@@ -39,7 +39,10 @@ class Prompt:
 
 
 def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
-    """Return the entries whose names contain all words. Names with whole words come first, then short names."""
+    """Return the entries whose names contain all words, in order of whole words first, then of length.
+
+    Without words, return all entries in their order.
+    """
     wanted = words.lower().split()
     found = [name for name in entries if all(word in name.lower() for word in wanted)]
     if wanted:
@@ -113,7 +116,7 @@ class DesktopDialog:
             self._asking, self._take = begin(), take
 
     def update(self) -> None:
-        """Hand the answer to its taker, if there is one."""
+        """Call the taker of the answer, if there is an answer."""
         if self._asking is None or not self._asking.ready(0):
             return
         answer, self._asking = self._asking.result(), None

@@ -35,8 +35,8 @@ class AutoExposure:
         self._goal = 0.0
         self._lit = False  # True after the first lit picture
         self._view: View | None = None  # the last metered view
-        self._inputs: object = None  # of the last view, without its blend
-        self._blend = math.nan  # of the last view
+        self._inputs: object = None  # the inputs of the last view, without its blend
+        self._blend = math.nan  # the blend of the last view
         self._held = False  # True while only the blend has changed
 
     @property

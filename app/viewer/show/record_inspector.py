@@ -62,7 +62,7 @@ class InspectedRecord:
 
 
 class RecordInspector(Owner):
-    """The reader of records. It gathers single records again to show their hemispheres. programs: not released here."""
+    """The reader of records. It gathers single records again to show their hemispheres. programs: shared, not released by it."""
 
     def __init__(self, programs: Programs) -> None:
         self.ctx, self.programs = programs.ctx, programs

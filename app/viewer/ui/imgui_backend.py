@@ -14,7 +14,7 @@ from moderngl_window.context.base.keys import BaseKeys
 from irrsplat.gpu.resource import Owner, Resource
 
 FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second font has the arrows, which the first lacks
-FONT_SIZE = 16.0  # window coordinates, at scale 1
+FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
 SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordinates at scale 1; imgui sets all other sizes
     ((9, 8), "window_padding"),
     ((6, 3), "frame_padding item_inner_spacing"),
@@ -84,7 +84,7 @@ class ImguiBackend(Owner):
                 setattr(self._style, name, value)
 
     def begin(self, size: tuple[int, int], framebuffer: tuple[int, int], dt: float) -> None:
-        """Start a frame for a window of `size` (window coordinates) on `framebuffer` (pixels), `dt` seconds after the last."""
+        """Start a frame of a window: `size` in window coordinates, `framebuffer` in pixels, `dt` seconds after the last one."""
         imgui.set_current_context(self._context)
         implot.set_current_context(self._plots)
         self._pixels = framebuffer

@@ -23,7 +23,7 @@ def draw_menus(actions: Actions) -> None:
     style = imgui.get_style()
     room = imgui.get_main_viewport().size.x - style.window_padding.x
     widths = sum(imgui.calc_text_size(title).x for title in MENUS)
-    between = max((room - widths) / (2.0 * len(MENUS)) - 2.0, _TIGHT)  # imgui puts half the space on each side
+    between = max((room - widths) / (2.0 * len(MENUS)) - 2.0, _TIGHT)  # imgui leaves this space on both sides of a title
     for title in MENUS:
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (min(between, style.item_spacing.x), style.item_spacing.y))
         opened = imgui.begin_menu(title)

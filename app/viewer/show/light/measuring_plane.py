@@ -37,13 +37,16 @@ class MeasuredPlane:
 
 
 class MeasuringPlane:
-    """The plane of a session, measured in the background. height: metres above the scene's lowest point, for the next one."""
+    """The plane of a session, measured in the background.
+
+    height: metres above the lowest point of the scene, for the next measurement.
+    """
 
     def __init__(self) -> None:
         self.height = USUAL
         self.measured: MeasuredPlane | None = None
         self._calling: other_process.Calling | None = None
-        self._scene: Scene | None = None  # of the last update
+        self._scene: Scene | None = None  # the scene of the last update
         self._height, self._since, self._done = 0.0, 0.0, False
 
     @property

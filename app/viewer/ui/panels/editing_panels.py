@@ -45,7 +45,7 @@ def edit_output(layout: Layout, unit: str, value: float, least: float, most: flo
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
-_DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light
+_DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light; the greatest share is the inverse
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
@@ -185,7 +185,7 @@ def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
             edit = replace(edit, albedo=albedo)
     emission = edit.emission if edit.emission is not None else material.emission
     textured = material.emission_texture is not None or material.filters
-    least = _DARKEST if textured and any(material.emission) else 0.0  # a textured emitter stays one
+    least = _DARKEST if textured and any(material.emission) else 0.0  # at 0, a textured emitter would need another way of drawing
     brightest = max(emission)
     tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
     full, now = surface_units(mesh, tint), surface_units(mesh, emission)
