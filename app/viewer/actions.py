@@ -1,4 +1,4 @@
-"""All actions of the viewer, without a window: a method for each, by the names in input/commands.py."""
+"""All actions of the viewer, without a window. Each action in input/commands.py is a method by its name."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
-_KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # options from one run to the next
-_FINEST = 0.05  # % of estimated error: what refinement can aim at by the menu
-_RING = 12.0  # window coordinates from the middle of a light's ring that a click may be
+_KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # options that the preferences keep
+_FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
+_RING = 12.0  # window coordinates: the greatest distance of a click from the middle of a light's ring
 
 
 class Actions:
-    """The actions of the user on a session. source: the path or name of the scene. preferences: of the last run.
+    """The actions of the user on a session. source: the path or name of the scene. preferences: the choices of the last run.
 
-    copy: takes text to the clipboard. loading: how scenes are read, this one again and others. native: True if the desktop's
-    dialogs may open.
+    copy: a call that puts text into the clipboard. loading: the options for reading scenes. native: True if the desktop's dialogs
+    may open.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Actions:
         source: str,
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
-        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
         native: bool = False,
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
@@ -66,14 +66,14 @@ class Actions:
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
-        self.prompt: prompts.Prompt | None = None  # the question to the user
-        self.saved_as = ""  # the .scene that Save writes; "": not saved yet
+        self.prompt: prompts.Prompt | None = None  # the open question to the user
+        self.saved_as = ""  # the .scene file that Save writes; "" before the first save
         self.film = FilmInBackground()
         self._copy = copy
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
-        """Run an action of the table; what goes wrong or is missing becomes a message."""
+        """Run an action of the table. Errors and missing extras become messages."""
         if missing := self.missing(command):
             self.say(missing, topic="missing")
             return
@@ -85,7 +85,7 @@ class Actions:
         return not self.missing(command) and (not command.enabled or bool(getattr(self, command.enabled)))
 
     def missing(self, command: Command) -> str:
-        """Return the extra that an action needs and that is not installed, with the command that installs it; "" for none."""
+        """Return a line that names the missing extra of an action, and the command that installs it; "" for none."""
         module, install = EXTRAS.get(command.extra, ("", ""))
         return f"needs the extra {command.extra}: {install}" if module and find_spec(module) is None else ""
 
@@ -103,7 +103,7 @@ class Actions:
 
     @property
     def film_possible(self) -> bool:
-        """True if there is a path, and no film is being made."""
+        """True if there is a path, and no film is in progress."""
         return self.has_path and not self.filming
 
     @property
@@ -114,11 +114,11 @@ class Actions:
         self.messages.say(text, error, topic)
 
     def attempt(self, act: Callable[[], object]) -> bool:
-        """Call `act`; whether it succeeded. What goes wrong becomes a message."""
+        """Call `act`, and show its error as a message. Return True if it succeeded."""
         return self.messages.attempt(act)
 
     def save_preferences(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
-        """Keep what is set now for the next time; None, or one line of what went wrong."""
+        """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
         renderer, preferences = self.session.renderers[0], self.preferences
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
@@ -132,7 +132,7 @@ class Actions:
         self.session.free_camera.home()
 
     def frame_selected(self) -> None:
-        """Go where the picked object, or the whole scene where none is, is just in the picture, in the same direction."""
+        """Move the camera without a turn, so that the picked object, or else the whole scene, just fits into the picture."""
         self.stop()
         mesh, bounds = self.editor.mesh, self.session.scene.bounds
         if mesh is not None and not self.editor.edit.objects[mesh].hidden:
@@ -140,7 +140,7 @@ class Actions:
         self.session.free_camera.frame(bounds, self.session.size[0] / self.session.size[1])
 
     def go(self, camera: Camera) -> None:
-        """Jump to a camera, which is in world space."""
+        """Set the camera to one in world space."""
         self.stop()
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
@@ -149,7 +149,7 @@ class Actions:
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
     def record(self) -> None:
-        """Begin to record the flight, or end it and write the path file."""
+        """Begin to record the flight, or end the recording and write the path file."""
         path = self.session.path_recorder.record(self.session.camera)
         if path is None:
             self.say("recording the flight; R ends it")
@@ -168,7 +168,7 @@ class Actions:
             self.session.path_recorder.play()
 
     def stop(self) -> None:
-        """Stop playing; the camera stays there."""
+        """Stop playing. The camera stays at its present place on the path."""
         camera = self.session.path_recorder.stop()
         if camera is not None:
             self.session.free_camera.go(camera)
@@ -177,7 +177,7 @@ class Actions:
 
     @property
     def shown_buffer(self) -> str:
-        """The buffer on the side that keys change."""
+        """The name of the buffer on the side that keys change."""
         options = self.options
         return options.buffers[options.side if options.split != "off" else 0]
 
@@ -188,15 +188,15 @@ class Actions:
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
-        """Return True if an option or a part of the interface is on; a section of the side panel, while that is open."""
+        """Return True if an option or a part of the interface is on. A section is on only while the side panel is open."""
         return bool(getattr(self._owner(name), name, False)) and (self.panels.controls or name not in SECTIONS)
 
     def _owner(self, name: str) -> ViewOptions | Panels:
-        """Return the object that has an option."""
+        """Return the object that holds an option."""
         return self.panels if hasattr(self.panels, name) else self.options
 
     def is_active(self, command: Command) -> bool:
-        """Return True if what an action chooses or switches on is so now."""
+        """Return True if the choice or the option of an action is the present one."""
         session, argument = self.session, command.argument
         now = {
             "show": self.shown_buffer,
@@ -209,12 +209,12 @@ class Actions:
 
     @property
     def title(self) -> str:
-        """The title of the scene on show: the name of the file that it was saved as, or its name."""
+        """The title of the scene on show: the name of its saved file, or else its name."""
         return Path(self.saved_as).stem if self.saved_as else self.name
 
     @property
     def name(self) -> str:
-        """The name of the opened scene; its folder where the file is called as those of its format are."""
+        """The name of the opened scene; the name of its folder if the file has the common name "scene"."""
         name = self.session.scene.name
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
@@ -233,7 +233,7 @@ class Actions:
         self.use_split(way)
 
     def flip(self) -> None:
-        """Show one side alone, the other one each time; from one picture on, that of another preset."""
+        """Show one side alone, and change to the other side at each call. A single picture is first split by presets."""
         options = self.options
         if options.split == "off":
             self.session.split("presets")
@@ -246,18 +246,18 @@ class Actions:
         self.say(f"preset {name}", topic="preset")
 
     def refine_further(self) -> None:
-        """Halve the estimated error at which refinement ends; from 0, which means no refinement, begin at the default."""
+        """Halve the estimated error at which refinement ends. Set it to the default if it is 0, which means no refinement."""
         now = self.session.settings(self.options.side)[1].viewer_quality
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
         self.session.change(self.options.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def trace(self) -> None:
-        """Path-trace the reference of the view in the background, or stop."""
+        """Start path-tracing the reference of the view in the background, or stop."""
         self.say(self.session.tracing.toggle(self._subject), topic="reference")
 
     def collect(self) -> None:
-        """Take what was chosen, traced and filmed meanwhile; measure the plane, if it is shown."""
+        """Update all background work: dialog, film and reference. Measure the plane if it is shown."""
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
         self.attempt(lambda: self.session.plane.update(self.options.plane, self.session.scene))
@@ -265,7 +265,7 @@ class Actions:
 
     @property
     def _subject(self) -> Subject:
-        """The view whose reference would be traced."""
+        """The view for which `trace` makes a reference."""
         return self.session.subject(self.session.camera, self.session.settings(self.options.side)[1])
 
     def clear(self) -> None:
@@ -275,8 +275,10 @@ class Actions:
     # ---- lights and objects ------------------------------------------------------------------------------------------
 
     def pick(self, pixel: tuple[int, int], mesh: int | None, density: float = 1.0) -> None:
-        """Pick the light whose ring is at a pixel, while the lights' panel is open; else the `mesh` seen there, or nothing.
-        density: pixels per window coordinate."""
+        """Pick the light with its ring at a pixel, while the panel of lights is open. Else pick the `mesh` there, if any.
+
+        density: pixels per window coordinate.
+        """
         editor, session = self.editor, self.session
         lit = {
             number: on_screen(session.camera, session.size, edited.light.position)
@@ -284,14 +286,14 @@ class Actions:
             if self.panels.lights and not edited.light.directional
         }
         near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
-        if near:  # of several, the one nearest to the eye
+        if near:  # of several lights, pick the one nearest to the eye
             editor.pick_light(min(near, key=lambda number: dist(editor.lights[number].light.position, session.camera.eye)))
         else:
             editor.mesh = mesh
             editor.light = None if mesh is None else editor.light
 
     def delete(self) -> None:
-        """Delete the selected light, or hide the selected object: a mesh stays in the scene's files."""
+        """Delete the selected light, or hide the selected object. A mesh stays in the scene's files."""
         editor, light, mesh = self.editor, self.editor.light, self.editor.mesh
         if mesh is not None:
             editor.hide(mesh)
@@ -304,12 +306,12 @@ class Actions:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
 
     def add_light(self, kind: Kind) -> None:
-        """Add a light where the camera looks, and show it in its panel."""
+        """Add a light near the focus of the camera, and show it in its panel."""
         self.editor.add_light(kind)
         self.panels.lights = self.panels.controls = True
 
     def undo(self) -> None:
-        """Take back the last change of lights and objects."""
+        """Undo the last change of lights and objects."""
         self._step(self.editor.undo, "undo")
 
     def redo(self) -> None:
@@ -331,7 +333,7 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
-        """Request the file of the scene, and save it there; without a dialog of the desktop under a new name."""
+        """Request a file name, and save the scene there. Without a dialog of the desktop, save it under a new name."""
         if self.dialog.native:
             name = self.saved_as or os.path.join(prompts.folder(self), self._free_name())
             self.dialog.ask_save(name, lambda path: self.save(path, then))
@@ -339,20 +341,22 @@ class Actions:
             self.save(self._free_name(), then)
 
     def save_again(self, then: Callable[[], object] | None = None) -> None:
-        """Save the scene where it was saved last; the first time, as a new file."""
+        """Save the scene in its last saved file; the first time, in a new file."""
         if self.saved_as:
             self.save(self.saved_as, then)
         else:
             self.save_as(then)
 
     def _free_name(self) -> str:
-        """Return a name for the scene, where the program runs, that no file has yet."""
+        """Return an unused file name for the scene in the folder where the program runs."""
         names = (f"{self.name}-{i}.scene" for i in range(2, 10_000))
         return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
 
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
-        """Save the scene as it is now under a name, a `.scene` and a folder of its parts, in place of those there, and call
-        `then`."""
+        """Save the present scene as a `.scene` of this name and a folder of its parts, and call `then`.
+
+        An existing file and folder are replaced.
+        """
         path = Path(name if name.endswith(".scene") else f"{name}.scene")
         lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
         self.editor.saved = self.editor.edit
@@ -365,7 +369,7 @@ class Actions:
             then()
 
     def save_film(self) -> None:
-        """Begin a film of the path as the scene looks now, in pictures of the present size, in the videos folder."""
+        """Begin a film of the path with the present scene, settings and picture size, in the videos folder."""
         session, folder = self.session, Path(platformdirs.user_videos_path())
         path, renderer = session.path_recorder.path, session.renderers[0]
         if path is None:
@@ -379,14 +383,14 @@ class Actions:
         self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
 
     def cancel_film(self) -> None:
-        """Stop making the film; nothing of it stays."""
+        """Stop making the film, and delete its parts."""
         self.film.release()
         self.say("the film is given up; nothing of it was kept", topic="film")
 
     # ---- unsaved changes ---------------------------------------------------------------------------------------------
 
     def _unless_unsaved(self, act: Callable[[], object]) -> None:
-        """Call `act`, or ask first what becomes of unsaved changes."""
+        """Call `act`. If there are unsaved changes, open the prompt about them first."""
         if self.editor.unsaved:
             self.prompt = prompts.unsaved(self, act)
         else:
@@ -411,16 +415,16 @@ class Actions:
         self.prompt = prompts.command(self)
 
     def list_keys(self) -> None:
-        """Show all keys; a choice runs its action."""
+        """Open the prompt with all keys. A choice runs its action."""
         self.prompt = prompts.keys(self)
 
     def show_setting(self, name: str) -> None:
-        """Open the settings at the one of this name."""
+        """Open the list of settings at the setting `name`."""
         self.panels.controls = self.panels.settings = True
         self.panels.sought = name
 
     def quit(self) -> None:
-        """Close the window, once unsaved changes are saved or given up."""
+        """Close the window, once unsaved changes are saved or discarded."""
         self._unless_unsaved(self._quit)
 
     def _quit(self) -> None:
@@ -431,7 +435,7 @@ class Actions:
         self.quitting = True
 
     def screenshot(self) -> None:
-        """Write the picture in the next frame."""
+        """Request a screenshot, which the next frame writes."""
         self.screenshot_wanted = True
 
     def save_screenshot(self, picture: np.ndarray) -> None:
@@ -449,14 +453,14 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_file(self) -> None:
-        """Request a scene or a path, and open it; without a dialog of the desktop by the palette."""
+        """Request a scene or a path, and open it. Without a dialog of the desktop, open the command palette for it."""
         if self.dialog.native:
             self.dialog.ask_open(prompts.folder(self), self.open)
         else:
             self.prompt = prompts.command(self)
 
     def open(self, source: str) -> None:
-        """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""
+        """Show the scene at `source`, once unsaved changes are saved or discarded; or play the path in a .path file."""
         if Path(source).suffix == ".path":
             path = load_path(source, self.session.camera.fov)
             path.motions.check(self.session.scene, path.frames)
@@ -480,17 +484,17 @@ class Actions:
             self.say(notice)
 
     def reload(self) -> None:
-        """Read the scene again, once unsaved changes are saved or given up; the camera stays. A wrong file changes nothing."""
+        """Reload the scene, once unsaved changes are saved or discarded. The camera stays. An invalid file changes nothing."""
         self._unless_unsaved(self._reload)
 
     def _reload(self) -> None:
-        source = self.saved_as or self.source  # Save writes to saved_as, whatever was read
+        source = self.saved_as or self.source  # Save writes to saved_as, independently of the file that was read
         self._load(source, keep_camera=True)
         self.source = source
         self.say("the scene is read again")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:
-    """Return a new file's name with its kind, scene and time."""
+    """Return the name of a new file, with its kind, scene and time."""
     stem = f"{kind}-{scene}-{datetime.now():%Y%m%d-%H%M%S}"
     return next(n for i in range(1000) if not os.path.exists(n := f"{stem}{f'-{i}' if i else ''}{ending}"))

@@ -1,4 +1,4 @@
-"""Lines for the user: notices that vanish by themselves, and errors that stay."""
+"""Lines for the user: notices that vanish after some seconds, and errors that stay."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from dataclasses import dataclass, replace
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.timing import clock
 
-_SECONDS = 5.0  # that a notice is shown
-_MOST = 5  # lines at once
+_SECONDS = 5.0  # seconds: the time that a notice stays
+_MOST = 5  # the most lines at once
 
 
 @dataclass(frozen=True)
 class Message:
-    """A line for the user. until: the clock's time at which it vanishes; an error stays until it is closed or corrected."""
+    """A line for the user. until: the clock's time in seconds at which a notice vanishes.
+
+    error: True if the line is an error, which stays until it is closed or corrected. topic: see Messages.say.
+    """
 
     text: str
     until: float
@@ -34,7 +37,7 @@ class Messages:
         return [line for line in self.lines if line.error]
 
     def say(self, text: object, error: bool = False, topic: str = "") -> None:
-        """Show a line, in place of an equal one and of the last one with the same `topic`."""
+        """Show a line. It replaces an equal line, and the last line of its `topic`."""
         line = " ".join(str(text).split())
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
         self.lines = [*others[1 - _MOST :], Message(line, clock.now() + _SECONDS, error, topic)]
@@ -49,7 +52,7 @@ class Messages:
 
     @property
     def rests(self) -> float:
-        """The seconds until a notice goes; infinity without a notice."""
+        """The seconds until the next notice vanishes; infinity without a notice."""
         now = clock.now()
         return min((max(m.until - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
@@ -60,7 +63,7 @@ class Messages:
         self.lines = []
 
     def attempt(self, act: Callable[[], object]) -> bool:
-        """Call `act`; whether it succeeded. What goes wrong is shown as an error."""
+        """Call `act`, and show its error as a message. Return True if it succeeded."""
         try:
             act()
         except (IrrsplatError, OSError) as error:

@@ -1,4 +1,4 @@
-"""Choices of the user, kept as JSON in the configuration folder from one run to the next."""
+"""Choices of the user, saved as JSON in the configuration folder for the next run."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from irrsplat.core.words import quote
 from irrsplat.scene import bundled
 from irrsplat.settings import PRESETS, SETTINGS, SettingValues, check_name
 
-VERSION = 1  # of the file
-RECENT = 10  # scenes
-SIDE = 32768  # pixels: no window is wider or higher
+VERSION = 1  # version of the file's format
+RECENT = 10  # the greatest number of recent scenes
+SIDE = 32768  # pixels: the greatest width and height of a window
 _FILE = "viewer.json"
 
 
@@ -28,10 +28,10 @@ _FILE = "viewer.json"
 class Preferences:
     """The choices of the user.
 
-    size: of the window, pixels. values: the settings that differ from the preset. ui: what else is on, plain JSON.
-    scale: of text and widgets.
+    size: size of the window, pixels. values: the settings that differ from the preset. ui: the state of further options, plain
+    JSON. scale: the scale of text and widgets.
 
-    recent: scenes, newest first, at most RECENT, each an absolute path or a bundled scene's name.
+    recent: scenes, newest first, at most RECENT. Each is an absolute path or the name of a bundled scene.
     """
 
     size: tuple[int, int] | None = None
@@ -43,7 +43,7 @@ class Preferences:
     recent: list[str] = field(default_factory=list)
 
     def opened(self, source: str) -> None:
-        """Put a scene (a path, or a bundled one's name) in front of the recent ones."""
+        """Put a scene (a path, or the name of a bundled scene) at the front of the recent scenes."""
         newest, real = os.path.abspath(source), Path(os.path.realpath(source))
         if not os.path.isfile(source):
             newest = source if source in bundled() else newest
@@ -53,7 +53,7 @@ class Preferences:
 
 
 def folder() -> Path:
-    """Return the folder of the file: what IRRSPLAT_CONFIG names, else the user's own. Raises IrrsplatError for none."""
+    """Return the folder of the file: the one in IRRSPLAT_CONFIG, else the user's own. Raises IrrsplatError for none."""
     if named := os.environ.get("IRRSPLAT_CONFIG"):
         return Path(named)
     found = platformdirs.user_config_path("irrsplat", appauthor=False)
@@ -66,7 +66,7 @@ def save(preferences: Preferences) -> str | None:
     """Write `preferences`, completely or not at all. Return None, or the reason of a failure in one line."""
     try:
         path = folder() / _FILE
-        # in ASCII, so that a path that is not Unicode survives as lone surrogates
+        # ASCII keeps a path that is not Unicode, as escaped lone surrogates
         text = json.dumps({"version": VERSION} | asdict(preferences), indent=1, allow_nan=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text + "\n")
@@ -76,10 +76,10 @@ def save(preferences: Preferences) -> str | None:
 
 
 def load() -> tuple[Preferences, list[str]]:
-    """Return the saved preferences, and a one-line notice for what cannot be used; never raise. Defaults replace it."""
+    """Return the saved preferences, and a one-line notice of invalid values, which defaults replace. Never raise."""
     try:
         data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
-        json.dumps(data, allow_nan=False)  # NaN and infinity are no JSON
+        json.dumps(data, allow_nan=False)  # raises for NaN and infinity, which are no JSON
         if not isinstance(data, dict) or data.get("version") != VERSION:
             raise ValueError(f"not of version {VERSION}")
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""One scene on show: its renderers, the camera that flies in it, and a tick of them all; it draws nothing and knows no window."""
+"""One scene on show: its renderers, its free camera, and a tick of all parts, without drawing and without a window."""
 
 from __future__ import annotations
 
@@ -29,13 +29,16 @@ from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
-_SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
-_MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
+_SHARED = ("budget", "exposure")  # settings that both sides share; a change of the preset keeps them
+_MOVING = 0.6  # share of a tick's time while the camera moves: input at a tick's begin shows after the next tick
 
 
 @dataclass(frozen=True)
 class _Side:
-    """The result of a tick on a side. centre: its view of one sample a pixel. view: the one to show. ms: by stage."""
+    """The result of a tick on a side.
+
+    centre: the view with one sample a pixel. view: the view to show. ms: milliseconds by stage.
+    """
 
     centre: View
     view: View
@@ -46,10 +49,10 @@ class _Side:
 class Session(Owner):
     """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset. camera: world space.
 
-    All that is on show is relative to `origin`, the scene's: what people give and get has it added.
+    All positions inside are relative to `origin`, the scene's origin. Input and output of the user are in world space.
 
-    A side (0 left, 1 right) is a part of the window; in a split by presets each side has a renderer of its own.
-    Raises what Renderer raises; whatever fails later leaves everything as it was.
+    A side (0 left, 1 right) is a part of the window. In a split by presets each side has a renderer of its own.
+    Raises the errors of Renderer. A later failure changes nothing.
     """
 
     def __init__(
@@ -67,17 +70,17 @@ class Session(Owner):
         self.options = ViewOptions()
         self.renderers = [
             Renderer(scene, size, preset, ctx=ctx, tile_size=0, **(values or {}))
-        ]  # of the left side; of the right one too
+        ]  # the renderer of the left side, and of the right side too if there is no second renderer
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
         self.auto_exposure = AutoExposure()
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
         self.plane = MeasuringPlane()
-        self.brightest = 0.0  # of the light in the left view, W/m²; found while false colours are on show
+        self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
         self._memo = Memo()
-        self._made: list[_Side] = []  # at the last tick
-        self._shown: tuple[object, object] | None = None  # what the views are of
+        self._made: list[_Side] = []  # by side, the results of the last tick
+        self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.plane)
@@ -86,7 +89,7 @@ class Session(Owner):
 
     @property
     def active(self) -> list[Renderer]:
-        """The renderers at work: two where two presets are compared."""
+        """The renderers at work: two while two presets are compared, else one."""
         return self.renderers[: 2 if self.options.split == "presets" else 1]
 
     @property
@@ -99,7 +102,7 @@ class Session(Owner):
 
     @property
     def ms(self) -> dict[str, float]:
-        """Milliseconds of the last tick by stage, of both sides."""
+        """Milliseconds of the last tick by stage, summed over the sides."""
         stages = dict.fromkeys(stage for side in self._made for stage in side.ms)
         return {stage: sum(side.ms.get(stage, 0.0) for side in self._made) for stage in stages}
 
@@ -115,7 +118,7 @@ class Session(Owner):
 
     @property
     def at_rest(self) -> bool:
-        """True if another tick would show the same picture."""
+        """True if the next tick would show an equal picture."""
         served = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
         sampled = all(
             v.samples >= r.settings.viewer_samples
@@ -127,26 +130,26 @@ class Session(Owner):
 
     @property
     def moving(self) -> bool:
-        """True if the camera is elsewhere than at the last tick."""
+        """True if the camera has moved since the last tick."""
         return bool(self.views) and self.views[0].camera != self.camera
 
     @property
     def whole(self) -> bool:
-        """True if the views have the window's size: those of a moving camera may be smaller."""
+        """True if the views have the window's size. Views of a moving camera may be smaller."""
         return all(view.image.size == self.size for view in self.views)
 
     @property
     def budget(self) -> float:
-        """Seconds of a frame."""
+        """The frame budget in seconds."""
         return self.renderers[0].settings.budget / 1e3
 
     @property
     def exposure(self) -> float:
-        """Stops, as shown on both sides; NaN before the first picture."""
+        """The exposure of both sides in stops; NaN before the first picture."""
         return self.auto_exposure.stops
 
     def _at_rest(self, progress: Progress) -> bool:
-        """Return True if the cache and the picture of a side stay as they are."""
+        """Return True if the cache and the picture of a side no longer change."""
         return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.accumulating)
 
     def _refined(self, renderer: Renderer, progress: Progress) -> bool:
@@ -156,10 +159,10 @@ class Session(Owner):
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
 
     def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never, gather: bool = True) -> bool:
-        """Go on by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are of now.
+        """Advance by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are new.
 
-        waits: True if input waits. The tick then ends before its time, and the views stay those of the last one, unless it may
-        free buffers that these show. gather: False draws by the present records.
+        waits: a call that returns True if input waits. The tick then ends early, and the views of the last tick stay. A tick that
+        may free buffers of these views never ends early. gather: False if the views are drawn with the present records.
         """
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
@@ -167,7 +170,7 @@ class Session(Owner):
         self._pose(ended=played is not None)
         subject = self._subject
         kept = bool(self.views) and self._shown is not None and subject[0] == self._shown[0]
-        sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may have another size
+        sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may differ in size
         kept = kept and (self.whole or not self.moving or all(v.image.size == r.size_in_motion for v, r in sizes))
         try:
             with checked_by(waits if kept else never):
@@ -182,37 +185,37 @@ class Session(Owner):
         return True
 
     def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
-        """Give a side's cache `seconds` of time."""
+        """Give a side's cache `seconds` of time, and return its result."""
         renderer, end = self.active[side], now() + seconds
         moving = self.moving and self.options.split == "off"
         seconds *= _MOVING if moving else 1.0
         view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
-        if self._at_rest(progress) and any(view is one.centre for one in self._made):  # nothing has moved since
+        if self._at_rest(progress) and any(view is one.centre for one in self._made):  # nothing has changed
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
             if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                 aim = 0.01 * renderer.settings.viewer_quality
                 _, progress = renderer.refine(self.camera, aim, end - now())
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
-            view = last  # until the next step of the refinement has as many
+            view = last  # until the refined view has as many samples
         return _Side(centre, view, progress, renderer.timers.milliseconds())
 
     @property
     def _subject(self) -> tuple[object, object]:
-        """The present inputs of views apart from camera and records: those that decide their buffers, and all others."""
+        """The present inputs of views, without camera and records: the inputs that determine the buffers, and further inputs."""
         renderers = [(Identity(r), r.settings) for r in self.active]
         return (renderers, self.size, light_defines(self.scene)), (Identity(self.scene), self.path_recorder.frame)
 
     def shows_now(self, any_camera: bool) -> bool:
-        """Return True if the views are of the present scene, settings and camera; any_camera: of another camera, too."""
+        """Return True if the views show the present scene, settings and camera. any_camera: True if the camera may differ."""
         aimed = any_camera or all(view.camera == self.camera for view in self.views)
         return bool(self.views) and aimed and self._subject == self._shown
 
     # ---- sides -----------------------------------------------------------------------------------------------------
 
     def sides(self) -> Iterator[tuple[int, Region | None]]:
-        """The sides on show, and the part of the window that each takes (None: all of it)."""
+        """Yield each side on show, and its part of the window (None: the whole window)."""
         width, height = self.size
         middle = round(self.options.divider * width)
         if self.options.split == "off" or middle in (0, width):
@@ -222,15 +225,15 @@ class Session(Owner):
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
-        """The side at `x`, pixels from the left."""
+        """Return the side at `x`, pixels from the left."""
         return int(self.options.split != "off" and x >= round(self.options.divider * self.size[0]))
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
-        """The pixel of a view that the window's pixel (x, y) shows: views of a moving camera may be smaller."""
+        """Return the pixel of a view at the window's pixel (x, y). Views of a moving camera may be smaller than the window."""
         return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
 
     def renderer(self, side: int) -> Renderer:
-        """The renderer whose settings a side has."""
+        """Return the renderer of a side."""
         return self.active[min(side, len(self.active) - 1)]
 
     def settings(self, side: int) -> tuple[str, Settings]:
@@ -248,20 +251,20 @@ class Session(Owner):
 
     @property
     def light_scale(self) -> LightScale:
-        """The scale of false colours on both sides, its upper end known."""
+        """The scale of false colours on both sides, with a known upper end."""
         return self.options.light_scale.up_to(self.brightest)
 
     def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
-        """The traced reference of what `camera` sees by as many bounces as the settings say; None where there is none."""
+        """Return the traced reference for `camera` and the bounces of the settings; None for none."""
         return self.tracing.of(self.subject(camera, settings))
 
     def subject(self, camera: Camera, settings: Settings) -> Subject:
         return Subject(self.scene, camera, self.size, settings.bounces)
 
-    # ---- what changes ----------------------------------------------------------------------------------------------
+    # ---- changes ---------------------------------------------------------------------------------------------------
 
     def change(self, side: int, **values: Unpack[SettingValues]) -> None:
-        """Change settings of a side, those of _SHARED for both. Raises InputError for a value that cannot be."""
+        """Change settings of a side; settings in _SHARED change on both sides. Raises InputError for an invalid value."""
         for renderer in self.renderers:
             own = {k: v for k, v in values.items() if k in _SHARED or renderer is self.renderer(side)}
             if own:
@@ -272,7 +275,7 @@ class Session(Owner):
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
 
     def split(self, way: Split) -> None:
-        """Show one picture, two buffers, or two presets side by side: the present one and paper, or paper and default."""
+        """Show one picture, two buffers, or two presets side by side: the present preset and paper, or paper and default."""
         options = self.options
         if way == "presets" and len(self.renderers) == 1:
             left = self.renderers[0]
@@ -286,7 +289,10 @@ class Session(Owner):
         options.split, options.divider = way, 0.5
 
     def _pose(self, ended: bool) -> None:
-        """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
+        """Move the path's objects to their places in the present frame. They stay there when playing stops.
+
+        ended: True if the path has just ended, when its last frame counts.
+        """
         path = self.path_recorder.path
         frame = path.frames - 1.0 if path is not None and ended else self.path_recorder.frame
         if path is not None and frame is not None and path.motions:
@@ -295,12 +301,15 @@ class Session(Owner):
                 renderer.pose(scene)
 
     def pose(self, scene: Scene) -> None:
-        """Show the same scene with other lights, another sky, meshes elsewhere, repainted or hidden: records are gathered again
-        in place, tick by tick. Raises InputError, and changes nothing, for what Renderer.pose or Renderer.relight refuses."""
+        """Show the present scene with other lights, another sky, or moved, repainted or hidden meshes.
+
+        Stale records are gathered again in place, tick by tick. Raises the InputError of Renderer.pose or Renderer.relight, and
+        then changes nothing.
+        """
         before = [renderer.scene for renderer in self.renderers]
         try:
             for renderer in self.renderers:
-                if scene.meshes is self.scene.meshes:  # else a path that has moved some would end where it began
+                if scene.meshes is self.scene.meshes:  # keep the meshes at the places to which a path has moved them
                     renderer.pose(replace(scene, meshes=renderer.scene.meshes))
                 else:
                     renderer.pose(scene)
@@ -312,7 +321,7 @@ class Session(Owner):
 
     @property
     def focus(self) -> tuple[float, float, float]:
-        """The world point seen in the middle of the picture; the camera's target where there is none."""
+        """The visible point in the middle of the picture, relative to `origin`; the camera's target if no surface is there."""
         if self.views:
             texture = self.views[0].gbuffer.position
             x, y, z, depth = texel(texture, texture.width // 2, texture.height // 2).tolist()
@@ -321,15 +330,15 @@ class Session(Owner):
         return self.camera.target
 
     def resize(self, size: tuple[int, int]) -> None:
-        """The window has another size, pixels."""
+        """Change the size of the views, in pixels."""
         for renderer in self.renderers:
             renderer.resize(size)
         self.size, self._made = size, []
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
-        """Show another scene with the same settings, from its own first camera; or from where one is, with speed and path.
+        """Show another scene with the present settings, from its own first camera.
 
-        A path that moves objects does not stay.
+        keep_camera: True if camera, speed and path stay. A path that moves objects never stays.
         """
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
@@ -351,7 +360,7 @@ class Session(Owner):
             self.free_camera.go(before.camera.shifted(moved) if moved.any() else before.camera)
             self.free_camera.speed = before.speed
         path = self.path_recorder.path
-        if not keep_camera or moved.any() or (path is not None and path.motions):  # of objects that may be gone
+        if not keep_camera or moved.any() or (path is not None and path.motions):  # its objects may be gone
             self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         if not keep_camera:
             self.auto_exposure = AutoExposure()
@@ -360,12 +369,12 @@ class Session(Owner):
 
 
 def _filled(progress: Progress) -> bool:
-    """Return True if a view has all its light."""
+    """Return True if no light is missing in a view."""
     return progress.still or (progress.coverage == 1.0 and progress.surface == 1.0 and not progress.stale)
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:
-    """The values in which `settings` differ from the preset `name`."""
+    """Return the values in which `settings` differ from the preset `name`."""
     base = preset(name)
     return _values(settings, [key for key in SETTINGS if getattr(settings, key) != getattr(base, key)])
 

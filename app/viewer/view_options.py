@@ -1,4 +1,4 @@
-"""Options of the view, and the open parts of the interface: plain values."""
+"""Options of the view, and the open parts of the interface, as plain values."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Point = tuple[float, float, float]
 Surface = tuple[Point, Point]  # a point and its unit normal
 
 Split = Literal["off", "buffers", "presets"]
-SPLITS: dict[Split, str] = {  # and their titles
+SPLITS: dict[Split, str] = {  # by way: its title
     "off": "one picture",
     "buffers": "two buffers",
     "presets": "two presets",
 }
 
-SCALES = (0.75, 2.0)  # least and greatest of the interface
-SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # of the side panel
+SCALES = (0.75, 2.0)  # the least and the greatest scale of the interface
+SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # the optional sections of the side panel
 
 
 def point_of(values: np.ndarray | Sequence[float]) -> Point:
@@ -31,23 +31,23 @@ def point_of(values: np.ndarray | Sequence[float]) -> Point:
 
 @dataclass
 class ViewOptions:
-    """Options of the picture: the buffers, the split, overlays, and what is measured."""
+    """Options of the picture: the buffers, the split, the overlays, and the measurements."""
 
-    buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
+    buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # on the left and on the right side
     split: Split = "off"
-    side: int = 0  # that keys and panels change
-    divider: float = 0.5  # of the window's width; at its ends one side fills the picture
+    side: int = 0  # the side that keys and panels change
+    divider: float = 0.5  # share of the window's width; at 0 or 1, one side fills the picture
     points: bool = False
     discs: bool = False
     wire: bool = False
     inspect: bool = False
-    profile: bool = False  # whether lines are measured along
-    line: tuple[Point, Point] | None = None  # that buffers are measured along
-    plane: bool = False  # whether a horizontal plane is measured
-    why: bool = False  # whether a click on a surface shows where its light comes from
-    surface: Surface | None = None  # that was clicked on for this
+    profile: bool = False  # True if buffers are measured along a line
+    line: tuple[Point, Point] | None = None  # the measuring line
+    plane: bool = False  # True if a horizontal plane is measured
+    why: bool = False  # True if a click on a surface shows the sources of its light
+    surface: Surface | None = None  # the surface of the last such click
     frozen: bool = False
-    light_scale: LightScale = LightScale()  # it is frozen
+    light_scale: LightScale = LightScale()  # frozen, so safe as a default
 
     @property
     def copy(self) -> ViewOptions:
@@ -57,15 +57,15 @@ class ViewOptions:
 
 @dataclass
 class Panels:
-    """The open parts of the interface; they need no new picture."""
+    """The open parts of the interface. A change of them needs no new picture."""
 
-    controls: bool = True  # the slim panel at the side; the picture is fitted into the rest, and fills the window without it
+    controls: bool = True  # the side panel; without it the picture fills the window
     settings: bool = False
     lights: bool = False
     outliner: bool = False
     hidden: bool = False
     fullscreen: bool = False
-    close_menus: bool = False  # and lists, in the next frame
-    context_menu: bool = False  # opens in the next frame
-    sought: str = ""  # the setting that its list scrolls to
-    scale: float = 1.0  # of text and widgets; the monitor has another one
+    close_menus: bool = False  # True if menus and lists close in the next frame
+    context_menu: bool = False  # True if it opens in the next frame
+    sought: str = ""  # the setting to which the list of settings scrolls
+    scale: float = 1.0  # the user's scale of text and widgets, on top of the monitor's scale

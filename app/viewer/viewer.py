@@ -35,17 +35,20 @@ from irrsplat.records import cache_file
 from irrsplat.scene.model import Camera, Scene
 
 SIZE = (1280, 720)
-_SLEEP = 0.05  # seconds that the window waits for an event after a frame that shows the same as the one before
-_QUICK = 3  # frames in a row that may be drawn for events alone
-_PASSES, _INSTANT = 2, 1e-4  # passes of the interface that follow an event at once, and the seconds between these
-_AWAKE = 1.0  # seconds after an event in which frames go on: tooltips come late, and a window's size a frame late
-_LOOK = 0.5  # seconds after which it looks for what comes without an event: a traced reference
-_LEAST = 0.2  # of the budget is the core's, however slow everything else is
-_SMOOTHING = 0.3  # weight of the last frame in the running mean of what everything else takes
+_SLEEP = 0.05  # seconds: the longest wait for an event after a frame that equals the previous one
+_QUICK = 3  # the most frames in a row that are drawn for events alone, without a tick
+_PASSES, _INSTANT = 2, 1e-4  # passes of the interface directly after an event, and the seconds between two passes
+_AWAKE = 1.0  # seconds after an event in which frames continue: tooltips come late, and a window's size a frame late
+_LOOK = 0.5  # seconds between two checks for changes without an event, such as a traced reference
+_LEAST = 0.2  # the least share of the frame budget for the core, however slow all other work is
+_SMOOTHING = 0.3  # weight of the last frame in the running mean of the time of all other work
 
 
 class Viewer(Owner):
-    """The program in its window. source: what `scene` was loaded from, loading: how. preferences: how it was left last time."""
+    """The program in its window.
+
+    source: the path or name of `scene`. loading: the options by which `scene` was read. preferences: the choices of the last run.
+    """
 
     def __init__(
         self,
@@ -54,7 +57,7 @@ class Viewer(Owner):
         source: str,
         preferences: Preferences,
         camera: Camera | None = None,
-        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     ) -> None:
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
@@ -66,18 +69,18 @@ class Viewer(Owner):
         self.canvas = self._canvas(wnd.buffer_size)  # the picture
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
-        self._awake_until = 0.0  # by the clock in use
-        self._shown: object = None  # the last state of all that changes without an event
+        self._awake_until = 0.0  # by the clock in use, seconds
+        self._shown: object = None  # the last state of all parts that change without an event
         self._quick = 0  # frames since the last tick
         self._unspent = 0.0  # seconds since the last tick
-        self._cut = False  # the last tick was ended by input
-        self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
+        self._cut = False  # True if input ended the last tick
+        self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
         self.desktop.listen(controls.files_dropped, controls.focus_changed)
         self._restyle()
         self.wake()
-        for _ in range(_PASSES):  # so that the first picture has the size that panels leave
+        for _ in range(_PASSES):  # so that the first picture has the size of the area without panels
             self._draw_interface(_INSTANT, None)
             self.backend.end()
         self._fit()
@@ -90,13 +93,13 @@ class Viewer(Owner):
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         texture = self.ctx.texture(size, 4)
-        texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # it covers what is below
+        texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # opaque over the cleared window
         return Target(self.ctx, size, textures=[texture])
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
     def frame(self, dt: float) -> None:
-        """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
+        """Draw a frame, `dt` seconds after the last one: move, tick, draw all changes, and the interface over them."""
         start = now()
         actions, session = self.actions, self.session
         if actions.panels.fullscreen != self.wnd.fullscreen:
@@ -118,16 +121,16 @@ class Viewer(Owner):
         self.inspected = self.display.update(self.canvas, cursor)
         self._present(dt, cursor)
         if session.renderers[0].about["software"]:
-            self.ctx.finish()  # then drawing takes the processor's time, and counts
+            self.ctx.finish()  # a software renderer draws in this process, and its time counts
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
 
     def _take_events(self) -> bool:
-        """Handle the events that wait; those after another size or scene wait for its first picture. Return True if a frame is to
-        be drawn for them alone, without a tick.
+        """Handle the waiting events. Events after a new size or scene wait for its first picture.
 
-        The interface takes several passes: for a motion, a press and a release, and for the size of a window that opens.
+        Return True if the events need a frame of their own, without a tick. The interface needs several passes: for a motion, a
+        press and a release, and for the size of a window that opens.
         """
         answers = False
         while (self.session.views or self._minimised) and (taken := self.desktop.take()):
@@ -142,7 +145,7 @@ class Viewer(Owner):
         return answers
 
     def _restyle(self) -> None:
-        """Scale text and widgets by the monitor and by the user's choice; between frames."""
+        """Scale text and widgets by the monitor and by the user's choice. Call it between frames."""
         scale = self.desktop.scale * self.actions.panels.scale
         if scale != self.backend.scale:
             self.backend.resize_scale(scale)
@@ -152,24 +155,24 @@ class Viewer(Owner):
         return not all(self.wnd.buffer_size)
 
     def _fit(self) -> None:
-        """Follow the size that the window leaves for the picture."""
+        """Resize session and canvas to the picture's part of the window."""
         size = self._place[2:]
         if self._minimised or size == self.session.size:
             return
         self.actions.attempt(lambda: self.session.resize(size))
-        for texture in self.canvas.textures:  # which it has only borrowed
+        for texture in self.canvas.textures:  # the canvas does not own its textures
             texture.release()
         self.canvas.release()
         self.canvas = self._canvas(size)
 
     @property
     def _place(self) -> tuple[int, int, int, int]:
-        """The part of the window that the picture takes: left, top, width, height in pixels."""
+        """The picture's part of the window: left, top, width, height in pixels."""
         size = self.wnd.buffer_size
         return self.interface.layout.pixels(size[0] / max(self.wnd.width, 1), size)
 
     def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
-        """Begin a pass of the interface, `dt` seconds after the last, and make its windows; over a `picture`, if there is one."""
+        """Begin a pass of the interface, `dt` seconds after the last one, and make its windows, over a `picture` if given."""
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
         own = not self.controls.looking
         paint = None if picture is None else partial(self.backend.background, picture)
@@ -178,8 +181,8 @@ class Viewer(Owner):
     def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
 
-        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera. What an event begins
-        in flight is seen at once: the tick after it gathers nothing. hurried: True if such an event came before it.
+        Flowing events, such as mouse motions, end at most every other tick, and no tick of a moving camera. The effect of another
+        event in flight shows at once, since the tick after it gathers no records. hurried: True if such an event came before it.
         """
         session, start = self.session, now()
         budget, dt = session.budget, max(self._unspent, 0.0)
@@ -192,16 +195,16 @@ class Viewer(Owner):
             self._take_events()
         if self._cut and moving and session.views:
             passed = now() - start
-            self._unspent = -passed  # which the next tick counts again
+            self._unspent = -passed  # the next tick counts this time again
             self.controls.fly(passed)
             session.tick(passed, seconds, gather=False)
-        if not session.views:  # another scene, or size
+        if not session.views:  # the scene or the size is new
             session.tick(0.0, seconds)
-        if first:  # nobody has seen the notices before the first picture, which takes a while
+        if first:  # the first picture takes a while, and notices are invisible before it
             self.actions.messages.renew()
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
-        """Put picture and interface into the window, and write the requested screenshot."""
+        """Draw picture and interface into the window, and write the requested screenshot."""
         actions = self.actions
         if actions.screenshot_wanted:
             actions.screenshot_wanted = False
@@ -222,17 +225,19 @@ class Viewer(Owner):
         self._awake_until = now() + _AWAKE
 
     def end(self) -> None:
-        """Close the window at the next occasion; unsaved changes are lost."""
+        """Close the window before the next frame. Unsaved changes are lost."""
         self.actions.quitting = self.wnd.is_closing = True
 
     @property
     def still(self) -> bool:
-        """True if another frame would be the same without input."""
+        """True if the next frame would equal this one without input."""
         return (self.session.at_rest and not self.controls.active) or self._minimised
 
     def may_sleep(self) -> bool:
-        """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
-        no message comes or goes."""
+        """Check for changes without an event. Return True if no frame has to be drawn.
+
+        This is so if the picture is still, no event came for _AWAKE seconds, and no message appears or vanishes.
+        """
         if not self.still or now() < self._awake_until:
             return False
         self.actions.collect()
@@ -246,15 +251,15 @@ class Viewer(Owner):
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 
     def _closing(self) -> bool:
-        """Return True if the window is to close. Its own button asks about unsaved changes first."""
+        """Return True if the window shall close. Its close button opens the prompt about unsaved changes first."""
         if self.wnd.is_closing and not self.actions.quitting:
             self.actions.quit()
             self.wnd.is_closing = self.actions.quitting
-            self.wake()  # for the question
+            self.wake()  # to draw the prompt
         return bool(self.wnd.is_closing)
 
     def loop(self) -> None:
-        """Draw frames until the window closes; none while they would be the same."""
+        """Draw frames until the window closes. Draw no frame that would equal the previous one."""
         timer = Timer()
         timer.start()
         while not self._closing():
@@ -272,7 +277,10 @@ class Viewer(Owner):
                     self.desktop.wait(_SLEEP)
 
     def close(self, remember: bool = True) -> str | None:
-        """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
+        """Save preferences and records, and free everything except the window.
+
+        remember: False to save neither. Return None, or the reason of a failure in one line.
+        """
         problem = None
         if remember:
             fullscreen = self.wnd.fullscreen
@@ -283,7 +291,7 @@ class Viewer(Owner):
 
 
 def _pixels(target: Target) -> np.ndarray:
-    """An RGBA8 target as display values 0..1 (H, W, 3), top row first."""
+    """Return an RGBA8 target as display values 0..1 (H, W, 3), top row first."""
     width, height = target.size
     texture: moderngl.Texture = target.textures[0]
     return np.frombuffer(texture.read(), "u1").reshape(height, width, 4)[::-1, :, :3] / np.float32(255.0)
@@ -297,15 +305,15 @@ def run(
     camera: Camera | None = None,
     notices: Sequence[str] = (),
     cache: str | None = None,
-    loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+    loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     update: bool = False,
 ) -> str | None:
-    """Open the window on `scene` and stay until it closes; None, or what could not be remembered.
+    """Open the window on `scene`, and run until it closes. Return None, or the reason why preferences or records are not saved.
 
-    notices: lines to show at first. cache: the file that its records are kept in; update: even where that is of another state of
-    the scene. loading: how `scene` was read. Raises GLError where no window can be had, and InputError for a size that none can
-    have, and where there is such a file, but not of this scene and these settings; KeyboardInterrupt, when all is closed, after
-    Ctrl-C.
+    notices: lines to show at first. cache: the file of the scene's records. update: True if a file of another state of the scene
+    is updated. loading: the options by which `scene` was read. Raises GLError if no window can be opened. Raises InputError for
+    an invalid size, and for a cache file of another scene or other settings. Raises KeyboardInterrupt after Ctrl-C, with all
+    closed.
     """
     memory.return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
@@ -331,10 +339,10 @@ def run(
 
 
 class CacheFile:
-    """Keeps a session's records in the file at `path`, those of the left side where there are two.
+    """The file at `path` of a session's records; of the left side's records if there are two sides.
 
-    update: a file of another state of the scene is taken, and what that concerns is gathered again, with a message. Raises
-    InputError where there is a file that is not for these settings or, without `update`, not for this scene.
+    update: True if a file of another state of the scene is loaded, with a message. The records that differ are gathered again.
+    Raises InputError for an existing file of other settings and, without `update`, of another scene.
     """
 
     def __init__(self, path: str, actions: Actions, update: bool = False) -> None:
@@ -344,9 +352,9 @@ class CacheFile:
             actions.say(cache_file.renewal(path, reason))
 
     def save(self) -> str | None:
-        """Write the file anew; None, or one line: why it stays as it was.
+        """Write the file again. Return None, or one line with the reason why the file is unchanged.
 
-        It belongs to the scene that was opened first as its own files light it, and an empty cache never replaces it.
+        The file belongs to the first opened scene, without edits of lights or objects. An empty cache never replaces the file.
         """
         actions, renderer = self.actions, self.actions.session.renderers[0]
         if not renderer.cache.count:

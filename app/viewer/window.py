@@ -1,4 +1,4 @@
-"""Opens the window: moderngl-window's glfw one, or one in memory that behaves the same."""
+"""The window: moderngl-window's glfw window, or a window in memory with equal behaviour."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
-LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures are seldom larger than this
-_EVENTS = (  # glfw's names of events that may change the picture; `drop` has a callback of its own
+LARGEST = 16384  # pixels: the greatest side of a window; X allows 32767, but few OpenGL drivers have textures larger than this
+_EVENTS = (  # glfw's names of events that may change the picture; `drop` is set separately
     *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "window_close", "framebuffer_size"),
 )
-_FLOWING = ("cursor_pos", "scroll", "window_refresh")  # those that come many times a second
-_REPEAT = 2  # glfw's number: a key that is held
+_FLOWING = ("cursor_pos", "scroll", "window_refresh")  # the events that come many times a second
+_REPEAT = 2  # glfw's number of the repeat action of a pressed key
 _NO_DISPLAY = (
     "no display to open a window on; irrsplat render draws without one, "
     "and xvfb-run -a irrsplat view opens it in memory (sudo apt-get install -y xvfb xauth)"
@@ -33,9 +33,10 @@ _NO_DISPLAY = (
 
 
 def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
-    """A window with an OpenGL 3.3 context, current. headless: without a display, for tests; events are then made by calls.
+    """Open a window with a current OpenGL 3.3 context. headless: True for a window without a display, for tests.
 
-    Raises InputError for a size beyond LARGEST, GLError, one line, where there is no display or no OpenGL 3.3.
+    Calls make the events of a headless window. Raises InputError for a size beyond LARGEST, and GLError with one line if there is
+    no display or no OpenGL 3.3.
     """
     if max(size) > LARGEST:
         raise InputError(f"a window of {size[0]}x{size[1]} pixels cannot be; each side takes at most {LARGEST}")
@@ -44,22 +45,22 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
     options: dict[str, Any] = {"backend": "egl"} if headless else {}
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # glfw says the same by a warning
+            warnings.simplefilter("ignore")  # glfw repeats each error as a warning
             wnd = window(title=TITLE, size=size, gl_version=(3, 3), aspect_ratio=None, vsync=True, cursor=True, **options)
-    except ValueError as error:  # moderngl-window's, of glfw
+    except ValueError as error:  # moderngl-window raises it for errors of glfw
         raise GLError(_NO_DISPLAY if "initialize" in str(error) else f"{error}; irrsplat doctor says more") from None
-    except Exception as error:  # a bare Exception is all that moderngl raises
+    except Exception as error:  # moderngl raises bare Exceptions
         raise GLError(context.advice(" ".join(str(error).split()))) from None
-    wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and fullscreen is the viewer's own key
+    wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and the viewer has its own key for fullscreen
     if headless:
-        wnd.keys = Keys  # the headless window has none of its own
+        wnd.keys = Keys  # the headless window has no names of keys
     moderngl_window.activate_context(window=wnd)
     return wnd
 
 
 @dataclass(frozen=True)
 class _Event:
-    """An event that waits, of a kind of _EVENTS. flows: it comes many times a second. handle: does what the event is for."""
+    """A waiting event of a kind in _EVENTS. flows: True if it comes many times a second. handle: a call of its handler."""
 
     kind: str
     flows: bool
@@ -67,14 +68,14 @@ class _Event:
 
 
 class Desktop:
-    """Clipboard, dropped files, focus, the monitor's scale and waiting for events, which moderngl-window lacks.
+    """Functions that moderngl-window lacks: clipboard, dropped files, focus, the monitor's scale and waiting for events.
 
-    On a headless window no events come, and the clipboard is `text`.
+    A headless window receives no events, and its clipboard is `text`.
     """
 
     def __init__(self, wnd: BaseWindow) -> None:
         self.text = ""
-        self._events: deque[_Event] = deque()  # those that wait
+        self._events: deque[_Event] = deque()  # the waiting events, oldest first
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def copy(self, text: str) -> None:
@@ -85,13 +86,13 @@ class Desktop:
     def listen(self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None]) -> None:
         """Set the calls for dropped files and the keyboard focus, and keep every event until `take`.
 
-        An event that comes while a frame is drawn changes nothing that the frame is drawn from. A callback is wrapped as glfw
-        returns it. For dropped files glfw returns an adapter with another signature (C's).
+        An event during a frame therefore does not change the inputs of this frame. Each callback that glfw returns is wrapped.
+        For dropped files glfw returns an adapter with another signature (C's), so that `drop` is set directly.
         """
         if self._window is None:
             return
         drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
-        glfw.set_drop_callback(self._window, drop)  # its stubs have C's signature
+        glfw.set_drop_callback(self._window, drop)  # glfw's stubs have C's signature
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
         for kind in _EVENTS:
             set_callback = getattr(glfw, f"set_{kind}_callback")
@@ -100,19 +101,19 @@ class Desktop:
 
     @property
     def scale(self) -> float:
-        """The scale of text and widgets by the monitor, in window coordinates."""
+        """The monitor's scale of text and widgets, in window coordinates."""
         if self._window is None:
             return 1.0
         width, pixels = glfw.get_window_size(self._window)[0], glfw.get_framebuffer_size(self._window)[0]
         return max(1.0, float(glfw.get_window_content_scale(self._window)[0])) * max(width, 1) / max(pixels, 1)
 
     def wait(self, seconds: float) -> None:
-        """Sleep until the window gets an event, at most so many seconds."""
+        """Wait until the window gets an event, for at most `seconds`."""
         if self._window is not None and not self._events:
             glfw.wait_events_timeout(seconds)
 
     def _keeping(self, kind: str, call: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback that keeps its event, for `call` to be called by `take`."""
+        """Return a callback that keeps its event. `take` then calls `call` with the event's values."""
 
         def keep(*values: Any) -> None:
             flows = kind in _FLOWING or (kind == "key" and values[3] == _REPEAT)
@@ -121,15 +122,16 @@ class Desktop:
         return keep
 
     def waits(self, flowing: bool) -> bool:
-        """Return True if an event waits. flowing: events count that come many times a second, as those of a moving mouse."""
+        """Return True if an event waits. flowing: True if flowing events count, such as the motions of a mouse."""
         if self._window is not None:
             glfw.poll_events()
         return any(flowing or not event.flows for event in self._events)
 
     def take(self) -> list[bool]:
-        """Handle the first event that waits, and those after it as long as all of them flow. Return for each whether it flows.
+        """Handle the first waiting event, and all directly following flowing events if it flows.
 
-        Whether a click or a key is for the interface depends on a pass of the interface after the events before.
+        Return a list with True for each handled event that flows. The interface needs a pass between events: only then does it
+        decide if it takes the next click or key.
         """
         taken = list[_Event]()
         while self._events and (not taken or (taken[-1].flows and self._events[0].flows)):
@@ -140,11 +142,11 @@ class Desktop:
 
 @contextmanager
 def signals(called: Callable[[], None]) -> Iterator[list[int]]:
-    """While this lasts, `called` is called where somebody asks the program to end: by Ctrl-C (SIGINT) or SIGTERM, or since its
-    terminal is gone (SIGHUP, where there is that). Yields the numbers of the signals that came.
+    """Call `called` in this context for each signal to end: Ctrl-C (SIGINT), SIGTERM, or SIGHUP when the terminal closes.
 
-    Python raises KeyboardInterrupt anywhere, also in a library's callback, where it is lost; a call at least is heard. A second
-    Ctrl-C raises it all the same. What the program was started to ignore, as by nohup, it ignores.
+    Yields the list of the received signals' numbers. Systems without SIGHUP skip it. Python may raise KeyboardInterrupt in a
+    library's callback, which discards the exception; a call is not lost. A second Ctrl-C still raises KeyboardInterrupt. Signals
+    that the program ignores from its start, for example under nohup, stay ignored.
     """
     came: list[int] = []
 

@@ -1,5 +1,5 @@
-// Numbers 0..1 as colours, by a table that display.py makes.
-uniform sampler2D colours;  // lower row: viridis; upper row: sRGB, the same in all channels
+// Numbers 0..1 as colours, by a table of app/viewer/show/screen.py.
+uniform sampler2D colours;  // lower row: viridis; upper row: sRGB, equal in all channels
 
 vec4 colour(float t, float row)
 {

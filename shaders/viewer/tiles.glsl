@@ -1,10 +1,10 @@
-// Tiles of a texture, drawn in rows from the upper left on.
+// Tiles of a texture, drawn in rows that begin at the upper left.
 uniform vec2 cell;      // size of a tile in texels
 uniform int columns;    // tiles per row of the texture
-uniform int count;      // how many tiles are in use
+uniform int count;      // number of tiles in use
 uniform vec4 place;     // upper left corner in the target, texels per pixel, pixels between tiles
 uniform int across;     // tiles per row of the target
-uniform vec3 ground;    // around the tiles
+uniform vec3 ground;    // display colour around the tiles
 
 // The number of the tile at this fragment, and the texel inside it; -1 between tiles.
 int tile_at(out ivec2 texel)

@@ -19,12 +19,12 @@ from irrsplat.reference.truth import in_words, noise, vertices
 from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
-SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # of the passes: side² samples of each kind, twice; 2048 in all
+SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # by pass: two times side² samples of each kind in a pixel; 2048 samples in total
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A view of `scene` by `camera` in a picture of `size` (W, H), with so many bounces."""
+    """A view of `scene` by `camera` in a picture of `size` (W, H) pixels, with a number of bounces."""
 
     scene: Scene
     camera: Camera
@@ -32,7 +32,7 @@ class Subject:
     bounces: int | str
 
     def same(self, other: Subject) -> bool:
-        """Return True if both have one reference; names do not count."""
+        """Return True if one reference is valid for both views. Names do not count."""
         mine, others = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, other.camera))
         lit, others_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
         view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
@@ -46,8 +46,8 @@ class Subject:
 class Estimate:
     """The result of some passes, top row first.
 
-    halves: (2, rows, columns, 3) float32 W/m², by two independent halves of the `samples`. seen, valid: (rows, columns) bool, as
-    `irrsplat.reference.truth.Traced` has them.
+    halves: (2, rows, columns, 3) float32 W/m², from two independent halves of the `samples`. seen, valid: (rows, columns) bool,
+    see `irrsplat.reference.truth.Traced`.
     """
 
     halves: np.ndarray
@@ -57,28 +57,28 @@ class Estimate:
 
     @property
     def irradiance(self) -> np.ndarray:
-        """(rows, columns, 3) W/m², by all samples."""
+        """The irradiance from all samples, (rows, columns, 3) W/m²."""
         mean: np.ndarray = self.halves.mean(axis=0)
         return mean
 
     def and_pass(self, samples: int, halves: np.ndarray) -> Estimate:
-        """Return the mean of all samples, those of a further pass among them."""
+        """Return the mean of all samples, with the samples of a further pass included."""
         share = np.float32(samples / (self.samples + samples))
         return replace(self, halves=self.halves + (halves - self.halves) * share, samples=self.samples + samples)
 
     @cached_property
     def progress(self) -> str:
-        """Samples and noise, the standard error of `irradiance` over its mean, in words."""
+        """The number of samples, and the noise in words: the standard error of `irradiance` over its mean."""
         found = noise(self.halves, self.valid)
         return f"{self.samples} samples" + ("" if found is None else f", noise about {100.0 * found:.2g} %")
 
 
 @dataclass(frozen=True)
 class TracedReference:
-    """The reference of one view on the GPU, as far as it is traced.
+    """The reference of one view on the GPU, from the passes so far.
 
-    values: RGBA32F texture of the view's size, bottom row first: rgb indirect irradiance in W/m², a 1 where there is a
-    surface, else 0. full: the error shown in full colour, W/m². about: bounces, samples and noise in words.
+    values: RGBA32F texture of the view's size, bottom row first: rgb indirect irradiance in W/m²; a 1 at a surface, else 0.
+    full: the error in full colour, W/m². about: bounces, samples and noise in words.
     """
 
     subject: Subject
@@ -89,7 +89,7 @@ class TracedReference:
 
 
 class _Tracing:
-    """The tracing of one view pass by pass. latest: the mean of all passes so far."""
+    """The tracing of one view, pass by pass. latest: the mean of all passes so far, None before the first one."""
 
     def __init__(self, subject: Subject) -> None:
         if not subject.scene.triangles:
@@ -105,13 +105,13 @@ class _Tracing:
 
 
 class Reference(Owner):
-    """The reference of the view that was traced last; nothing waits for it."""
+    """The reference of the last traced view. Tracing runs in the background, and no frame waits for it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.shown: TracedReference | None = None
         self._tracing: _Tracing | None = None
-        self._last: _Tracing | None = None  # which may be about to end
+        self._last: _Tracing | None = None  # the last tracing, which may still be ending
 
     def owned(self) -> tuple[Resource, ...]:
         return () if self.shown is None else (self.shown.values,)
@@ -129,11 +129,11 @@ class Reference(Owner):
         return "reference: " + ("the first samples" if self._tracing.latest is None else self._tracing.latest.progress)
 
     def of(self, subject: Subject) -> TracedReference | None:
-        """Return the reference of this view as far as it is traced; None for another view."""
+        """Return the reference of this view from the passes so far; None for another view."""
         return self.shown if self.shown is not None and self.shown.subject.same(subject) else None
 
     def toggle(self, subject: Subject) -> str:
-        """Trace a view, or stop. Return a line for the user."""
+        """Start tracing a view, or stop tracing. Return a line for the user."""
         if self._tracing is not None:
             self.stop()
             return "tracing is stopped; the traced samples stay"
@@ -141,14 +141,16 @@ class Reference(Owner):
         return "tracing the reference of this view"
 
     def stop(self) -> None:
-        """Stop tracing; the path tracer's process ends a moment later."""
+        """Stop tracing. The path tracer's process ends a moment later."""
         tracing, self._tracing = self._tracing, None
         if tracing is not None:
             tracing.calling.stop()
 
     def update(self, subject: Subject, say: Callable[[str], object]) -> None:
-        """Take what was traced meanwhile; stop if `subject`, the view on show, is another one. Raises IrrsplatError if tracing
-        failed. say: called with lines for the user."""
+        """Show the passes that have ended. Stop tracing if the view on show, `subject`, has changed.
+
+        say: called with lines for the user. Raises IrrsplatError if tracing failed.
+        """
         tracing = self._tracing
         if self.shown is not None and self.shown.subject.scene.meshes is not subject.scene.meshes:
             self._show(None)
@@ -158,7 +160,7 @@ class Reference(Owner):
             self.stop()
             say("tracing is stopped, since the view is another one; Y traces it")
             return
-        ended = not tracing.calling.is_alive()  # a thread that has ended has all its results
+        ended = not tracing.calling.is_alive()  # read before `latest`: an ended thread has delivered all its results
         latest = tracing.latest
         if latest is not None and (self.shown is None or self.shown.estimate is not latest):
             self._show(self._upload(tracing.subject, latest))
@@ -170,7 +172,7 @@ class Reference(Owner):
             say(f"the reference is traced: {latest.progress}; see the buffers reference and error")
 
     def _show(self, reference: TracedReference | None) -> None:
-        """Keep a reference in place of the one before, which is freed."""
+        """Replace the shown reference, and free the previous one."""
         if self.shown is not None:
             self.shown.values.release()
         self.shown = reference

@@ -1,4 +1,4 @@
-"""The kinds of buffers that are textures of the view, or made of them: their pictures, legends, and values at a pixel."""
+"""The kinds of buffers: textures of the view or derived from them, with pictures, legends, and values at a pixel."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ from irrsplat.settings import Settings
 
 Texture = Callable[[View], moderngl.Texture]
 NO_REFERENCE = "no reference of this view yet; Y traces it"
-_NO_TOLERANCE = -1.0  # which no weight is below
-_DECADES = 50.0  # the scale of weights goes so far above and below 1/a: Σw is 0, or at least 1/a
+_NO_TOLERANCE = -1.0  # a tolerance below all weights, at which no pixel requests a record
+_DECADES = 50.0  # the upper end of the scale of weights is this factor above 1/a: Σw is 0, or at least 1/a
 
 
 def about(name: str, title: str = "") -> tuple[str, str, str]:
-    """Return name, title (default: the name) and help of an image channel, which files hold too."""
+    """Return name, title (default: the name) and help of an image channel. Files hold these channels, too."""
     return name, title or name, CHANNELS[name].help
 
 
 def exposed(unit: str, words: str = "") -> Callable[[ViewSource], Legend]:
-    """Return the legend of what is exposed as the picture is."""
+    """Return the legend of a buffer that has the exposure of the picture."""
     return lambda source: Legend(f"{unit}, exposed by {source.exposure:+.1f} stops{words}", unit=unit)
 
 
 def first(texture: Texture, components: int = 3) -> Callable[[ViewSource, int, int], np.ndarray]:
-    """Return how the first components of a texel are read."""
+    """Return a function that reads the first components of a texel."""
     return lambda source, x, y: texel(texture(source.view), x, y)[:components]
 
 
@@ -56,7 +56,7 @@ def mean_of(sums: np.ndarray) -> np.ndarray:
 
 
 def irradiance_at(view: View, x: int, y: int) -> np.ndarray:
-    """Return (3,) irradiance in W/m² that the picture shows at pixel (x, y) of the view; 0 where no record contributes."""
+    """Return (3,) the picture's indirect irradiance in W/m² at pixel (x, y) of the view; 0 if no record contributes."""
     return mean_of(texel(view.sums, x, y))
 
 
@@ -64,7 +64,10 @@ def irradiance_at(view: View, x: int, y: int) -> np.ndarray:
 
 
 def radiance(name: str, texture: Texture, covers_unseen: Callable[[View], bool] = lambda view: True) -> ShownBuffer:
-    """Show radiance, exposed and tone-mapped as the picture is; the backdrop's where the texture does not cover unseen pixels."""
+    """Show radiance with the exposure and the tone mapping of the picture.
+
+    covers_unseen: a call that returns True if the texture also covers pixels without a surface. Else they show the backdrop.
+    """
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         view = source.view
@@ -75,7 +78,7 @@ def radiance(name: str, texture: Texture, covers_unseen: Callable[[View], bool] 
 
 
 def image() -> ShownBuffer:
-    """Show the picture, before its backdrop."""
+    """Show the picture in front of its backdrop."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         view = source.view
@@ -88,7 +91,7 @@ def image() -> ShownBuffer:
 
 
 def indirect() -> ShownBuffer:
-    """Show indirect radiance: the mean of all samples, or, of the one at the centre, albedo/π times the irradiance there."""
+    """Show indirect radiance: the mean over a pixel's samples; with one sample at its centre, albedo/π times the irradiance."""
     mean = radiance("indirect", lambda view: view.indirect or view.sums)
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
@@ -121,15 +124,16 @@ def irradiance(
     more: Callable[[ViewSource], str] = lambda source: "",
     needs_reference: bool = False,
 ) -> ShownBuffer:
-    """Show irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k.
+    """Show irradiance as the radiance of a white surface, so that it compares with the picture.
 
-    texture: None before it is made, when the legend is `missing`. more: further words for the legend.
+    texture: a call that returns the texture of Σ k·E and Σ k, or None before it is made; the legend is then `missing`. more: a
+    call that returns further words for the legend.
     """
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         found = texture(source)
         if found is None:
-            _draw_requests(canvas, source, _NO_TOLERANCE)  # the dim picture
+            _draw_requests(canvas, source, _NO_TOLERANCE)  # draw the dim picture
         else:
             canvas.picture(source, "irradiance", found, gain=source.gain)
 
@@ -147,7 +151,7 @@ def irradiance(
 
 
 def light() -> ShownBuffer:
-    """Show irradiance or illuminance by the scale that the user has set, whatever the surface reflects."""
+    """Show irradiance or illuminance by the user's scale, independently of the surface's reflectance."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         scale, (low, high) = source.light_scale, source.light_scale.ends
@@ -178,7 +182,7 @@ def light() -> ShownBuffer:
 
 
 def error() -> ShownBuffer:
-    """Show the error against the reference, in the colours of `irrsplat verify`."""
+    """Show the error of irradiance against the reference, in the colours of `irrsplat verify`."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         reference = source.reference
@@ -211,7 +215,7 @@ def error() -> ShownBuffer:
 
 
 def weight() -> ShownBuffer:
-    """Show Σw on a logarithmic scale, with the contour of the threshold."""
+    """Show the sum of weights Σw on a logarithmic scale, with the contour of the threshold."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = weight_range(source.settings)
@@ -228,7 +232,7 @@ def weight() -> ShownBuffer:
 
 
 def requests() -> ShownBuffer:
-    """Show the pixels that request a record, orange over the dim picture; the value is Σw."""
+    """Show the pixels that request a record in orange over the dim picture. The value is Σw."""
 
     def legend(source: ViewSource) -> Legend:
         settings = source.settings
@@ -243,14 +247,14 @@ def requests() -> ShownBuffer:
 
 
 def weight_range(settings: Settings) -> tuple[float, float]:
-    """Return the ends of the logarithmic scale of Σw; the threshold lies inside."""
+    """Return the ends of the logarithmic scale of Σw. The threshold lies between them."""
     least, threshold = 1.0 / settings.a, settings.threshold
     low, high = 0.5 * least, _DECADES * least
     return (min(low, 0.5 * threshold) if threshold > 0.0 else low), max(high, 2.0 * threshold)
 
 
 def _draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None:
-    """Draw the picture dim and grey, and orange over it the pixels that request a record at this tolerance."""
+    """Draw the picture dim and grey, and over it in orange the pixels that request a record at this tolerance."""
     splats = source.view.splats
     canvas.picture(
         source,
@@ -269,7 +273,7 @@ def _draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None
 
 
 def share(name: str, texture: Texture, text: str, components: int = 3, everywhere: bool = False) -> ShownBuffer:
-    """Show values 0..1, sRGB encoded. text: of the legend."""
+    """Show values 0..1, sRGB encoded. text: the text of the legend. everywhere: see ShownBuffer."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         canvas.picture(source, "unit", texture(source.view), grey=components == 1)
@@ -278,7 +282,7 @@ def share(name: str, texture: Texture, text: str, components: int = 3, everywher
 
 
 def normal(name: str, title: str, texture: Texture) -> ShownBuffer:
-    """Show unit vectors, x y z as red, green and blue from -1 to 1."""
+    """Show unit vectors: x, y and z from -1 to 1 as red, green and blue."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         canvas.picture(source, "range", texture(source.view), low=np.full(3, -1.0), high=np.ones(3))
@@ -287,7 +291,7 @@ def normal(name: str, title: str, texture: Texture) -> ShownBuffer:
 
 
 def position() -> ShownBuffer:
-    """Show positions, x y z as red, green and blue through the bounds of the scene."""
+    """Show positions: x, y and z within the bounds of the scene as red, green and blue."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = source.scene.bounds
@@ -302,7 +306,7 @@ def position() -> ShownBuffer:
 
 
 def depth() -> ShownBuffer:
-    """Show the distance along the view axis, which the position's texels hold as their fourth component."""
+    """Show the distance along the view axis, the fourth component of the position's texels, in metres."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         low, high = _depth_range(source.scene, source.view.camera)
@@ -329,7 +333,10 @@ _GAP = 2.0  # pixels between tiles
 
 
 def tile_uniforms(size: tuple[int, int], count: int, cell: tuple[float, float], columns: int) -> dict[str, Any]:
-    """Return the uniforms of tiles.glsl by which `count` tiles of `cell` texels are largest in a target of `size`, centred."""
+    """Return the uniforms of tiles.glsl for `count` tiles of `cell` texels, as large as possible and centred in a target.
+
+    size: of the target in pixels. columns: tiles per row of the texture.
+    """
     per_row = np.arange(1, max(count, 1) + 1)
     rows = -(-max(count, 1) // per_row)
     pixels = np.minimum((size[0] - _GAP * (per_row - 1)) / (per_row * cell[0]), (size[1] - _GAP * (rows - 1)) / (rows * cell[1]))
@@ -341,8 +348,10 @@ def tile_uniforms(size: tuple[int, int], count: int, cell: tuple[float, float], 
 
 
 def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
-    """Draw the cells of an atlas, radiance times `gain`. A texel that hits nothing shows the sky, of these uniforms of
-    shaders/lighting/sky.glsl."""
+    """Draw the cells of an atlas, radiance times `gain`. A texel whose ray misses all surfaces shows the sky.
+
+    sky: the uniforms of shaders/lighting/sky.glsl.
+    """
     canvas.programs("viewer/buffers/gather_atlas", defines=sky_defines(sky))(
         canvas.target,
         scissor=canvas.region,
@@ -378,7 +387,7 @@ def shadow_maps() -> ShownBuffer:
         if shadows is None:
             return canvas.blank()
         side, columns, _ = shadows.layout
-        count = int(shadows.table.reshape(-1, 8, 4)[:, 1, 3].round().sum())  # as shaders/lighting/lights.glsl has it
+        count = int(shadows.table.reshape(-1, 8, 4)[:, 1, 3].round().sum())  # see shaders/lighting/lights.glsl
         canvas.programs("viewer/buffers/shadow_maps")(
             canvas.target,
             scissor=canvas.region,

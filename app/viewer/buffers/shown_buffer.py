@@ -23,10 +23,10 @@ from irrsplat.settings import Settings
 
 @dataclass(frozen=True)
 class Legend:
-    """The legend of a picture: `text`, and its scale from `low` to `high` in `unit`, as they are printed.
+    """The legend of a picture: `text`, and the printed ends `low` and `high` of its scale in `unit`.
 
-    colours: (N, 3) display colours 0..1 from low to high, None where there is no colour scale. mark: the position 0..1 on the
-    scale of what the text calls the threshold, None for no mark.
+    colours: (N, 3) display colours 0..1 from low to high, None for no colour scale. mark: the position 0..1 of the threshold on
+    the scale, None for no mark.
     """
 
     text: str
@@ -38,18 +38,18 @@ class Legend:
 
 
 def colour_map() -> np.ndarray:
-    """(64, 3) display colours of the viridis map, for the scale of a legend."""
+    """Return (64, 3) display colours of the viridis map, for the scale of a legend."""
     return viridis(np.linspace(0.0, 1.0, 64))
 
 
-GROUND = (0.11, 0.11, 0.12)  # display colour where a buffer has nothing to show
+GROUND = (0.11, 0.11, 0.12)  # display colour of pixels without a value
 
 Uniform = moderngl.Texture | np.ndarray | tuple[float, ...] | float | bool
 
 
 @dataclass(frozen=True, eq=False)
 class Identity:
-    """Something that is equal to itself alone: for a memo's inputs, where a new object may have the handles of the old one."""
+    """An object that equals only itself, among a memo's inputs. A new object may have the GPU handles of a released one."""
 
     thing: object
 
@@ -64,15 +64,15 @@ class Identity:
 class ViewSource:
     """A renderer's view on one side of the window, exposed by `exposure` stops.
 
-    reference: path-traced, of this view; None for none. light_scale: of false colours, with a known upper end.
-    origin: world space; the view's positions are relative to it.
+    reference: the path-traced reference of this view; None for none. light_scale: the scale of false colours, with a known upper
+    end. origin: a point in world space; the view's positions are relative to it, in metres.
     """
 
     renderer: Renderer
     view: View
     exposure: float
     reference: TracedReference | None = None
-    light_scale: LightScale = LightScale()  # it is frozen
+    light_scale: LightScale = LightScale()  # frozen, so safe as a default
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
@@ -85,7 +85,7 @@ class ViewSource:
 
     @property
     def inputs(self) -> object:
-        """The inputs of all its buffers, for a memo; compared by ==."""
+        """The inputs of all buffers of the view, for a memo, which compares them by ==."""
         return Identity(self.view), self.settings, self.exposure
 
     @property
@@ -96,14 +96,14 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """A target or a `region` of it for a buffer, with programs."""
+    """The target of a buffer, or a `region` of the target, with the programs that draw into it."""
 
     target: Target
     programs: Programs
     region: Region | None = None
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
-        """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
+        """Draw with shaders/viewer/buffers/`fragment`.frag. It colours each pixel of the view by its texel of `values`."""
         program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))
         gbuffer = source.view.gbuffer
         given: dict[str, Any] = {
@@ -120,7 +120,7 @@ class Canvas:
 
 
 def depth_at(source: ViewSource, x: int, y: int) -> float | None:
-    """The depth in metres at pixel (x, y) of the view, 0 where nothing is seen; None outside of it."""
+    """Return the depth in metres at pixel (x, y) of the view, 0 without a surface; None outside of the view."""
     position = source.view.gbuffer.position
     if not (0 <= x < position.width and 0 <= y < position.height):
         return None
@@ -129,13 +129,14 @@ def depth_at(source: ViewSource, x: int, y: int) -> float | None:
 
 @dataclass(frozen=True)
 class ShownBuffer:
-    """A buffer that the viewer can show, an entry of table.BUFFERS; kinds.py makes them.
+    """A buffer that the viewer can show: an entry of table.BUFFERS, made by kinds.py.
 
-    name: as in core.buffers.CHANNELS where it is one of those. title: in menu, legend and help. help: one line for the tooltip.
-    draw: over a whole canvas. read: its 1 or 3 numbers at a pixel of the view, in the legend's unit; None where it has none.
-    everywhere: True if it has numbers where the camera sees nothing, too. in_view: True if its pixels are those of the view, so
-    that records and edges can be marked over it. needs_reference: True if the path tracer has to find it first. state: its inputs
-    apart from view and settings, for a memo; compared by ==.
+    name: the channel's name in core.buffers.CHANNELS, if the buffer is a channel. title: the text in menu, legend and help. help:
+    one line for the tooltip. draw: a call that fills a whole canvas. legend: a call that returns the legend. read: a call that
+    returns the 1 or 3 numbers at a pixel of the view, in the legend's unit, or None for no value. everywhere: True if the buffer
+    also has numbers at pixels without a surface. in_view: True if its pixels are the pixels of the view, so that records and
+    edges can be marked over it. needs_reference: True if it needs a path-traced reference. state: a call that returns the inputs
+    apart from view and settings, for a memo, which compares them by ==.
     """
 
     name: str
@@ -150,6 +151,6 @@ class ShownBuffer:
     state: Callable[[ViewSource], object] = lambda source: None
 
     def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
-        """Return its numbers at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
+        """Return the buffer's numbers at pixel (x, y) of the view; None for no value. (0, 0) is the upper left pixel."""
         depth = depth_at(source, x, y)
         return None if depth is None or (depth == 0.0 and not self.everywhere) else self.read(source, x, y)

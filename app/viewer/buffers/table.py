@@ -1,7 +1,7 @@
-"""The table of all buffers that the viewer can show: its keys, menu, legends, values and help come from here.
+"""The table of all buffers that the viewer can show. Their keys, menu, legends, values and help result from it.
 
-A further buffer is one more entry, of a kind in kinds.py or of one of its own (with its shader, where none of those in
-shaders/viewer/buffers/ will do).
+A further buffer is one more entry: of a kind in kinds.py, or of a new kind. A new kind may need a new shader in
+shaders/viewer/buffers/.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         kinds.shadow_maps(),
         kinds.gather_atlas(),
         kinds.light(),
-        # the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's
+        # the mean over a pixel's samples; with one sample at its centre, the emission of the surface or the backdrop there
         kinds.radiance("emission", lambda view: view.emission or view.gbuffer.emission, lambda view: view.emission is not None),
         kinds.normal("smooth_normal", "smooth normal", lambda view: view.gbuffer.normal),
         kinds.irradiance(

@@ -15,21 +15,21 @@ from irrsplat.app.viewer.view_options import point_of
 from irrsplat.scene.model import Light
 
 Kind = Literal["point", "spot", "directional"]
-_MOST = 300  # states to undo
-_NEARER = 0.3  # of the way from what is looked at to the eye: where a new light is put
-_CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
+_MOST = 300  # the most states that undo keeps
+_NEARER = 0.3  # share of the way from the focus to the eye: the place of a new light
+_CUTOFF, _INNER = 35.0, 25.0  # degrees: the half angles of a new spot
 
 
 class Editor:
-    """Edits the scene of a session. mesh: the number of the picked object. light: that of the picked light.
+    """The editor of a session's scene. mesh: the number of the picked object. light: the number of the picked light.
 
-    What is changed shows at once; a step to undo is all that has changed between two moments of rest. handles_used:
-    whether the mouse is on the handles in the picture, dragging: whether it moves them, both as the interface says each frame.
+    Each change shows at once. An undo step covers all changes between two calls of `settle`. handles_used: True if the mouse is
+    on the handles in the picture. dragging: True if the mouse moves the handles. The interface sets both in each frame.
     """
 
     def __init__(self, session: Session) -> None:
         self.session, self.loaded = session, session.scene
-        self.edit = self.saved = SceneEdit.of(session.scene)  # saved: as a file has it
+        self.edit = self.saved = SceneEdit.of(session.scene)  # saved: the edit in the last written file
         self.present, self.past, self.future = self.edit, list[SceneEdit](), list[SceneEdit]()  # states to undo and redo
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
@@ -44,12 +44,14 @@ class Editor:
 
     @property
     def unsaved(self) -> bool:
-        """True if no file has the scene as it is now."""
+        """True if no file holds the present state of the scene."""
         return self.edit != self.saved
 
     def apply(self, edit: SceneEdit) -> None:
-        """Show another edit; it becomes a step at the next moment of rest. Raises InputError, and changes nothing, where the
-        scene cannot be so."""
+        """Show another edit. It becomes an undo step at the next `settle`.
+
+        Raises InputError, and changes nothing, if the edit makes an invalid scene.
+        """
         if edit == self.edit:
             return
         self.session.pose(self._scenes.scene(edit))
@@ -59,7 +61,7 @@ class Editor:
             self.light = len(edit.lights) - 1 if edit.lights else None
 
     def settle(self) -> None:
-        """A moment of rest: what has changed since the last one is one step."""
+        """Make one undo step of all changes since the last call."""
         if self.edit != self.present:
             self.past, self.future = [*self.past, self.present][-_MOST:], []
             self.present = self.edit
@@ -93,8 +95,10 @@ class Editor:
         self.apply(self.edit.with_light(number, edited))
 
     def add_light(self, kind: Kind) -> None:
-        """Add a light between the eye and what it looks at, and pick it. It is so bright that this is lit as well as the exposure
-        is now for. Raises InputError for too many lights."""
+        """Add a light between the eye and the focus, and pick it. Its intensity suits the present exposure at the focus.
+
+        Raises InputError for too many lights.
+        """
         session = self.session
         eye, focus = np.asarray(session.camera.eye), np.asarray(session.focus)
         place = point_of(focus + _NEARER * (eye - focus))
@@ -118,7 +122,7 @@ class Editor:
     # ---- objects ---------------------------------------------------------------------------------------------------
 
     def set_object(self, number: int, edit: ObjectEdit) -> None:
-        """Change a mesh. Raises InputError for a material by which it would be drawn otherwise."""
+        """Change a mesh. Raises InputError for a material that needs another way of drawing."""
         self.apply(self.edit.with_object(number, edit))
 
     def hide(self, number: int, hidden: bool = True) -> None:

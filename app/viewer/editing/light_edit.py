@@ -13,11 +13,12 @@ from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Light, Mesh
 
-COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin, the range of the slider
+COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
 _REC_709 = np.array(  # from CIE XYZ, white D65 (IEC 61966-2-1)
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
 )
-# Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications": x by 1000/T, and y by x
+# CIE chromaticity of a black body (Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications"):
+# polynomials for x in 1000/T, and for y in x
 _X_BELOW_4000, _X_ABOVE = (-0.2661239, -0.2343589, 0.8776956, 0.179910), (-3.0258469, 2.1070379, 0.2226347, 0.240390)
 _Y_BELOW_2222, _Y_BELOW_4000 = (
     (-1.1063814, -1.34811020, 2.18555832, -0.20219683),
@@ -28,8 +29,10 @@ _Y_ABOVE = (3.0817580, -5.87338670, 3.75112997, -0.37001483)
 
 @lru_cache(maxsize=1024)
 def blackbody(kelvin: float) -> tuple[float, float, float]:
-    """The linear Rec. 709 colour of a black body of this temperature, its luminance 1; the nearest there is where it is redder
-    than Rec. 709 has colours for (below about 1900 K)."""
+    """Return the linear Rec. 709 colour of a black body of this temperature, with luminance 1.
+
+    Below about 1900 K the colour is outside of the Rec. 709 gamut. Its negative components then become 0.
+    """
     x = float(np.polyval(_X_BELOW_4000 if kelvin <= 4000.0 else _X_ABOVE, 1000.0 / kelvin))
     y = float(np.polyval(_Y_BELOW_2222 if kelvin <= 2222.0 else _Y_BELOW_4000 if kelvin <= 4000.0 else _Y_ABOVE, x))
     color = np.maximum(_REC_709 @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
@@ -43,10 +46,10 @@ def light_name(light: Light, number: int) -> str:
 
 @dataclass(frozen=True)
 class LightEdit:
-    """A light of the scene as it is set: `light` with its full colour, brighter by `stops`, or off.
+    """The edited state of a light: `light` with its full colour, brighter by `stops`, or off.
 
-    loaded: the light as the scene's files have it, or as it was added. kelvin: the temperature by which it has its colour; None:
-    it has one of its own.
+    loaded: the light of the scene's files, or the light as it was added. on: False if it is off. kelvin: the temperature that
+    gives its colour; None for a light with a colour of its own.
     """
 
     light: Light
@@ -82,18 +85,18 @@ class LightEdit:
         return replace(self, light=replace(self.light, color=color), kelvin=None)
 
     def heated(self, kelvin: float) -> LightEdit:
-        """Return the light in the colour of a black body, with the same luminance."""
+        """Return the light in the colour of a black body, with unchanged luminance."""
         luminance = float(LUMINANCE @ np.asarray(self.light.color))
         red, green, blue = blackbody(kelvin)
         color = red * luminance, green * luminance, blue * luminance
         return replace(self, light=replace(self.light, color=color), kelvin=kelvin)
 
     def coned(self, cutoff: float, inner: float) -> LightEdit:
-        """The spot with another cone: half angles in degrees, the inner one at most the outer one."""
+        """Return the spot with another cone. The half angles are in degrees; the inner one is clamped to the outer one."""
         return replace(self, light=replace(self.light, spot_cutoff=cutoff, spot_inner=min(inner, cutoff)))
 
 
-WORDS = {  # of each unit: the quantity, and its radiometric unit
+WORDS = {  # by unit: the quantity, and its radiometric unit
     "lumen": ("luminous flux", "W"),
     "candela": ("luminous intensity; of a spot on its axis, of a luminaire the greatest", "W/sr"),
     "lux": ("illuminance of a surface that faces the light", "W/m²"),

@@ -9,7 +9,7 @@ from irrsplat.scene.model import Camera, Scene
 
 
 def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
-    """Return (N,) the numbers of the meshes that have these triangles (N,), as they are numbered for drawing; -1 for none."""
+    """Return (N,) the number of the mesh of each triangle, -1 for none. triangles: (N,) numbers in the order of drawing."""
     numbers = np.array([*order(scene), -1])
     ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers[:-1]])
     found: np.ndarray = np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
@@ -26,7 +26,7 @@ def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, flo
 
 
 def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, float]) -> tuple[int, int] | None:
-    """Return the pixel of a picture that a world point lies in; None outside."""
+    """Return the pixel of a picture that contains a world point; None for a point outside of the picture."""
     place = on_screen(camera, size, point)
     inside = place is not None and all(0.0 <= at < most for at, most in zip(place, size, strict=True))
     return (int(place[0]), int(place[1])) if place is not None and inside else None

@@ -1,4 +1,4 @@
-"""The changes of a scene as a value: lights, and places, materials and visibility of objects."""
+"""The changes of a scene as a value: its lights, and the places, materials and visibility of its objects."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from irrsplat.core.vectors import box
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
 
-_POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
+_POLE = 1e-6  # cosine of the angle about y: below it, the angles about x and z turn about one axis
 
 
 @dataclass(frozen=True)
 class ObjectEdit:
     """The changes of a mesh.
 
-    offset: metres that it has gone. turn: degrees about the world's x, then y, then z, through the middle of its bounding box.
-    albedo, emission: in place of those of its material; None: its own.
+    offset: its translation in metres. turn: degrees about the world's x, then y, then z, through the middle of its bounding box.
+    albedo, emission: the values that replace those of its material; None keeps its own value.
     """
 
     offset: Point = (0.0, 0.0, 0.0)
@@ -31,7 +31,7 @@ class ObjectEdit:
     hidden: bool = False
 
     def matrix(self, pivot: np.ndarray) -> np.ndarray:
-        """(4, 4) from where the mesh was loaded to where it is; pivot: (3,) the middle of its box as it was loaded."""
+        """Return (4, 4) from the loaded place of the mesh to its present one. pivot: (3,) the middle of its loaded box."""
         matrix = np.eye(4)
         matrix[:3, :3] = rotation(self.turn)
         matrix[:3, 3] = pivot + self.offset - matrix[:3, :3] @ pivot
@@ -39,7 +39,7 @@ class ObjectEdit:
 
     @property
     def stays(self) -> bool:
-        """True if it is at its original place."""
+        """True if the mesh is at its loaded place."""
         return not any(self.offset) and not any(self.turn)
 
 
@@ -48,7 +48,7 @@ AS_LOADED = ObjectEdit()
 
 @dataclass(frozen=True)
 class SceneEdit:
-    """A scene's lights, and what is changed about each of its meshes."""
+    """The lights of a scene, and the changes of each of its meshes."""
 
     lights: tuple[LightEdit, ...]
     objects: tuple[ObjectEdit, ...]
@@ -65,7 +65,7 @@ class SceneEdit:
 
 
 def rotation(turn: Point) -> np.ndarray:
-    """Return (3, 3) that turns by degrees about x, then y, then z."""
+    """Return the (3, 3) rotation by degrees about x, then y, then z."""
     (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
     about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
@@ -75,7 +75,7 @@ def rotation(turn: Point) -> np.ndarray:
 
 
 def angles(matrix: np.ndarray) -> Point:
-    """Return the degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
+    """Return the degrees about x, then y, then z of a (3, 3) rotation: the inverse of `rotation`."""
     level = math.hypot(matrix[0, 0], matrix[1, 0])
     y = math.atan2(-matrix[2, 0], level)
     if level < _POLE:
@@ -91,15 +91,15 @@ def bounds_of(mesh: Mesh) -> np.ndarray:
 
 
 class EditedScene:
-    """Makes the scene of an edit. A mesh that stays as it was is the same object, so that nobody takes it for another one."""
+    """The scenes of edits. An unchanged mesh stays one object, since renderers compare meshes by identity."""
 
     def __init__(self, loaded: Scene) -> None:
         self.loaded = loaded
         self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
-        self._meshes = loaded.meshes  # of the last scene
+        self._meshes = loaded.meshes  # the meshes of the last scene
 
     def scene(self, edit: SceneEdit) -> Scene:
-        """Return the scene after an edit. Raises InputError where a mesh would go beyond what 32-bit floats hold."""
+        """Return the scene after an edit. Raises InputError if a mesh would leave the range of 32-bit floats."""
         meshes = tuple(self._mesh(i, one) for i, one in enumerate(edit.objects))
         if all(a is b for a, b in zip(meshes, self._meshes, strict=True)):
             meshes = self._meshes
@@ -125,7 +125,7 @@ class EditedScene:
             material = replace(material, emission=edit.emission)
         if mesh.material != material:
             mesh = replace(mesh, material=material)
-        if edit.hidden:  # in the middle of the scene, which becomes no larger
+        if edit.hidden:  # at the middle of the scene, so that the scene's bounds do not grow
             mesh = hidden(mesh, self.loaded.bounds.mean(0))
         self._made[number] = edit, mesh
         return mesh

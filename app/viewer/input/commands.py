@@ -1,4 +1,4 @@
-"""The table of all actions of the viewer: menus, keys, the command palette, F1 and docs/reference.md are made from it."""
+"""The table of all actions of the viewer. Menus, keys, the command palette, F1 and docs/reference.md are made from it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ class Command:
     """One action of the user.
 
     menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions, called with `argument`, if any.
-    key: the name of a key as moderngl-window has it, "" for none; ctrl, shift: pressed with Ctrl or Shift.
+    key: moderngl-window's name of a key, "" for none. ctrl, shift: True if the key is pressed with Ctrl or Shift.
     enabled: a property of Actions that is True while the action can run; "" for always. help: further words.
-    extra: of the package, that it needs; a key of EXTRAS. section: True if a line divides it from the entry above.
+    extra: the extra of the package that the action needs, a key of EXTRAS. section: True if a line separates it from the entry
+    above.
     """
 
     menu: str
@@ -35,7 +36,7 @@ class Command:
 
     @property
     def shown(self) -> str:
-        """The key as a user reads it, such as ``Ctrl+F12``; "" where there is none."""
+        """The text of the key for the user, such as ``Ctrl+F12``; "" for an action without a key."""
         name = self.key.removeprefix("NUMBER_")
         word = _WORDS.get(self.key, name.title() if len(name) > 3 else name)
         return "Ctrl+" * self.ctrl + "Shift+" * self.shift + word
@@ -45,10 +46,10 @@ class Command:
         return f"{self.title}: {self.help}" if self.help else self.title
 
 
-EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # a module of each, and how it is installed
+EXTRAS = {"reference": ("mitsuba", worker.INSTALL), "video": ("av", video.INSTALL)}  # by extra: module, install command
 MENUS = ("File", "Edit", "View", "Render", "Compare", "Window", "Help")
 _WORDS = {"MINUS": "-", "EQUAL": "=", "ESCAPE": "Esc", "TAB": "Tab"}
-_NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # of the first buffers
+_NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # the keys of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
     Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene or a path"),
@@ -127,7 +128,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     menu: tuple(one for one in KEYS if one.menu == menu) for menu in dict.fromkeys(one.menu for one in KEYS)
 }
 
-FLYING = (  # what is held, not pressed
+FLYING = (  # mouse buttons and keys that the user holds or drags, and their effects
     ("right mouse", "hold and move to look"),
     ("W A S D, E Q", "fly; up and down"),
     ("Shift, Alt", "fast, slow; no shortcut works in flight"),
@@ -138,7 +139,7 @@ FLYING = (  # what is held, not pressed
 
 
 def of_key(keys: object, key: object, ctrl: bool, shift: bool = False) -> Command | None:
-    """Return the action of the window's key number `key`, with Ctrl and Shift or without; None where there is none.
+    """Return the action of the window's key number `key`, with or without Ctrl and Shift; None for a key without an action.
 
     keys: moderngl-window's names of the keys.
     """

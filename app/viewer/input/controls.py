@@ -1,4 +1,4 @@
-"""The effects of the window's events: flight, look, orbit and keys, unless they are for the interface."""
+"""The effects of the window's events: flight, camera turns, orbit and keys, unless the interface takes the event."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 
 Dragged = Literal["", "view", "divider", "line", "orbit"]
-LEFT, RIGHT = 1, 2  # mouse buttons, as moderngl-window numbers them
-_GRIP = 6.0  # window coordinates on both sides of the divider that grab it
-_CLICK = 3.0  # window coordinates that the mouse may move in a click
+LEFT, RIGHT = 1, 2  # moderngl-window's numbers of mouse buttons
+_GRIP = 6.0  # window coordinates on both sides of the divider: a press there grabs the divider
+_CLICK = 3.0  # window coordinates: the greatest motion of the mouse in a click
 _PACE = 4.0  # factor on the speed of flight: Shift multiplies by it, Alt divides by it
 _FLYING = "WASDEQ"
-_NOWHERE = (-1.0, -1.0)  # the mouse before its first event
+_NOWHERE = (-1.0, -1.0)  # the position of the mouse before its first event
 _RIGHT_CTRL = 345  # glfw's number; moderngl-window has no name for it
 _ALT = (342, 346)  # glfw's numbers of the left and the right key; moderngl-window has no names for them
 
 
 class Controls:
-    """Takes the events of `wnd`, in moderngl-window's names and window coordinates.
+    """The handlers of the events of `wnd`, with moderngl-window's names and window coordinates.
 
-    picture: gives the part of the window that the picture takes: left, top, width, height in pixels.
+    picture: a call that returns the part of the window with the picture: left, top, width, height in pixels.
     """
 
     def __init__(
@@ -41,13 +41,13 @@ class Controls:
         picture: Callable[[], tuple[int, int, int, int]],
     ) -> None:
         self.wnd, self.actions, self.display, self.backend, self.picture = wnd, actions, display, backend, picture
-        self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
-        self.pace = 1.0  # a factor on the speed
+        self.pressed: set[int | str] = set()  # keys that are down, without keys that were pressed for the interface
+        self.pace = 1.0  # a factor on the speed of flight
         self.mouse = _NOWHERE
-        self.dragged: Dragged = ""  # by a mouse button that is down
-        self.pivot = (0.0, 0.0, 0.0)  # of an orbit
+        self.dragged: Dragged = ""  # the object that a pressed mouse button drags
+        self.pivot = (0.0, 0.0, 0.0)  # the world point of an orbit
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
-        self._skip = False  # the next motion is none: the mouse was just captured
+        self._skip = False  # True if the next motion event does not count, since the mouse was just captured
         wnd.key_event_func = self.key
         wnd.unicode_char_entered_func = self.text
         wnd.mouse_position_event_func = wnd.mouse_drag_event_func = self.mouse_moved
@@ -57,7 +57,7 @@ class Controls:
 
     @property
     def looking(self) -> bool:
-        """True while the right mouse button is down: the mouse is captured."""
+        """True while the right mouse button is down, when the mouse is captured and turns the camera."""
         return self.dragged == "view"
 
     @property
@@ -66,7 +66,7 @@ class Controls:
 
     @property
     def pointer(self) -> tuple[int, int] | None:
-        """The pixel under the mouse, from the top left; None where the interface has it, or it is captured or outside."""
+        """The pixel under the mouse, from the top left; None if the mouse is over the interface, captured or outside."""
         if self.backend.wants_mouse or self.looking:
             return None
         left, top, width, height = self.picture()
@@ -85,21 +85,21 @@ class Controls:
         return any(getattr(self.wnd.keys, name) in self.pressed for name in _FLYING)
 
     def fly(self, dt: float) -> None:
-        """Move the camera by the keys that are down, for `dt` seconds."""
+        """Move the camera for `dt` seconds by the keys that are down."""
         names = self.wnd.keys
         right, up, ahead = (
             float(getattr(names, plus) in self.pressed) - float(getattr(names, minus) in self.pressed)
             for plus, minus in (("D", "A"), ("E", "Q"), ("W", "S"))
         )
         if self.backend.wants_keyboard:
-            self.pressed.clear()  # what is typed from now on is the interface's, until a key is pressed anew
+            self.pressed.clear()  # the interface takes all keys from now on; a key flies again when it is pressed again
         elif right or up or ahead:
             self.actions.stop()
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
 
     @property
     def _per_pixel(self) -> float:
-        """Radians that the view turns for a motion of one window coordinate: what is grabbed stays under the mouse."""
+        """Radians by which a motion of one window coordinate turns the view. The grabbed point stays under the mouse."""
         return float(np.radians(self.session.camera.fov)) * self.wnd.pixel_ratio / max(self.session.size[1], 1)
 
     def _capture(self, on: bool) -> None:
@@ -120,7 +120,7 @@ class Controls:
 
     def key(self, key: int | str, action: object, modifiers: KeyModifiers) -> None:
         names, down = self.wnd.keys, action != self.wnd.keys.ACTION_RELEASE
-        # the modifiers that come with such a key's own event may be those before it (X11), or after it
+        # in a modifier key's own event, `modifiers` is the state before it (X11) or after it
         shift = down if key in (names.LEFT_SHIFT, names.RIGHT_SHIFT) else modifiers.shift
         ctrl = down if key in (names.LEFT_CTRL, _RIGHT_CTRL) else modifiers.ctrl
         alt = down if key in _ALT else modifiers.alt
@@ -137,7 +137,7 @@ class Controls:
         flying = self.looking or self.flies
         found = commands.of_key(names, key, bool(ctrl), bool(shift))
         if flying and found is not None and found.action != "escape":
-            found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
+            found = None  # one hand is on the flying keys, and a slip must not quit or open a dialog
         if found is None or not ctrl:  # a letter pressed with Ctrl does not fly
             self.pressed.add(key)
         if found is not None:
@@ -166,17 +166,17 @@ class Controls:
         elif self.dragged == "line" and self.travelled > _CLICK:
             self._draw_line()
         elif self.dragged == "orbit" and self.actions.editor.dragging:
-            self.dragged = ""  # the handles have it
+            self.dragged = ""  # the handles take the drag
         elif self.dragged == "orbit" and self.travelled > _CLICK:
             self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
-        """A mouse button went down at the position of the last motion event.
+        """Begin a drag or a click at the position of the last motion event.
 
-        glfw gives x and y of the cursor at the time of the call, which may lie later than the event: a slow frame
-        delays the call. The motion events before this event carry the right position.
+        glfw passes the x and y of the cursor at the time of the call. A slow frame delays the call, so that x and y may be later
+        than the event. The motion events before this event carry the right position.
         """
-        if self.looking:  # a captured mouse points at nothing
+        if self.looking:  # a captured mouse has no position in the window
             return
         if self.mouse == _NOWHERE:
             self.mouse = (x, y)
@@ -220,7 +220,7 @@ class Controls:
         self.actions.pick(pixel, self.display.mesh_at(pixel), self.wnd.pixel_ratio)
 
     def _draw_line(self, begin: bool = False) -> None:
-        """Put the end of the line to measure along where the mouse is; begin: both ends."""
+        """Put the end of the measuring line at the mouse. begin: True if both ends are put there."""
         point = self.display.point_at(self.pointer)
         options = self.session.options
         if point is not None:
@@ -243,12 +243,12 @@ class Controls:
     # ---- the window ------------------------------------------------------------------------------------------------
 
     def files_dropped(self, paths: list[str]) -> None:
-        """Open the first of the files that were dropped on the window; a notice names it where there are several."""
+        """Open the first of the files that were dropped on the window. A notice names it if there are several."""
         if paths and self.actions.attempt(lambda: self.actions.open(paths[0])) and len(paths) > 1:
             self.actions.say(f"{len(paths)} files were dropped; {os.path.basename(paths[0])} is opened, one at a time")
 
     def focus_changed(self, focused: bool) -> None:
-        """The window gained or lost the keyboard: no key or button counts as down any more, for its release is never seen."""
+        """Release all keys and buttons when the window gains or loses the keyboard: their release events go elsewhere."""
         self.pressed.clear()
         self._capture(False)
         self.pace, self.dragged = 1.0, ""

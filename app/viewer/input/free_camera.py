@@ -1,4 +1,4 @@
-"""The free camera: look, flight, orbit and dolly."""
+"""The free camera: turns, flight, orbit and dolly."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
-PITCH = math.radians(89.0)  # the steepest that `look` and `orbit` go, up and down
-STALL = 0.25  # seconds: the longest time step that counts, so that after a stall the camera does not leap through a wall
+PITCH = math.radians(89.0)  # radians: the steepest pitch of `look` and `orbit`, up and down
+STALL = 0.25  # seconds: the longest time step that counts, so that the camera does not leap through a wall after a stall
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
-STEPS = 200.0  # of a wheel in one call; more would overflow
-_AROUND = 1.03  # of the distance at which a box just fits: a little room
-POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
+STEPS = 200.0  # the most steps of a wheel in one call; more steps would overflow
+_AROUND = 1.03  # factor on the distance at which a box just fits, for a margin around it
+POLE = 1e-6  # radians from the world's up: nearer to it, a view's heading is computed from its right instead of its forward
 
 
 class FreeCamera:
-    """A camera that flies, looks and orbits. It always stays valid; where nothing moved, it stays the same object.
+    """A camera that flies, turns and orbits. It always stays valid. Without a motion, `camera` stays one object.
 
-    Lengths in metres, world space, right-handed. Arguments that are not finite, and moves beyond FAR diagonals from the first
-    camera, are ignored. A roll stays until the first look or orbit. camera: the present one; its target lies straight ahead, at
-    the distance of the last pivot. first: the one that `home` goes back to. speed: metres per second.
+    Lengths are in metres; world space is right-handed. Arguments that are not finite are ignored, and so are moves beyond FAR
+    diagonals from the first camera. A roll stays until the first turn or orbit. camera: the present camera; its target lies
+    straight ahead, at the distance of the last pivot. first: the camera to which `home` returns. speed: metres per second.
     """
 
     def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
-        """Start at `camera`. diagonal: the scene's, > 0; it scales the speed. up: the world's up; None: the nearest axis.
+        """Start at `camera`.
 
-        Raises InputError where `up` has no direction.
+        diagonal: the scene's diagonal in metres, > 0, which scales the speed. up: the world's up; None: the axis nearest to the
+        camera's up. Raises InputError if `up` has no direction.
         """
         self.camera = self.first = camera
         self.speed = diagonal / 6.0
@@ -43,20 +44,20 @@ class FreeCamera:
         self._world = upright_axes(up)  # rows east, up and south
 
     def look(self, dx: float, dy: float, per_pixel: float) -> None:
-        """Turn the view by a mouse motion in pixels, right and down positive; per_pixel: radians.
+        """Turn the view by a mouse motion in pixels, right and down positive. per_pixel: radians for one pixel.
 
-        Right and left is about the world's up, up and down ends at ±89°; the view never rolls.
+        The view turns right and left about the world's up. Its pitch ends at ±89°. The view never rolls.
         """
         self._turn(dx * per_pixel, dy * per_pixel)
 
     def orbit(self, pivot: tuple[float, float, float], dx: float, dy: float, per_pixel: float) -> None:
-        """Turn the eye about the world point `pivot`, as `look` turns the view; the pivot keeps its place on the screen."""
+        """Turn the eye about the world point `pivot` by the angles of `look`. The pivot keeps its place on the screen."""
         self._turn(dx * per_pixel, dy * per_pixel, np.asarray(pivot, float))
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
-        """Fly for `seconds` (at most STALL count) by keys, each -1..1; pace: a factor on the speed.
+        """Fly for `seconds` (at most STALL count) by keys, each -1..1. pace: a factor on the speed.
 
-        right and ahead are the view's, up is the world's. Two keys together are no faster than one.
+        right and ahead are directions of the view; up is the world's up. Two keys together are no faster than one.
         """
         axes, keys = self.camera.axes, np.clip([right, up, ahead], -1.0, 1.0)
         way = keys @ np.stack([axes[0], self._world[1], -axes[2]])
@@ -64,15 +65,15 @@ class FreeCamera:
         self._stand(self.camera.eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
 
     def change_speed(self, steps: float) -> None:
-        """Multiply the speed by 1.2 for each step of the wheel; it stays between 1e-3 and 10 diagonals a second."""
+        """Multiply the speed by 1.2 for each step of the wheel. The speed stays between 1e-3 and 10 diagonals a second."""
         factor = 1.2 ** min(max(steps, -STEPS), STEPS)
         if math.isfinite(factor):
             self.speed = min(max(self.speed * factor, 1e-3 * self._diagonal), 10.0 * self._diagonal)
 
     def dolly(self, steps: float, pivot: tuple[float, float, float] | None = None) -> None:
-        """Go towards `pivot` (None: the target), or away where `steps` is negative: each step leaves 9/10 of the distance.
+        """Move towards `pivot` (None: the target), or away from it if `steps` is negative. Each step leaves 9/10 of the distance.
 
-        The least distance is NEAR diagonals; n steps there and n back cancel. The view does not turn.
+        The least distance is NEAR diagonals. n steps towards the pivot and n steps back cancel. The view does not turn.
         """
         about = np.asarray(self.camera.target if pivot is None else pivot, float)
         offset, least = self.camera.eye - about, NEAR * self._diagonal
@@ -83,8 +84,10 @@ class FreeCamera:
         self._stand(about + out * max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least), about=about)
 
     def frame(self, bounds: np.ndarray, aspect: float) -> None:
-        """Go where all of a box is just in the picture, without turning. bounds: (2, 3), its least and greatest corner; aspect:
-        width over height of the picture. The box's middle becomes the target."""
+        """Move, without a turn, so that a box just fits into the picture. The box's middle becomes the target.
+
+        bounds: (2, 3), the least and the greatest corner of the box. aspect: width over height of the picture.
+        """
         corners, axes = np.array(np.meshgrid(*np.asarray(bounds, float).T)).reshape(3, -1).T, self.camera.axes
         middle = corners.mean(0)
         right, up, back = axes @ (corners - middle).T
@@ -96,11 +99,11 @@ class FreeCamera:
         self.go(self.first)
 
     def go(self, camera: Camera) -> None:
-        """Jump to a camera; the world's up and the speed stay."""
+        """Set the camera. The world's up and the speed stay."""
         self.camera = camera
 
     def _turn(self, right: float, down: float, about: np.ndarray | None = None) -> None:
-        """Turn to the right and down by radians, about the eye or the point `about`."""
+        """Turn to the right and down by angles in radians, about the eye or the point `about`."""
         before = self.camera.axes
         yaw, now = _angles(before, self._world)
         pitch = min(max(now - down, -PITCH), PITCH)
@@ -111,7 +114,7 @@ class FreeCamera:
         self._stand(eye if about is None else about - (before @ (about - eye)) @ axes, axes, about)
 
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> None:
-        """Put the camera at `eye`, if it may go there, with `axes` (None: as they are), its target as far as `about`."""
+        """Put the camera at `eye`, if this place is allowed, with `axes` (None: unchanged). Its target is as far as `about`."""
         camera, up = self.camera, self.camera.up if axes is None else point_of(self._world[1])
         if not np.isfinite(eye).all() or (axes is None and np.array_equal(eye, camera.eye)):
             return
@@ -125,12 +128,15 @@ class FreeCamera:
         self.camera = Camera(point_of(eye), point_of(eye - back * reach), up, camera.fov)
 
     def _useful(self, reach: float) -> float:
-        """The distance to the target within the bounds of the scene's size."""
+        """Return the distance to the target, clamped to NEAR and FAR diagonals."""
         return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
 
 
 def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:
-    """(3, 3) rows: right, up and backward of the level view; yaw turns right from north, pitch up from level, radians."""
+    """Return (3, 3) rows: right, up and backward of a view without roll.
+
+    yaw: radians to the right of north. pitch: radians above the horizon.
+    """
     (sin_y, cos_y), (sin_p, cos_p) = ((math.sin(a), math.cos(a)) for a in (yaw, pitch))
     right = np.array([cos_y, 0.0, sin_y])
     backward = np.array([-cos_p * sin_y, -sin_p, cos_p * cos_y])
@@ -139,7 +145,10 @@ def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:
 
 
 def _angles(axes: np.ndarray, world: np.ndarray) -> tuple[float, float]:
-    """Yaw and pitch in radians of a view by its axes, as `_axes` takes them; straight up or down, its right says the heading."""
+    """Return yaw and pitch in radians of a view by its axes: the inverse of `_axes`.
+
+    If the view points straight up or down, the yaw results from its right axis.
+    """
     east, up, south = world @ -axes[2]
     level = math.hypot(east, south)
     if level < POLE:

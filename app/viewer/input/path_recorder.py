@@ -6,24 +6,25 @@ from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
 
 FPS = 30.0  # frames a second of a path
-KEY_EVERY = 0.2  # seconds between the keys of a recorded one
+KEY_EVERY = 0.2  # seconds between the keys of a recorded path
 
 
 class PathRecorder:
-    """Records one path at a time, and plays it.
+    """The recorder and player of one path at a time.
 
-    path: the one recorded or opened last. playing: seconds into it, None while it does not play. recording: its keys so far.
+    path: the path that was recorded or opened last. playing: seconds since its start, None while it does not play. recording: the
+    keys of the recording so far, None without a recording.
     """
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path
         self.playing: float | None = None
         self.recording: list[Camera] | None = None
-        self._recorded = 0.0  # seconds that the recording has
+        self._recorded = 0.0  # the length of the recording in seconds
 
     @property
     def frame(self) -> float | None:
-        """The frame of the path that is shown while it plays."""
+        """The shown frame of the path while it plays, else None."""
         if self.playing is None or self.path is None:
             return None
         return min(self.playing * FPS, self.path.frames - 1.0)
@@ -37,7 +38,7 @@ class PathRecorder:
         return self.playing is None and self.recording is None
 
     def tick(self, dt: float, camera: Camera) -> Camera | None:
-        """Go on by `dt` seconds, `camera` being the present one; the path's last camera when playing ends, else None."""
+        """Advance by `dt` seconds with the present `camera`. Return the path's last camera when playing ends, else None."""
         if self.recording is not None:
             self._recorded += dt
             while self._recorded >= KEY_EVERY * len(self.recording):
@@ -48,7 +49,7 @@ class PathRecorder:
         return self.stop() if self.playing * FPS >= self.path.frames else None
 
     def record(self, camera: Camera) -> Path | None:
-        """Begin to record at `camera` (None), or end the recording: the path."""
+        """Begin to record at `camera` and return None, or end the recording and return its path."""
         if self.recording is None:
             self.recording, self._recorded = [camera], 0.0
             return None
@@ -60,6 +61,6 @@ class PathRecorder:
         self.playing = None if self.path is None else 0.0
 
     def stop(self) -> Camera | None:
-        """Stop playing; the camera where it stopped, None if it did not play."""
+        """Stop playing. Return the camera where it stopped, None if no path was playing."""
         camera, self.playing = self.camera, None
         return camera

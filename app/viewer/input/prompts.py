@@ -1,4 +1,4 @@
-"""Questions to the user: which command, which file, and what becomes of unsaved changes."""
+"""Questions to the user: the choice of a command or a file, and the decision on unsaved changes."""
 
 from __future__ import annotations
 
@@ -22,13 +22,16 @@ if TYPE_CHECKING:
     from irrsplat.app.viewer.actions import Actions
 
 OF_RENDERS = frozenset(("samples", "quality"))  # settings without effect in the viewer
-_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")  # one of which portable_file_dialogs needs on Linux
+_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")  # portable_file_dialogs needs one of them on Linux
 Act = Callable[[], object]
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """A question. entries: returns the choices for a typed text by their names. text: of the line at first; None: no line."""
+    """A question. entries: a call that returns the choices for a typed text, by their names.
+
+    text: the initial text of the input line; None for a question without an input line.
+    """
 
     title: str
     entries: Callable[[str], dict[str, Act]]
@@ -36,7 +39,10 @@ class Prompt:
 
 
 def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
-    """Return the entries whose names have all words; if there are words, those with whole words and the least else first."""
+    """Return the entries whose names contain all words, in order of whole words first, then of length.
+
+    Without words, return all entries in their order.
+    """
     wanted = words.lower().split()
     found = [name for name in entries if all(word in name.lower() for word in wanted)]
     if wanted:
@@ -45,7 +51,7 @@ def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
 
 
 def command(actions: Actions) -> Prompt:
-    """Offer the actions that can run, the settings, the known scenes, and a file if its path is typed."""
+    """Return the prompt with all actions that can run, the settings, the known scenes, and a file if its path is typed."""
     entries = dict[str, Act]()
     for one in COMMANDS:
         if actions.can(one) and one.action not in ("escape", "find_command"):
@@ -63,7 +69,7 @@ def command(actions: Actions) -> Prompt:
 
 
 def keys(actions: Actions) -> Prompt:
-    """Show what the mouse and held keys do, and the keys of all actions."""
+    """Return the prompt with the effects of the mouse and of the flying keys, and the keys of all actions."""
     entries: dict[str, Act] = {f"{key}: {words}": lambda: None for key, words in FLYING}
     entries |= {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
     return Prompt("keys: mouse and keyboard", lambda text: _having(text, entries))
@@ -76,19 +82,19 @@ def _scenes(actions: Actions) -> dict[str, Act]:
 
 
 def unsaved(actions: Actions, act: Act) -> Prompt:
-    """Offer the choices for unsaved changes before `act`."""
+    """Return the prompt with the choices for unsaved changes before `act`."""
     answers: dict[str, Act] = {"save": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
     return Prompt(f"{actions.title} has changes that no file has", lambda text: answers, None)
 
 
 def folder(actions: Actions) -> str:
-    """Return the folder of the scene on show; of a bundled scene, the one where the program runs."""
+    """Return the folder of the scene on show; for a bundled scene, the folder where the program runs."""
     source = actions.source
     return os.path.dirname(os.path.abspath(source)) if os.path.isfile(source) else os.getcwd()
 
 
 class DesktopDialog:
-    """The desktop's dialog for a file, one at a time. native: True if the desktop has one."""
+    """The desktop's dialog for a file, one at a time. native: True if the desktop has such a dialog."""
 
     def __init__(self, native: bool) -> None:
         here = sys.platform in ("win32", "darwin") or any(map(shutil.which, _PROGRAMS))
@@ -97,12 +103,12 @@ class DesktopDialog:
         self._take: Callable[[str], object] = lambda path: None
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
-        """Request a scene or a path; `take` gets the answer."""
+        """Request a scene or a path. `take` receives the answer."""
         patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
         self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns]), take)
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
-        """Request the name of a file; the dialog confirms that it replaces a present one."""
+        """Request the name of a file. The dialog confirms the replacement of an existing file."""
         self._ask(lambda: desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take)
 
     def _ask(self, begin: Callable[[], desktop.open_file | desktop.save_file], take: Callable[[str], object]) -> None:
@@ -110,7 +116,7 @@ class DesktopDialog:
             self._asking, self._take = begin(), take
 
     def update(self) -> None:
-        """Take the answer, if there is one."""
+        """Call the taker of the answer, if there is an answer."""
         if self._asking is None or not self._asking.ready(0):
             return
         answer, self._asking = self._asking.result(), None
@@ -118,17 +124,17 @@ class DesktopDialog:
             self._take(chosen)
 
 
-_WIDTH, _ROWS = 560.0, 12  # window coordinates at scale 1, and entries in sight; both at most
-_STEPS = {imgui.Key.up_arrow: -1, imgui.Key.down_arrow: 1, imgui.Key.page_up: -_ROWS, imgui.Key.page_down: _ROWS}  # rows
+_WIDTH, _ROWS = 560.0, 12  # the greatest width (window coordinates at scale 1) and the most visible entries
+_STEPS = {imgui.Key.up_arrow: -1, imgui.Key.down_arrow: 1, imgui.Key.page_up: -_ROWS, imgui.Key.page_down: _ROWS}  # rows by key
 _FLAGS = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
 
 
 class PromptView:
-    """Draws the prompt of the actions while there is one."""
+    """The window of the prompt while a question is open."""
 
     def __init__(self) -> None:
-        self.text, self.row = "", 0  # what is typed, and the number of the marked entry
-        self._drawn: Prompt | None = None  # in the last frame
+        self.text, self.row = "", 0  # the typed text, and the number of the marked entry
+        self._drawn: Prompt | None = None  # the prompt of the last frame
 
     def draw(self, actions: Actions, layout: Layout) -> None:
         """Draw the prompt, and run the chosen entry."""
@@ -152,7 +158,10 @@ class PromptView:
             actions.attempt(chosen)
 
     def _choose(self, prompt: Prompt, opened: bool, most: float) -> Act | None:
-        """Draw the line and the entries, at most so high; return the chosen one. Arrows mark an entry, and Enter chooses it."""
+        """Draw the input line and the entries; return the chosen entry. Arrows mark an entry, and Enter chooses it.
+
+        most: the greatest height of the entries, window coordinates.
+        """
         entered = False
         if opened:
             imgui.set_keyboard_focus_here() if prompt.text is not None else imgui.set_window_focus()

@@ -1,4 +1,4 @@
-"""The picture in the window: each side's buffer, what is marked over it, and the record inspected."""
+"""The picture in the window: the buffer of each side, the markers over it, and the inspected record."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
 
-_NEAR = 0.02  # depths: a point nearer than this to what its pixel sees is in view
+_NEAR = 0.02  # share of the depth: a point nearer than this to the surface at its pixel is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
 
 class Display(Owner):
-    """Draws a session's picture. A cursor is a pixel of the window, from the upper left corner."""
+    """The display of a session's picture. A cursor is a pixel of the window, from the upper left corner."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.programs = Programs(session.ctx)
         self.markers, self.inspector = Markers(self.programs), RecordInspector(self.programs)
         self._memo = Memo()
-        self._renderers: list[Renderer] = []  # those on show at the last update
+        self._renderers: list[Renderer] = []  # the renderers at the last update
 
     def owned(self) -> tuple[Resource, ...]:
         return (self.programs, self.markers, self.inspector)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Draw as `draw` does, unless the screen already holds that picture."""
+        """Call `draw`, unless the screen already shows this picture. Return the inspected record, None for none."""
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
-            # their data of a scene that is no longer open
+            # drop the data of a scene that is no longer open
             for known in (self.inspector, self.programs, self._memo):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
@@ -62,7 +62,7 @@ class Display(Owner):
         return name, source.inputs, BUFFERS[name].state(source), (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
-        """Draw both sides, and the record under the cursor where records are inspected."""
+        """Draw both sides. Draw and return the record under the cursor, if records are inspected."""
         sides = list(self.session.sides())
         for side, region in sides:
             self._draw_side(screen, side, region)
@@ -88,7 +88,7 @@ class Display(Owner):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
-        """Return the record that weighs most under the cursor, and tint its pixels."""
+        """Return the record with the greatest weight under the cursor, and tint its pixels."""
         session, side = self.session, self.session.side_at(cursor[0])
         source = session.source(side)
         number = self.inspector.pick(source, *session.place(source.view, *cursor))
@@ -99,7 +99,7 @@ class Display(Owner):
         return self.inspector.inspect(number, side, source, served)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
-        """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
+        """Return the value of a side's buffer under the cursor. It is read again when the buffer or the cursor has changed."""
         name, source = self.session.options.buffers[side], self.session.source(side)
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(source, *place))
@@ -114,11 +114,11 @@ class Display(Owner):
 
     @property
     def shows_scene(self) -> bool:
-        """True if a side shows the scene as the camera sees it."""
+        """True if a side shows the scene from the camera."""
         return any(BUFFERS[self.session.options.buffers[side]].in_view for side, _ in self.session.sides())
 
     def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
-        """The source of the view at the cursor, and its pixel there; None where no view is."""
+        """Return the source of the view at the cursor, and the view's pixel there; None if no view is shown there."""
         side = self.session.side_at(cursor[0])
         if not self.session.views or not BUFFERS[self.session.options.buffers[side]].in_view:
             return None
@@ -126,7 +126,7 @@ class Display(Owner):
         return source, self.session.place(source.view, *cursor)
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
-        """The number of the mesh that is seen at the cursor; None where there is none."""
+        """Return the number of the mesh at the cursor; None if no mesh is there."""
         if (seen := self._seen(cursor)) is None:
             return None
         source, place = seen
@@ -136,7 +136,7 @@ class Display(Owner):
         return int(mesh) if mesh >= 0 else None
 
     def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
-        """Return the surface point seen at the cursor, with its normal; None for no surface."""
+        """Return the visible surface point at the cursor, with its normal; None for no surface."""
         if (seen := self._seen(cursor)) is None:
             return None
         source, place = seen
@@ -145,12 +145,12 @@ class Display(Owner):
         return (cast(Point, tuple(point)), cast(Point, tuple(normal))) if depth > 0.0 else None
 
     def point_at(self, cursor: tuple[int, int] | None) -> Point | None:
-        """The world point seen at the cursor; None where there is none."""
+        """Return the visible world point at the cursor; None for no surface."""
         surface = None if cursor is None else self.surface_at(cursor)
         return None if surface is None else surface[0]
 
     def point_light(self) -> PointLight | None:
-        """Return the direct light of the surface that was clicked on; None without one."""
+        """Return the direct light at the clicked surface point; None without such a point."""
         options, renderer = self.session.options, self.session.renderers[0]
         surface = options.surface
         if not options.why or surface is None or not self.session.views or not ray_caster.available():
@@ -159,7 +159,7 @@ class Display(Owner):
         return self._memo.get("point light", inputs, lambda: light_at(scene, renderer.world.caster, *surface))
 
     def light_at(self, point: Point) -> float | None:
-        """Return the illuminance that the left picture has at a point in lux; None for a point that it does not show."""
+        """Return the illuminance at a point in lux, from the left picture; None for a point that is not in view."""
         source = self.session.source(0)
         pixel = pixel_of(source.view.camera, source.view.gbuffer.position.size, point)
         if pixel is None:

@@ -22,23 +22,23 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
 _OVER = DrawState(blend="over", depth_clamp=True)
-_RADIUS = 4.0  # of a dot, pixels
-_WIDTH = 1.75  # half a line's, pixels
-_EDGE = (1.0, 0.55, 0.15, 0.55)  # of the wireframe
-_SEGMENTS = 32  # of a circle: at a radius of 100 pixels they are half a pixel off, r·(1 - cos(π/n))
-_TINT = (0.1, 0.85, 1.0)
-_OPACITY = 0.8  # of the measuring plane
-_SPAN = 0.01, 0.5  # of a·diagonal: the radii that the colours go from and to
+_RADIUS = 4.0  # pixels: the radius of a dot
+_WIDTH = 1.75  # pixels: half the width of a line
+_EDGE = (1.0, 0.55, 0.15, 0.55)  # display colour and opacity of the wireframe
+_SEGMENTS = 32  # segments of a circle: at a radius of 100 pixels their error is half a pixel, r·(1 - cos(π/n))
+_TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
+_OPACITY = 0.8  # opacity of the measuring plane
+_SPAN = 0.01, 0.5  # share of a·diagonal: the radii at the ends of the colour scale
 
 
 class Markers(Owner):
-    """Draws over the content of a target, in `region` of it alone if one is given, without the parts that surfaces hide."""
+    """The painter of markers over the content of a target, or of a `region` of it, without the parts that surfaces hide."""
 
     def __init__(self, programs: Programs) -> None:
         ctx = self.ctx = programs.ctx
         self.programs = programs
         self.query = ctx.query(samples=True)
-        self.number = ctx.buffer(reserve=4)  # of the one record that `contributes` draws
+        self.number = ctx.buffer(reserve=4)  # the number of the record that `contributes` draws
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.number,)
@@ -72,7 +72,7 @@ class Markers(Owner):
         return {**records.uniforms, **view_uniforms(target, view.gbuffer, view.camera), **radii}
 
     def _draw(self, program: Program, target: Target, uniforms: dict[str, Any], region: Region | None, **draws: Any) -> None:
-        """Draw strips of triangles with those of the uniforms that the program declares."""
+        """Draw strips of triangles. Uniforms that the program does not declare are left out."""
         strip, state = moderngl.TRIANGLE_STRIP, _OVER
         program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
 
@@ -85,7 +85,7 @@ class Markers(Owner):
         self.ctx.wireframe = False  # imgui's draws do not set it
 
     def plane(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:
-        """Draw the measuring plane in false colours with isolines, by a scale with an upper end."""
+        """Draw the measuring plane in false colours with isolines. scale: with an upper end."""
         readings, plane = measured.readings, measured.plane
         places = np.zeros((len(readings.counts), 4), np.float32)
         places[:, 0], places[:, 1] = scale.place(readings.total @ scale.weights), readings.counts
@@ -126,5 +126,5 @@ def radius_legend(settings: Settings, scene: Scene) -> Legend:
 
 
 def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
-    """The radii a·R_k in metres that the colours of records go from and to."""
+    """Return the radii a·R_k in metres at the ends of the colour scale of records."""
     return _SPAN[0] * settings.a * scene.diagonal, _SPAN[1] * settings.a * scene.diagonal

@@ -23,14 +23,14 @@ from irrsplat.records.weight import own_radii, record_distance, record_weight, v
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-Columns = dict[str, np.ndarray]  # all records on the CPU: record_layout.COLUMNS describes them
+Columns = dict[str, np.ndarray]  # the columns of all records on the CPU, by the names in record_layout.COLUMNS
 COLUMNS = ("position", "normal", "irradiance", "radius", "gradient", "axis", "curvature", "max_radius", "limit")
 
 
 def reach(columns: Columns, floor: float, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
-    """Return (N, 2) the radii a·R in metres along `axis` and across it, with all limits of a view of `size` and the settings.
+    """Return (N, 2) the radii a·R in metres along `axis` and across it, with all limits by the settings and a view of `size`.
 
-    floor: the luminance floor of the records. The formula is that of shaders/records/view_radius.glsl.
+    floor: the luminance floor of the records. shaders/records/view_radius.glsl has an equal formula.
     """
     radii = own_radii(columns, floor, settings)
     distance = np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
@@ -38,7 +38,7 @@ def reach(columns: Columns, floor: float, camera: Camera, size: tuple[int, int],
 
 
 def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: View, settings: Settings) -> np.ndarray:
-    """Return (N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
+    """Return (N,) the raw weight w of every record at a point p with unit normal n, (3,) each; 0 if it does not contribute."""
     radii = reach(columns, floor, view.camera, view.gbuffer.position.size, settings) / settings.a
     apart = p - columns["position"]
     distance = record_distance(apart, columns["axis"], radii)
@@ -48,8 +48,11 @@ def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: 
 
 @dataclass(frozen=True)
 class InspectedRecord:
-    """A record on show. lines: what it holds, a label and a text each. picture: the hemisphere that it sees. served: how many
-    pixels of its side it contributes to."""
+    """A record on show, with its number and side.
+
+    lines: its values, a label and a text each. picture: the radiance over its hemisphere. served: the number of pixels of its
+    side to which it contributes.
+    """
 
     number: int
     side: int
@@ -59,12 +62,12 @@ class InspectedRecord:
 
 
 class RecordInspector(Owner):
-    """Reads records back, and gathers single ones again to show what they see. programs: borrowed."""
+    """The reader of records. It gathers single records again to show their hemispheres. programs: shared, not released by it."""
 
     def __init__(self, programs: Programs) -> None:
         self.ctx, self.programs = programs.ctx, programs
         self._made, self._memo = Workshop(), Memo()
-        self.gather_pass: Gather | None = None  # the last one used
+        self.gather_pass: Gather | None = None  # the gather pass of the last hemisphere
 
     def owned(self) -> tuple[Resource, ...]:
         return (self._made,)
@@ -75,13 +78,13 @@ class RecordInspector(Owner):
         self.gather_pass = None
 
     def columns(self, source: ViewSource) -> Columns:
-        """Return the records of a side on the CPU, read again once they have changed."""
+        """Return the records of a side on the CPU. They are read again after a change."""
         cache = source.renderer.cache
         state = cache.count, cache.revision
         return self._memo.get(f"records of {id(source.renderer)}", state, lambda: cache.records.read(*COLUMNS))
 
     def pick(self, source: ViewSource, x: int, y: int) -> int | None:
-        """Return the number of the record that weighs most at pixel (x, y) of the view; None for none."""
+        """Return the number of the record with the greatest weight at pixel (x, y) of the view; None if no record contributes."""
         records, view = source.renderer.cache.records, source.view
         if not records.count or not depth_at(source, x, y):
             return None
@@ -90,12 +93,12 @@ class RecordInspector(Owner):
         return int(np.argmax(w)) if w.any() else None
 
     def inspect(self, number: int, side: int, source: ViewSource, served: int) -> InspectedRecord | None:
-        """Record `number` of a side, which serves so many pixels; None before anything is lit."""
+        """Return record `number` of a side, which contributes to `served` pixels; None before the first shadow maps."""
         picture = self.hemisphere(number, source)
         return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture, served)
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
-        """Return the values of record `number`, a label and a text with unit each."""
+        """Return the values of record `number`: a label, and a text with the unit."""
         columns, settings, records = self.columns(source), source.settings, source.renderer.cache.records
         one = {name: column[number] for name, column in columns.items()}
         size = source.view.gbuffer.position.size
@@ -116,17 +119,17 @@ class RecordInspector(Owner):
         return lines
 
     def hemisphere(self, number: int, source: ViewSource) -> moderngl.Texture | None:
-        """Return the hemisphere of record `number` as a texture, exposed as the source is; None before anything is lit.
+        """Return the hemisphere of record `number` as a texture, exposed like `source`; None before the first shadow maps.
 
-        The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
+        The texture is RGBA8, bottom row first. This object owns it, and the next call overwrites it.
         """
         renderer, world = source.renderer, source.renderer.world
-        settings = renderer.scheduler.settings  # those by which records are gathered: without bounces, the last that had some
+        settings = renderer.scheduler.settings  # the settings of gathers: the last ones with at least one bounce
         if renderer.shadows is None:
             return None
         kind, more = kinds.kind(self.ctx, settings), settings.most_bounces > 1
         made_for = world, kind, more, settings.gather_size, light_defines(world.scene)
-        plain = replace(settings, light_samples=0)  # rays find emitters at their full radiance
+        plain = replace(settings, light_samples=0)  # without next-event estimation, rays return the full radiance of emitters
         gather = self._made.get("gather", made_for, lambda: kinds.gather_pass(world, plain, capacity=1))
         picture = self._made.get("picture", gather.cell, lambda: self.ctx.texture(gather.cell, 4))
         target = self._made.get("target", picture, lambda: Target(self.ctx, gather.cell, textures=[picture]))

@@ -1,4 +1,4 @@
-"""Shared parts of all drawing: the window as a target, programs made on first use, colour maps, single texels."""
+"""Shared parts of all drawing: the window as a target, programs that are made on first use, colour maps, single texels."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from irrsplat.scene.model import Camera
 
 __all__ = ["Programs", "Region", "Screen", "clear", "scale", "texel", "view_uniforms"]
 
-_COLOURS = 1024  # of each table
+_COLOURS = 1024  # texels in each row of the colour table
 
 
 def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-    """Return the components of one texel, float32, without a copy of the rest; (0, 0) is the upper left one."""
+    """Return the components of one texel, float32, without a copy of the whole texture. (0, 0) is the upper left texel."""
     framebuffer = texture.ctx.framebuffer([texture])
     found = np.frombuffer(framebuffer.read((x, texture.height - 1 - y, 1, 1), texture.components, dtype="f4"), np.float32)
     framebuffer.release()
@@ -39,14 +39,14 @@ def some_rows(texture: moderngl.Texture, most: int) -> np.ndarray:
 class Programs(Owner):
     """The shared tools of all drawing: programs, each made on first use and kept.
 
-    colours: the table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1.
+    colours: the table for shaders/viewer/colours.glsl over 0..1. Its lower row is viridis, its upper row sRGB.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         t = np.linspace(0.0, 1.0, _COLOURS)
         rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
-        self.colours = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
+        self.colours = ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # linear filter by default
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource, ...]:
@@ -62,7 +62,7 @@ class Programs(Owner):
 
 
 def scale(target: Target, gbuffer: GBuffer) -> tuple[float, float]:
-    """Pixels of the view per pixel of the target, in x and y."""
+    """Return the pixels of the view per pixel of the target, in x and y."""
     return gbuffer.position.width / target.size[0], gbuffer.position.height / target.size[1]
 
 
@@ -73,8 +73,10 @@ def clear(target: Target, colour: tuple[float, float, float], region: Region | N
 
 
 def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> Uniforms:
-    """The uniforms of shaders/viewer/markers/hidden.glsl and of all that draws in the view; the matrix clips nothing with
-    depth clamp on."""
+    """Return the uniforms of shaders/viewer/markers/hidden.glsl and of all programs that draw in the view.
+
+    With depth clamp on, the planes of `clip_from_world` at 1e-3 and 1e3 m clip nothing.
+    """
     width, height = gbuffer.position.size
     return {
         "position": gbuffer.position,

@@ -1,4 +1,4 @@
-"""The handles in the picture by which the picked object or light is moved and turned: ImGuizmo's."""
+"""The handles in the picture that move and turn the picked object or light. ImGuizmo draws them."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from irrsplat.scene.model import Light
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 
 _gizmo = imguizmo.im_guizmo
-_NEAR, _FAR = 1e-2, 1e4  # metres
-_SIZE = 0.16  # of the handles, share of the picture
-_NOISE = 1e-6  # of the scene's diagonal, and of 1 in rotations: ImGuizmo's float32
+_NEAR, _FAR = 1e-2, 1e4  # metres: the clip planes of the handles' projection
+_SIZE = 0.16  # share of the picture: the size of the handles
+_NOISE = 1e-6  # scene diagonals, and absolute in rotations: rounding of ImGuizmo's float32
 
 
 def draw_handles(actions: Actions, layout: Layout) -> None:
-    """Draw handles over the picture at the selection; a drag changes the edit as it goes."""
+    """Draw handles over the picture at the selection. A drag changes the edit continuously."""
     editor = actions.editor
-    if not actions.session.views or actions.session.options.inspect:  # then a click is for records
+    if not actions.session.views or actions.session.options.inspect:  # a click inspects a record in that mode
         return
     if editor.mesh is not None:
         number, edit = editor.mesh, editor.edit.objects[editor.mesh]
@@ -47,7 +47,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
         at = _middle(actions.session) if light.directional else light.position
         axes, turns = _axes_of(light), light.directional or light.spot_target is not None
         place, turn = _dragged(actions, layout, np.asarray(at), axes, not light.directional, turns)
-        if not np.array_equal(place, at) and point_of(place) != light.spot_target:  # a spot does not look at its own place
+        if not np.array_equal(place, at) and point_of(place) != light.spot_target:  # a spot's target never lies at its own place
             edited = edited.moved(point_of(place))
         if turn is not axes:
             edited = _aimed(edited, turn[:, 2])
@@ -68,8 +68,10 @@ def _draw_box(session: Session, layout: Layout, number: int) -> None:
 def _dragged(
     actions: Actions, layout: Layout, place: np.ndarray, axes: np.ndarray, moves: bool, turns: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw handles at a place (3,) with axes (3, 3). Return the place and the axes after a drag; the same arrays or values
-    where unchanged."""
+    """Draw handles at a place (3,) with axes (3, 3). Return the place and the axes after a drag.
+
+    An unchanged place has equal values; unchanged axes are the same array.
+    """
     editor, camera, (width, height) = actions.editor, actions.session.camera, layout.picture_size
     _gizmo.begin_frame()
     _gizmo.set_drawlist(imgui.get_background_draw_list())
@@ -99,15 +101,15 @@ def _dragged(
 
 
 def _middle(session: Session) -> Point:
-    """Return the place of a directional light's handles: in the middle of the scene, or, if that is not in the picture, at
-    the camera's target."""
+    """Return the place of a directional light's handles: the middle of the scene, or the camera's target if the middle is not
+    in the picture."""
     camera, size = session.camera, session.size
     middle = point_of(session.scene.bounds.mean(0))
     return middle if pixel_of(camera, size, middle) is not None else point_of(np.asarray(camera.target, float))
 
 
 def _aimed(edited: LightEdit, axis: np.ndarray) -> LightEdit:
-    """Return a light that comes from along an axis, or a spot that looks against it."""
+    """Return the light with its direction along `axis`: a directional light comes from there, a spot aims the other way."""
     light = edited.light
     if light.directional:
         return edited.moved(point_of(axis * np.linalg.norm(light.position)))
@@ -117,7 +119,7 @@ def _aimed(edited: LightEdit, axis: np.ndarray) -> LightEdit:
 
 
 def _axes_of(light: Light) -> np.ndarray:
-    """Return (3, 3) columns at right angles, the last one against a light's direction."""
+    """Return (3, 3) columns at right angles, the last one against the direction of the light."""
     if light.spot_target is None and not light.directional:
         return np.eye(3)
     against = np.asarray(light.position, float)
@@ -127,6 +129,6 @@ def _axes_of(light: Light) -> np.ndarray:
 
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:
-    """Return a matrix (4, 4) as ImGuizmo takes it, column by column."""
+    """Return a matrix (4, 4) in ImGuizmo's layout, column by column."""
     taken: _gizmo.Matrix16 = _gizmo.Matrix16(matrix.T.ravel().tolist())
     return taken

@@ -1,4 +1,4 @@
-"""The context of imgui: its own OpenGL backend draws it, and the window's events are handed to it."""
+"""The context of imgui. imgui's own OpenGL backend draws it, and it receives the window's events."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from moderngl_window.context.base.keys import BaseKeys
 
 from irrsplat.gpu.resource import Owner, Resource
 
-FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second for the arrows, which the first lacks
-FONT_SIZE = 16.0  # window coordinates, at scale 1
-SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordinates at scale 1; all others are imgui's own
+FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second font has the arrows, which the first lacks
+FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
+SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordinates at scale 1; imgui sets all other sizes
     ((9, 8), "window_padding"),
     ((6, 3), "frame_padding item_inner_spacing"),
     (4.0, "window_rounding popup_rounding child_rounding"),
@@ -23,7 +23,7 @@ SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordin
     (1.0, "separator_text_border_size"),
 )
 WHITE, ACCENT = (1.0, 1.0, 1.0), (0.98, 0.67, 0.30)
-COLORS = (  # sRGB and opacity, over imgui's own, which are dark
+COLORS = (  # sRGB and opacity, in place of those of imgui's dark style
     ((0.92, 0.92, 0.90, 1.0), "text"),
     ((0.58, 0.58, 0.57, 1.0), "text_disabled"),
     ((0.08, 0.085, 0.09, 0.9), "window_bg"),
@@ -36,29 +36,29 @@ COLORS = (  # sRGB and opacity, over imgui's own, which are dark
     ((*ACCENT, 1.0), "slider_grab_active separator_active resize_grip_active check_mark nav_cursor"),
 )
 
-# moderngl-window's names of keys -> imgui's, where they differ by more than case
+# moderngl-window's names of keys -> imgui's names, where these names differ by more than case
 KEYS = {name: f"{name.lower()}_arrow" for name in ("LEFT", "RIGHT", "UP", "DOWN")}
 _KEYPAD_ENTER = 335  # glfw's number; moderngl-window has no name for it
 KEYS |= {f"NUMBER_{i}": f"_{i}" for i in range(10)} | {f"NUMPAD_{i}": f"keypad{i}" for i in range(10)}
 
 
 class ImguiBackend(Owner):
-    """An imgui context in the current OpenGL context. It is imgui's current one between `begin` and `draw`.
+    """An imgui context in the current OpenGL context. It is imgui's current context between `begin` and `draw`.
 
-    scale: of text and widgets, 1 on a plain monitor. io: takes events at any time, whichever context is
-    current.
+    scale: the scale of text and widgets, 1 on a plain monitor. io: the input of this context. It takes events at any time, also
+    while another context is current.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
         self._pixels = (0, 0)
         self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
-        self.io = imgui.get_io()  # its methods work on its own context, whichever is current
+        self.io = imgui.get_io()  # its methods work on its own context, also while another one is current
         self.io.set_ini_filename(None)
-        self.io.config_input_text_cursor_blink = False  # a window that rests is not drawn
-        self.io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
+        self.io.config_input_text_cursor_blink = False  # an idle window is not redrawn, so a cursor would stop blinking
+        self.io.config_windows_move_from_title_bar_only = True  # a drag inside a window moves the widgets there
         imgui.backends.opengl3_init("#version 330")
-        for i, name in enumerate(FONTS):  # a glyph comes from the first font that has it
+        for i, name in enumerate(FONTS):  # imgui takes a glyph from the first font with this glyph
             config = imgui.ImFontConfig()
             config.merge_mode = i > 0
             with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / name) as path:
@@ -71,9 +71,9 @@ class ImguiBackend(Owner):
         self.resize_scale(scale)
 
     def resize_scale(self, scale: float) -> None:
-        """Make text and widgets `scale` times as large as on a plain monitor; between frames."""
+        """Make text and widgets `scale` times as large as on a plain monitor. Call it between frames."""
         self.scale = scale
-        plain = imgui.Style()  # scaling rounds: it starts anew each time
+        plain = imgui.Style()  # scaling rounds sizes, so it starts from the plain ones each time
         for size, names in SIZES:
             for name in names.split():
                 setattr(plain, name, size)
@@ -84,14 +84,14 @@ class ImguiBackend(Owner):
                 setattr(self._style, name, value)
 
     def begin(self, size: tuple[int, int], framebuffer: tuple[int, int], dt: float) -> None:
-        """Start a frame for a window of `size` (window coordinates) on `framebuffer` (pixels), `dt` seconds after the last."""
+        """Start a frame of a window: `size` in window coordinates, `framebuffer` in pixels, `dt` seconds after the last one."""
         imgui.set_current_context(self._context)
         implot.set_current_context(self._plots)
         self._pixels = framebuffer
         self.io.display_size = imgui.ImVec2(*size)
         if all(size) and all(framebuffer):  # not minimised
             self.io.display_framebuffer_scale = imgui.ImVec2(framebuffer[0] / size[0], framebuffer[1] / size[1])
-        self.io.delta_time = max(dt, 1e-6)  # imgui takes no 0
+        self.io.delta_time = max(dt, 1e-6)  # imgui refuses 0
         imgui.backends.opengl3_new_frame()
         imgui.new_frame()
 
@@ -100,7 +100,7 @@ class ImguiBackend(Owner):
         imgui.end_frame()
 
     def draw(self, framebuffer: moderngl.Framebuffer) -> None:
-        """End the frame and draw it over what `framebuffer` holds: sRGB values, its first row the bottom one."""
+        """End the frame, and draw it over the content of `framebuffer` (sRGB values, bottom row first)."""
         imgui.set_current_context(self._context)
         imgui.render()
         framebuffer.viewport = (0, 0, *self._pixels)
@@ -112,10 +112,10 @@ class ImguiBackend(Owner):
         imgui.get_background_draw_list().add_image(imgui.ImTextureRef(texture.glo), box[:2], box[2:], (0, 1), (1, 0))
 
     def key(self, key: int | str, pressed: bool, keys: type[BaseKeys], ctrl: bool, shift: bool, alt: bool) -> None:
-        """A key of the window's `keys` (moderngl-window's) went down or up; one that imgui does not know is ignored.
+        """Send imgui a press or release of one of the window's `keys` (moderngl-window's). Ignore a key without a name in imgui.
 
-        So is Tab, unless a field is typed into: imgui takes it as the wish to type into its first field, even with its keyboard
-        navigation off, and would get every key from then on.
+        Tab is ignored, too, unless the user types into a field. imgui focuses its first field at Tab, even with keyboard
+        navigation off, and would then take every further key.
         """
         for modifier, held in ((imgui.Key.mod_ctrl, ctrl), (imgui.Key.mod_shift, shift), (imgui.Key.mod_alt, alt)):
             self.io.add_key_event(modifier, held)
@@ -124,31 +124,32 @@ class ImguiBackend(Owner):
             self.io.add_key_event(found, pressed)
 
     def mouse_position(self, x: float, y: float) -> None:
-        """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` is updated at once."""
+        """Set the mouse position (x, y), window coordinates from the top left corner. This updates `wants_mouse` at once."""
         self.io.add_mouse_pos_event(x, y)
         imgui.set_current_context(self._context)
-        if imgui.get_frame_count():  # before the first frame there is nothing to point at
+        if imgui.get_frame_count():  # there are no windows before the first frame
             imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(x, y))
 
     def focus(self, focused: bool) -> None:
-        """The window gained or lost the keyboard: keys held while it goes are let go of, for their release is never seen."""
+        """Send imgui the gain or loss of the keyboard focus. imgui releases all pressed keys at a loss, since their release
+        events go to another window."""
         self.io.add_focus_event(focused)
 
     @property
     def wants_mouse(self) -> bool:
-        """True if the mouse is for the interface, with the windows of the last `begin`."""
+        """True if the interface takes the mouse events, by the windows of the last `begin`."""
         return self.io.want_capture_mouse
 
     @property
     def wants_keyboard(self) -> bool:
-        """True if the keyboard is for the interface, as of the last `begin`."""
+        """True if the interface takes the keyboard events, by the windows of the last `begin`."""
         return self.io.want_capture_keyboard
 
     def owned(self) -> tuple[Resource, ...]:
         return ()
 
     def release(self) -> None:
-        """Free the imgui context and its OpenGL objects; nothing may be called after it."""
+        """Free the imgui context and its OpenGL objects. No method may be called afterwards."""
         imgui.set_current_context(self._context)
         imgui.backends.opengl3_shutdown()
         implot.destroy_context(self._plots)
@@ -157,7 +158,7 @@ class ImguiBackend(Owner):
 
 @cache
 def _key_table(keys: Hashable) -> dict[int | str, imgui.Key]:
-    """A window's numbers of keys -> imgui's keys."""
+    """Return imgui's key by the number of a window's key."""
     table = {getattr(keys, name): KEYS.get(name, name.lower()) for name in dir(keys) if name.isupper()}
     table[_KEYPAD_ENTER] = "keypad_enter"
     return {key: imgui.Key[name] for key, name in table.items() if name in imgui.Key.__members__ and key != "undefined"}

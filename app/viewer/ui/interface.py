@@ -31,7 +31,7 @@ from irrsplat.settings import SETTINGS
 
 
 def draw_messages(messages: Messages, layout: Layout) -> None:
-    """Draw the lines on show, clear of the side panel; open menus and dialogs stay in front of them."""
+    """Draw the messages next to the side panel. Open menus and dialogs stay in front of the messages."""
     left, top, right, _ = layout.area
     place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
     if messages.errors:
@@ -46,7 +46,7 @@ def draw_messages(messages: Messages, layout: Layout) -> None:
 def _lines(
     name: str, lines: list[Message], place: tuple[float, float], width: float, flags: int, close: Callable[[], None] | None = None
 ) -> float:
-    """Draw lines in a window of their own, centred at a place; return its height. close: what its button does."""
+    """Draw lines in a window of their own, centred at `place`; return its height. close: the effect of its button."""
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size_constraints((0.0, 0.0), (max(width, 1.0), imgui.get_main_viewport().size.y))
     imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
@@ -62,7 +62,7 @@ def _lines(
 
 
 class Interface:
-    """The windows that are open; call `draw` between the backend's `begin` and `draw`."""
+    """All windows of the interface. Call `draw` between the backend's `begin` and `draw`."""
 
     def __init__(self, actions: Actions, display: Display) -> None:
         self.actions, self.display, self.layout = actions, display, Layout()
@@ -77,8 +77,11 @@ class Interface:
         own_cursor: bool,
         paint: Callable[[Box], None] | None = None,
     ) -> None:
-        """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
-        paint: puts the picture below all else."""
+        """Draw all windows.
+
+        scale: the scale of text and widgets. cursor: the pixel under the mouse. own_cursor: True if an arrow marks the mouse.
+        paint: a call that draws the picture below all windows.
+        """
         actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
         layout.start(scale, panels.controls and not panels.hidden)
         if paint is not None:
@@ -117,17 +120,17 @@ _FLAGS = (
     | imgui.WindowFlags_.no_title_bar
     | imgui.WindowFlags_.no_resize
     | imgui.WindowFlags_.no_move
-    | imgui.WindowFlags_.no_focus_on_appearing  # it would close a menu that opens in the same frame
+    | imgui.WindowFlags_.no_focus_on_appearing  # focus would close a menu that opens in the same frame
 )
 
 
 class SidePanel:
-    """Draws the panel along the left edge."""
+    """The panel along the left edge."""
 
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.layout = actions, layout
-        self._open: set[str] | None = None  # titles of the last frame's sections; None at first, when nothing scrolls
-        self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: what opens it, and what draws it
+        self._open: set[str] | None = None  # titles of the last frame's sections; None in the first frame, without scrolling
+        self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
             "object": ("mesh", lambda: draw_object(actions, layout)),
             "lights": ("lights", lambda: draw_lights(actions, layout)),
             "objects": ("outliner", lambda: draw_outliner(actions)),
@@ -160,10 +163,10 @@ class SidePanel:
         self._open = set(titles)
 
     def _section(self, title: str, opener: str, draw: Callable[[], None]) -> None:
-        """Draw a section; scroll to one that has just opened and is not all in sight."""
+        """Draw a section. Scroll to a section that has just opened and is not completely in sight."""
         top, actions = imgui.get_cursor_pos().y, self.actions
         unfolded, kept, style = int(imgui.TreeNodeFlags_.default_open), True, imgui.get_style()
-        tight = 2.0 * self.layout.scale  # on both sides of arrow and title, so that the longest title fits
+        tight = 2.0 * self.layout.scale  # window coordinates on both sides of arrow and title; the longest title fits
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y))
         if opener:
             opened, kept = imgui.collapsing_header(title, True, unfolded)
@@ -208,7 +211,7 @@ class SidePanel:
             imgui.end_combo()
 
     def _state(self) -> None:
-        """Write the progress of the picture, and a button for more, which works once it is done."""
+        """Draw the progress of the picture, and the button for further refinement, which works once the picture is done."""
         actions, session = self.actions, self.actions.session
         for renderer, progress in zip(session.active, session.progress, strict=False):
             who = f"{renderer.preset}: " if len(session.progress) > 1 else ""

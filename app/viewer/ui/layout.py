@@ -11,13 +11,13 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.scene.model import Camera
 
-MARGIN = 8.0  # window coordinates around what stands over the picture
-_PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; at most this share of the window
-_NAMES = 7.5  # width of the names of widgets, heights of the font
-_NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets that would be narrower
-_LEAST_PICTURE = 32.0  # window coordinates: in a smaller area the picture fills the window
+MARGIN = 8.0  # window coordinates: the space around windows over the picture
+_PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; its greatest share of the window
+_NAMES = 7.5  # font heights: the width of the names of widgets
+_NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets if these would be narrower
+_LEAST_PICTURE = 32.0  # window coordinates: if the area is smaller, the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
-SHADE = (0.0, 0.0, 0.0, 0.55)  # around bright marks over the picture
+SHADE = (0.0, 0.0, 0.0, 0.55)  # the outline of bright marks over the picture
 PLAIN = (  # a window without a frame that cannot be moved and never takes the keyboard
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.always_auto_resize
@@ -31,10 +31,10 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom; window coor
 
 @dataclass
 class Layout:
-    """The parts of the window in this frame. scale: of text and widgets.
+    """The parts of the window in this frame. scale: the scale of text and widgets.
 
-    area: what the menu bar and the side panel leave. picture: the area, or all of the window without the side panel.
-    panel: width of the side panel.
+    area: the window without the menu bar and the side panel. picture: the area, or the whole window if no side panel is open.
+    panel: width of the side panel, window coordinates.
     """
 
     scale: float = 1.0
@@ -43,7 +43,7 @@ class Layout:
     panel: float = 0.0
 
     def start(self, scale: float, fitted: bool) -> None:
-        """Start a frame. fitted: True if the picture is to be fitted into the area."""
+        """Start a frame. fitted: True if the picture is fitted into the area."""
         view = imgui.get_main_viewport()
         (x, y), (width, height) = view.work_pos, view.work_size
         self.scale, self.panel = scale, float(round(min(_PANEL * scale, _SHARE * view.size.x)))
@@ -83,13 +83,13 @@ class Layout:
         return f"##{name}" if self.stacked else name
 
     def seen(self, camera: Camera, point: tuple[float, float, float]) -> tuple[float, float] | None:
-        """Return where a world point is in the window, window coordinates; None behind the eye."""
+        """Return the place of a world point in the window, in window coordinates; None behind the eye."""
         found = on_screen(camera, self.picture_size, point)
         return None if found is None else (found[0] + self.picture[0], found[1] + self.picture[1])
 
     @contextmanager
     def over_picture(self) -> Iterator[imgui.ImDrawList]:
-        """Yield a list of what is drawn over the picture alone, below all windows."""
+        """Yield a draw list that is clipped to the picture, below all windows."""
         draw = imgui.get_background_draw_list()
         draw.push_clip_rect(self.picture[:2], self.picture[2:])
         yield draw
@@ -97,7 +97,7 @@ class Layout:
 
     def pixels(self, density: float, size: tuple[int, int]) -> tuple[int, int, int, int]:
         """Return the picture's part of a window of `size` pixels: left, top, width, height. density: pixels per coordinate."""
-        if self.picture[:2] == (0.0, 0.0):  # it fills the window, or nothing was drawn yet
+        if self.picture[:2] == (0.0, 0.0):  # the picture fills the window, or this is before the first frame
             return 0, 0, *size
         left, top, right, bottom = (round(density * x) for x in self.picture)
         return left, top, max(min(right, size[0]) - left, 1), max(min(bottom, size[1]) - top, 1)
@@ -116,7 +116,7 @@ def line(
     colour: tuple[float, float, float, float],
     width: float = 1.5,
 ) -> None:
-    """Draw a line on a darker one; nothing if an end is behind the eye."""
+    """Draw a line with a dark outline. Draw nothing if an end is behind the eye."""
     if start is not None and end is not None:
         draw.add_line(start, end, imgui.get_color_u32(SHADE), width + 2.0)
         draw.add_line(start, end, imgui.get_color_u32(colour), width)

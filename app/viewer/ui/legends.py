@@ -1,4 +1,7 @@
-"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor; and a record's."""
+"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor.
+
+The legend of the inspected record in the lower right corner is drawn here, too.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,11 @@ from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, WHITE, Layout, in_unit
 
-_TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
+_TEXT_WIDTH = 340.0  # window coordinates at scale 1: the greatest width of the text
 _ACROSS, _DOWN = 0.6, 0.2  # shares of the picture: the greatest width of a legend, and the greatest height of its text
-_WORD = 5.5  # width of the longest word of a title, heights of the font
-_BAR_WIDTH = 160.0  # of a colour scale
-_PICTURE_WIDTH = 170.0  # of a record's hemisphere
+_WORD = 5.5  # font heights: the width of the longest word of a title
+_BAR_WIDTH = 160.0  # window coordinates at scale 1: the width of a colour scale
+_PICTURE_WIDTH = 170.0  # window coordinates at scale 1: the width of a record's hemisphere
 
 
 def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> None:
@@ -53,7 +56,7 @@ def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int
 
 
 def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> None:
-    """Draw titles and scales, with those texts alone that leave most of the picture free."""
+    """Draw titles and scales. A text that would cover too much of the picture is left out."""
     options, source = actions.session.options, actions.session.source(side)
     buffer = BUFFERS[options.buffers[side]]
     who = f"{('left', 'right')[side]}: " if options.divider in (0.0, 1.0) else ""
@@ -68,7 +71,7 @@ def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> No
 
 
 def draw_scale(legend: Legend, scale: float, room: float) -> None:
-    """Draw a colour scale with its ends, no wider than `room` (window coordinates), and the text."""
+    """Draw a colour scale with its ends, at most `room` window coordinates wide, and the text of the legend."""
     imgui.push_text_wrap_pos(-1.0)  # a scale stays in one line
     if legend.colours is not None:
         imgui.text(legend.low)

@@ -1,4 +1,4 @@
-"""The line that is measured along, over the picture, and the plot of what the buffer shows along it."""
+"""The measuring line over the picture, and the plot of the buffer's values along this line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, Layout, dot, in_unit, line
 
-_SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
+_SIZE = (420.0, 170.0)  # window coordinates at scale 1: width and height of the plot
 _FLAGS = implot.Flags_.no_menus | implot.Flags_.no_box_select
 _COLOURS = {
     "": AMBER,
@@ -22,7 +22,7 @@ _COLOURS = {
 
 
 def draw_line(actions: Actions, layout: Layout) -> None:
-    """Draw the line over the picture with its ends, while a line is measured along."""
+    """Draw the measuring line with its ends over the picture, while this measurement is on."""
     options = actions.session.options
     if not options.profile or options.line is None:
         return
@@ -35,7 +35,7 @@ def draw_line(actions: Actions, layout: Layout) -> None:
 
 
 def draw_plot(actions: Actions, display: Display, layout: Layout) -> None:
-    """Draw the plot while a line is measured along."""
+    """Draw the plot while the measurement along a line is on."""
     session = actions.session
     if not session.options.profile or not session.views:
         return
@@ -57,7 +57,7 @@ def draw_plot(actions: Actions, display: Display, layout: Layout) -> None:
 
 
 def _plot(title: str, found: Profile, summary: tuple[np.ndarray, np.ndarray, np.ndarray], width: float, scale: float) -> None:
-    """Draw the values over metres, and sum them up."""
+    """Draw the values over metres, with their least, mean and greatest value below."""
     legend = implot.Flags_.no_legend if len(found.channels) == 1 else 0
     if implot.begin_plot("##along", (width, _SIZE[1] * scale), _FLAGS | legend):
         implot.setup_axes("metres", "" if found.unit == "1" else found.unit)

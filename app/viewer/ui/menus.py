@@ -12,18 +12,18 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
 from irrsplat.scene import bundled
 
-_CONTEXT = ("delete", "frame_selected", "undo")  # actions on what is selected
-_TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
+_CONTEXT = ("delete", "frame_selected", "undo")  # actions on the selected object or light
+_TIGHT = 3.0  # window coordinates: the least space on both sides of a title in the bar
 
 
 def draw_menus(actions: Actions) -> None:
-    """Draw the bar along the top, and the menu that is open."""
+    """Draw the menu bar along the top, and the open menu."""
     if not imgui.begin_main_menu_bar():
         return
     style = imgui.get_style()
     room = imgui.get_main_viewport().size.x - style.window_padding.x
     widths = sum(imgui.calc_text_size(title).x for title in MENUS)
-    between = max((room - widths) / (2.0 * len(MENUS)) - 2.0, _TIGHT)  # imgui leaves it on both sides
+    between = max((room - widths) / (2.0 * len(MENUS)) - 2.0, _TIGHT)  # imgui leaves this space on both sides of a title
     for title in MENUS:
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (min(between, style.item_spacing.x), style.item_spacing.y))
         opened = imgui.begin_menu(title)
@@ -51,7 +51,7 @@ def draw_context_menu(actions: Actions) -> None:
 
 
 def _entries(actions: Actions, menu: str) -> None:
-    """Draw the entries of a menu, with what the table cannot list."""
+    """Draw the entries of a menu. Scenes, cameras and the version are added, since the table cannot list them."""
     if menu == "Help":
         about = actions.session.renderers[0].about
         imgui.text_disabled(f"irrsplat {version()}\nOpenGL {about['version']}\n{about['renderer']}")

@@ -1,4 +1,4 @@
-// Pixels that request a record in orange, over the dimmed grey picture.
+// In orange, the pixels that request a record, over the dimmed grey picture.
 #include "viewer/buffers/picture.glsl"
 #include "indirect/effective_weight.glsl"
 

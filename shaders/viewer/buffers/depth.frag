@@ -1,8 +1,8 @@
 // The depth along the view axis by the colour map.
 #include "viewer/buffers/picture.glsl"
 
-uniform float low;   // metres
-uniform float high;
+uniform float low;   // metres: the depth at the first colour
+uniform float high;  // metres: the depth at the last colour
 
 vec3 picture(ivec2 pixel, float depth)
 {

@@ -1,11 +1,11 @@
-// The signed error of irradiance against its path-traced reference, the mean of the channels: white is right.
+// The signed error of irradiance against its path-traced reference, as the mean of the channels. White means no error.
 #include "viewer/buffers/picture.glsl"
 
-uniform sampler2D reference;  // irradiance; a: 1 where there is a surface
+uniform sampler2D reference;  // irradiance, W/m2; a: 1 at a surface, else 0
 uniform float full;       // W/m2: the error in full colour
 uniform vec3 bright;      // colour of too much light
-uniform vec3 dark;        // of too little
-uniform vec3 unseen;      // of no surface
+uniform vec3 dark;        // colour of too little light
+uniform vec3 unseen;      // colour of pixels without a surface
 
 vec3 picture(ivec2 pixel, float depth)
 {

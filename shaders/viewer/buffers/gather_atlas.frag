@@ -1,11 +1,11 @@
-// What the records of the last batch saw, a cell each.
+// The radiance over the hemispheres of the last batch of records, one cell for each record.
 #include "lib/display.glsl"
 #include "lighting/sky.glsl"
 #include "viewer/tiles.glsl"
 
 uniform sampler2D radiance;
 uniform float gain;     // the exposure as a factor
-uniform sampler2D table;   // of a cell: directions in a record's frame
+uniform sampler2D table;   // directions of a cell's texels, in a record's frame
 uniform sampler2D frames;  // texels (i, 0..2): record i's frame
 
 layout(location = 0) out vec4 out_color;

@@ -1,4 +1,4 @@
-// Indirect radiance, albedo/pi times the irradiance that the sums hold.
+// Indirect radiance, albedo/pi times the irradiance of the sums.
 #include "viewer/buffers/picture.glsl"
 
 uniform sampler2D albedo;  // g-buffer

@@ -1,4 +1,4 @@
-// Irradiance as a white surface reflects it, E/pi, so that it compares with the picture.
+// Irradiance as the radiance of a white surface, E/pi, so that it compares with the picture.
 #include "viewer/buffers/picture.glsl"
 
 uniform float gain;  // the exposure as a factor

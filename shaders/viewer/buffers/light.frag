@@ -1,18 +1,18 @@
-// All light that falls on the surface, in false colours on a linear or a logarithmic scale, with lines between its steps.
+// Direct and indirect irradiance in false colours on a linear or a logarithmic scale, with lines between its steps.
 #include "viewer/buffers/picture.glsl"
 
-uniform sampler2D direct;       // direct irradiance; `values` holds Σ k·E and Σ k of all other light
-uniform vec3 weights;           // of red, green and blue, to the unit of the scale
-uniform float low;              // ends of the scale; 0: it is linear
+uniform sampler2D direct;       // direct irradiance, W/m2; `values` holds Σ k·E and Σ k of indirect light
+uniform vec3 weights;           // factors of red, green and blue from W/m2 to the unit of the scale
+uniform float low;              // lower end of the scale; 0 for a linear scale
 uniform float high;
-uniform float steps;            // that a line runs between; 0: none
-uniform vec3 ground;            // where nothing is seen
-uniform vec3 palette[FALSE_COLOURS];  // from low to high
+uniform float steps;            // number of steps with a line between each two; 0 for no lines
+uniform vec3 ground;            // display colour of pixels without a surface
+uniform vec3 palette[FALSE_COLOURS];  // display colours from low to high
 
 const float SAME = 0.02;  // relative difference in depth of neighbours on one surface
-const float LINE = 0.35;  // brightness of a line
+const float LINE = 0.35;  // factor on the colour of a line
 
-// Where the light at a pixel stands on the scale: 0 at its lower end, 1 at its upper one.
+// The position of a pixel's light on the scale: 0 at the lower end, 1 at the upper end.
 float place(ivec2 pixel)
 {
     vec4 s = texelFetch(values, pixel, 0);

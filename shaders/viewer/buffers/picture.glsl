@@ -1,10 +1,10 @@
-// What every buffer of the view shares: a fragment shader includes this and defines picture(), the display colour of one pixel.
+// Shared code of all buffers of the view. A fragment shader includes it and defines picture(), the display colour of a pixel.
 #include "generated/constants.glsl"
 #include "lib/display.glsl"
 #include "viewer/colours.glsl"
 
-uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 where nothing is seen
-uniform sampler2D values;    // the buffer itself
+uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
+uniform sampler2D values;    // the values of the buffer
 uniform vec2 scale;          // pixels of the view per pixel of the target
 
 layout(location = 0) out vec4 out_color;

@@ -3,7 +3,7 @@
 #include "viewer/buffers/picture.glsl"
 
 uniform float gain;           // the exposure as a factor
-uniform bool covers_unseen;   // whether the buffer also holds values where the pixel's centre sees nothing
+uniform bool covers_unseen;   // true if the buffer also has values at pixels without a surface at their centre
 
 vec3 picture(ivec2 pixel, float depth)
 {

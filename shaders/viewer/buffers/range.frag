@@ -1,4 +1,4 @@
-// Vectors x y z as red, green, blue between two ends.
+// Vectors between two ends, with x, y, z as red, green, blue.
 #include "viewer/buffers/picture.glsl"
 
 uniform vec3 low;

@@ -1,4 +1,4 @@
-// Shadow maps: how far along its axis lies what a light sees, as a share of the map's depth.
+// Shadow maps: the distance from the light to the first surface along the map's axis, as a share of the map's depth.
 #include "viewer/tiles.glsl"
 #include "viewer/colours.glsl"
 

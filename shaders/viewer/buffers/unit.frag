@@ -1,7 +1,7 @@
 // Values 0..1, sRGB encoded.
 #include "viewer/buffers/picture.glsl"
 
-uniform bool grey;  // one value a pixel, also of those whose centre sees nothing
+uniform bool grey;  // true for one value per pixel, also for pixels without a surface at their centre
 
 vec3 picture(ivec2 pixel, float depth)
 {

@@ -1,4 +1,5 @@
-// The sum of weights by the colour map on a logarithmic scale, with the contour of the threshold below which a pixel asks.
+// The sum of weights by the colour map on a logarithmic scale, with the contour of the threshold.
+// Pixels below the threshold request a record.
 #include "viewer/buffers/picture.glsl"
 
 uniform float low;
@@ -11,7 +12,7 @@ bool other_side(ivec2 pixel, bool below)
     return w < NOTHING_SEEN && (w < threshold) != below;
 }
 
-// Where neighbours lie on different sides of the threshold, the one above it is white and the one below it black.
+// If two neighbours lie on different sides of the threshold, the upper one is white, and the lower one black.
 vec3 picture(ivec2 pixel, float depth)
 {
     if (depth == 0.0) return vec3(0.0);

@@ -1,8 +1,8 @@
-// The ellipse of radii a·R, as this view has them, about a record in its tangent plane: a strip of constant width.
+// A record's ellipse of radii a·R in this view, in its tangent plane, drawn as a strip of constant width.
 #include "viewer/markers/record.glsl"
 
-uniform float width;   // half of it, pixels
-uniform int segments;  // straight pieces of an ellipse
+uniform float width;   // half the width of the strip, pixels
+uniform int segments;  // number of straight pieces of an ellipse
 
 out vec3 v_position;
 out float v_side;

@@ -1,13 +1,13 @@
-// Whether a point is hidden behind what a pixel sees.
+// The test if the visible surface at a pixel hides a point.
 #include "lib/octahedral.glsl"
 
-uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 where nothing is seen
+uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
 uniform sampler2D normal;
 uniform sampler2D albedo;
 uniform float pixel;         // size of a pixel at distance 1, in metres
 
-// Whether p lies behind the plane that the pixel sees, by more than a pixel's size. Depths alone won't do: they differ much from
-// pixel to pixel where a surface is seen at a grazing angle, and its own markers would hide in it.
+// True if p lies behind the plane of the visible surface at the pixel, by more than a pixel's size. A test of depths alone is not
+// enough: at grazing angles depths differ much from pixel to pixel, and a surface would hide its own markers.
 bool hidden(vec3 p, ivec2 at)
 {
     at = clamp(at, ivec2(0), textureSize(position, 0) - 1);

@@ -1,8 +1,8 @@
-// The colour of a line: its record's, with dark sides, so that it is seen on any ground.
-uniform float width;  // half of it, pixels
+// The colour of a line: the colour of its record, with dark sides, so that the line is visible on any ground.
+uniform float width;  // half the width of the line, pixels
 
 flat in vec3 v_color;
-in float v_side;      // pixels from the middle
+in float v_side;      // pixels from the middle of the line
 
 layout(location = 0) out vec4 out_color;
 

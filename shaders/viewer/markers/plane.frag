@@ -1,20 +1,20 @@
-// Measured values in false colours with isolines, bilinear between the points that have a value.
+// Measured values in false colours with isolines, bilinear between the points with a value.
 #include "generated/constants.glsl"
 #include "viewer/markers/hidden.glsl"
 
 uniform vec2 scale;           // pixels of the view per pixel of the target
-uniform sampler2D places;     // of each point: its place 0..1 on the scale, and whether it has one
-uniform float steps;          // that a line runs between; 0: none
+uniform sampler2D places;     // by point: r its position 0..1 on the scale, g 1 if it has a value, else 0
+uniform float steps;          // number of steps with a line between each two; 0 for no lines
 uniform float opacity;
-uniform vec3 palette[FALSE_COLOURS];  // from low to high
+uniform vec3 palette[FALSE_COLOURS];  // display colours from low to high
 
 in vec3 v_position;
 in vec2 v_at;
 
 layout(location = 0) out vec4 out_color;
 
-const float LINE = 0.35;  // brightness of a line
-const float WIDTH = 0.8;  // half of it, pixels
+const float LINE = 0.35;  // factor on the colour of a line
+const float WIDTH = 0.8;  // half the width of a line, pixels
 
 void main()
 {

@@ -1,7 +1,7 @@
 // A parallelogram in the scene.
 uniform mat4 clip_from_world;
 uniform vec3 corner;  // metres
-uniform vec3 u;       // its edges
+uniform vec3 u;       // edges of the parallelogram, metres
 uniform vec3 v;
 
 out vec3 v_position;

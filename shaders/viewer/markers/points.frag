@@ -1,5 +1,5 @@
-// A dot in its record's colour, with a light ring and a dark rim, so that it is seen on any ground.
-uniform float radius;  // pixels
+// A dot in its record's colour, with a light ring and a dark rim, so that it is visible on any ground.
+uniform float radius;  // of the dot, pixels
 
 flat in vec3 v_color;
 in vec2 v_at;

@@ -1,10 +1,10 @@
-// A record as a dot of constant size, where the camera sees it.
+// A record as a dot of constant size, if no surface hides it.
 #include "viewer/markers/record.glsl"
 #include "viewer/markers/hidden.glsl"
 
-uniform float radius;  // pixels
+uniform float radius;  // of the dot, pixels
 
-out vec2 v_at;  // pixels from the centre
+out vec2 v_at;  // pixels from the centre of the dot
 
 void main()
 {
@@ -15,5 +15,5 @@ void main()
     v_at = (vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0) * (radius + 1.0);
     vec2 at = (clip.xy / clip.w * 0.5 + 0.5) * vec2(textureSize(position, 0));
     bool lost = clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(1.05 * clip.w))) || hidden(p, ivec2(floor(at)));
-    gl_Position = lost ? vec4(0.0, 0.0, 2.0, 1.0) : moved(clip, v_at);  // all four vertices in one place draw nothing
+    gl_Position = lost ? vec4(0.0, 0.0, 2.0, 1.0) : moved(clip, v_at);  // four vertices in one place draw nothing
 }

@@ -1,4 +1,4 @@
-// Pixels that one record contributes to, as in splat.frag, with opacity by weight.
+// The pixels to which one record contributes, with opacity by weight, see indirect/splat.frag.
 #include "records/weight.glsl"
 
 uniform sampler2D position;  // g-buffer

@@ -1,4 +1,4 @@
-// The edges of the scene's triangles, where they are not hidden.
+// The edges of the scene's triangles, without their hidden parts.
 #include "viewer/markers/hidden.glsl"
 
 uniform vec2 scale;  // pixels of the view per pixel of the target

@@ -1,1 +1,1 @@
-"""Light of the view in numbers: how bright it is, and how it runs along a line."""
+"""Light of the view in numbers: along a line, on a measuring plane, and at one point by its sources."""

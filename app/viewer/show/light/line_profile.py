@@ -17,8 +17,11 @@ COUNT = 100  # points along a line
 
 @dataclass(frozen=True)
 class Profile:
-    """Along a line: (N,) metres from its first end, and (N, C) the values of a buffer there, in `unit`, of so many `channels`
-    by name; NaN where the view has none. Its mean, least and greatest value are (C,); None where there is no value at all."""
+    """The values of a buffer along a line.
+
+    metres: (N,) distances from the first end. values: (N, C) in `unit`; NaN where the view has no value. channels: the names of
+    the C channels.
+    """
 
     metres: np.ndarray
     values: np.ndarray
@@ -27,13 +30,13 @@ class Profile:
 
     @property
     def summary(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """(least, mean, greatest), each (C,)."""
+        """The least, mean and greatest value, each (C,); None if no point has a value."""
         there = self.values[np.isfinite(self.values).all(axis=1)]
         return (there.min(0), there.mean(0), there.max(0)) if len(there) else None
 
 
 def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:
-    """Return the profile of the buffer `name` between two points; a surface that hides the line counts in its place."""
+    """Return the profile of the buffer `name` between two points. Where a surface hides the line, its values count."""
     buffer, share, view = BUFFERS[name], np.linspace(0.0, 1.0, COUNT), source.view
     points = np.array(start) + share[:, None] * np.subtract(end, start)
     places = [pixel_of(view.camera, view.gbuffer.position.size, (x, y, z)) for x, y, z in points.tolist()]

@@ -1,4 +1,4 @@
-"""A horizontal plane whose light is measured by a process of its own, as `irrsplat measure --height` does."""
+"""A horizontal plane of light readings. A process of its own measures them, see `irrsplat measure --height`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from irrsplat.meter.readings import Readings
 from irrsplat.scene.model import Scene
 
 _MAIN = "from irrsplat.app.viewer.show.light.measuring_plane import main; main()"
-_RESTS = 0.3  # seconds that scene and height stay as they are before a measurement begins
-USUAL = 0.75  # metres above the lowest point: the height of a desk
+_RESTS = 0.3  # seconds without a change of scene or height before a measurement begins
+USUAL = 0.75  # metres above the lowest point of the scene: the height of a desk
 
 
 @dataclass(frozen=True)
 class MeasuredPlane:
-    """The readings of a plane of `rows` of `columns` points. height: metres above the lowest point."""
+    """The readings of a plane with `rows` times `columns` points. height: metres above the lowest point of the scene."""
 
     plane: Plane
     columns: int
@@ -31,29 +31,34 @@ class MeasuredPlane:
     height: float
 
     def scaled(self, scale: LightScale) -> LightScale:
-        """Return the scale with an upper end for the plane, its own or a round number."""
+        """Return the scale with an upper end: the user's one, or a round number for the readings of the plane."""
         watts = (self.readings.total @ LUMINANCE)[self.readings.counts]
         return scale.up_to(float(np.percentile(watts, PERCENTILE)) if len(watts) else 0.0)
 
 
 class MeasuringPlane:
-    """The plane of a session; nothing waits for it. height: metres above the lowest point, of the next measurement."""
+    """The plane of a session, measured in the background.
+
+    height: metres above the lowest point of the scene, for the next measurement.
+    """
 
     def __init__(self) -> None:
         self.height = USUAL
         self.measured: MeasuredPlane | None = None
         self._calling: other_process.Calling | None = None
-        self._scene: Scene | None = None  # of the last update
+        self._scene: Scene | None = None  # the scene of the last update
         self._height, self._since, self._done = 0.0, 0.0, False
 
     @property
     def share(self) -> float | None:
-        """The finished part of the measurement, 0..1; None if the plane is measured."""
+        """The finished share of the measurement, 0..1; None after its end."""
         return None if self._done else 0.0 if self._calling is None else self._calling.share
 
     def update(self, on: bool, scene: Scene) -> None:
-        """Take what was measured, and measure again if scene or height has changed, while `on`. Raises IrrsplatError if measuring
-        failed."""
+        """Store a finished measurement. While `on`, measure again if scene or height has changed.
+
+        Raises IrrsplatError if measuring failed.
+        """
         if self._scene is not None and self._scene.meshes is not scene.meshes:
             self.measured = None
         if not on or scene is not self._scene or self.height != self._height:
@@ -82,12 +87,12 @@ class MeasuringPlane:
 
 
 def main() -> None:
-    """Measure the plane of the arguments on stdin."""
+    """Measure the plane for the arguments on stdin."""
     other_process.serve(measure)
 
 
 def measure(scene: Scene, height: float, report: Callable[[float], None]) -> MeasuredPlane:
-    """Return the readings over the whole scene. Raises InputError for a scene without extent."""
+    """Return the readings of a plane over the whole scene. Raises InputError for a scene without extent."""
     plane = horizontal(scene, height)
     grid = plane.grid(plane.usual_spacing())
     with LightMeter(scene) as meter:

@@ -1,4 +1,4 @@
-"""The light of one point by its sources, and what blocks the others: lights, emitters and the sky, found by ray casts."""
+"""The light at one point by its sources (lights, emitters and the sky), and the meshes that block sources, by ray casts."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ from irrsplat.gather.stratified import ray_directions
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.ray_caster import RayCaster
 
-_SIDE = 64  # squared: rays over the hemisphere; of a share of one half their standard error is 0.8 % at most
-_MOST = 16  # emitters that are listed
+_SIDE = 64  # its square is the number of rays over the hemisphere; the standard error of a share of one half is at most 0.8 %
+_MOST = 16  # the most emitters in the list
 _FAR = 10.0  # diagonals: the length of a sight line to a directional light
-_RISE = 1e-5  # diagonals that rays start above the surface
+_RISE = 1e-5  # diagonals: the height above the surface at which rays start
 
 
 @dataclass(frozen=True)
 class Source:
-    """A light or an emitter as one point receives it. lux: direct. reason: why there is none, such as a blocker; "" for light.
-    end: where the sight line to the source ends."""
+    """A light or an emitter, and its light at one point.
+
+    lux: the direct illuminance. reason: the cause of no light, such as a blocker; "" if light arrives. end: the end of the sight
+    line to the source.
+    """
 
     name: str
     lux: float
@@ -37,7 +40,7 @@ class Source:
 
 @dataclass(frozen=True)
 class PointLight:
-    """The direct light of a point. sky_share: of the hemisphere, weighted by the cosine."""
+    """The direct light of a point. sky_share: the share of the sky in the hemisphere, weighted by the cosine."""
 
     sources: tuple[Source, ...]
     sky_share: float
@@ -45,14 +48,14 @@ class PointLight:
 
 
 def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> PointLight:
-    """Return the direct light of a surface point with a unit normal. caster: of the scene's triangles as they are drawn."""
+    """Return the direct light of a surface point with a unit normal. caster: holds the triangles in the order of drawing."""
     n = np.asarray(normal, float)
     start, frame = np.asarray(point) + _RISE * scene.diagonal * n, tangent_frames(n[None], np.zeros(1), 0)
     rays = ray_directions(_SIDE)
     hits = meshes_of(scene, caster.first_hits(start[None], frame, rays)[0])
 
     def blocker(end: np.ndarray) -> str:
-        """Return the name of what lies between start and end; "" for nothing."""
+        """Return the name of the first mesh between start and end; "" for none."""
         if caster.free(start[None], end[None])[0]:
             return ""
         way = unit((end - start)[None])
@@ -79,12 +82,12 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
 
 
 def _unoccluded(light: Light, p: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the irradiance (3,) of a light without blockers, W/m², and the way to it (3,), of unit length if directional."""
+    """Return the irradiance (3,) of a light without blockers, W/m², and the vector to it (3,), a unit vector if directional."""
     toward = np.asarray(light.position, float) - (0.0 if light.directional else p)
     d = float(np.linalg.norm(toward))
     w = toward / max(d, 1e-30)
     strength = light.strength(d)
-    if light.has_cone and light.spot_cutoff not in (90.0, 180.0):  # by the format these mean no cone
+    if light.has_cone and light.spot_cutoff not in (90.0, 180.0):  # in scene files, both angles mean no cone
         strength *= _cone(light, -w)
     elif light.photometry is not None:
         strength *= float(light.photometry.intensity(light.frame @ -w)) / LUMINOUS_EFFICACY
@@ -100,7 +103,7 @@ def _cone(light: Light, away: np.ndarray) -> float:
 
 
 def _unlit(light: Light, toward: np.ndarray, n: np.ndarray) -> str:
-    """Return why a light sends nothing to a point that nothing blocks."""
+    """Return the reason why a light without blockers sends no light to a point."""
     if not any(light.color):
         return "off"
     return "behind the surface" if toward @ n <= 0.0 else "outside of its beam"

@@ -1,4 +1,7 @@
-"""Sections of the side panel that edit the scene: lights, the selected object, and the list of objects; and rings of lights."""
+"""Sections of the side panel that edit the scene: lights, the selected object, and the list of objects.
+
+The rings that mark lights in the picture are drawn here, too.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from irrsplat.scene.model import Mesh
 
 
 def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float, float, float]]:
-    """Draw the field of a linear colour, with 0..255 and hex values in sRGB. Return True if it was changed, and the colour.
+    """Draw the field of a linear colour, with 0..255 and hex values in sRGB. Return True if the user changed it, and the colour.
 
     A component above 1 sets the scale: the field shows the colour relative to the largest component.
     """
@@ -34,15 +37,15 @@ def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float,
 
 def edit_output(layout: Layout, unit: str, value: float, least: float, most: float) -> float | None:
     """Draw a logarithmic slider with the unit as its label; return the new value if the user changed it to one of 0 or more."""
-    form = "%.0f" if value >= 1000.0 else "%.4g"  # no powers of ten
+    form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
     changed, output = imgui.slider_float(layout.label(unit), value, least, most, form, imgui.SliderFlags_.logarithmic)
     imgui.set_item_tooltip(described(unit, value))
     return output if changed and output >= 0.0 else None
 
 
-_OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a light that is off, and around each
-_WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
-_DIMMEST = 2.0**-8  # of its full output that a slider dims a light to
+_OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
+_WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
+_DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light; the greatest share is the inverse
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
@@ -77,7 +80,7 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
 
 
 def _placed(actions: Actions, layout: Layout, edited: LightEdit) -> LightEdit:
-    """Return the light after the widgets of place, aim and cone."""
+    """Draw the widgets of place, aim and cone; return the light after them."""
     session, light = actions.session, edited.light
     step = session.scene.diagonal / 500.0 if not light.directional else 0.01
     label = "towards" if light.directional else "position"
@@ -102,10 +105,10 @@ def _placed(actions: Actions, layout: Layout, edited: LightEdit) -> LightEdit:
 def _dragged(
     session: Session, layout: Layout, label: str, place: Point, step: float, direction: bool = False
 ) -> tuple[bool, Point]:
-    """Draw the widget of a place or a direction. Return True if it has changed, and its present value.
+    """Draw the widget of a place or a direction. Return True if the user changed it, and its present value.
 
-    Far from 0 0 0, where a widget's float32 is too coarse, a place is relative to the scene's origin, and world space stands
-    below it.
+    Far from 0 0 0, a widget's float32 is too coarse. A place is then relative to the scene's origin, and a line below it gives
+    the place in world space.
     """
     moved, (x, y, z) = imgui.drag_float3(layout.label(label), list(place), step, 0, 0, layout.metres)
     if any(session.origin) and not direction:
@@ -114,8 +117,8 @@ def _dragged(
 
 
 def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
-    """Return the light after the widgets of its colour."""
-    brightest = max(*edited.loaded.color, 1e-30)  # as loaded, so that black is no dead end
+    """Draw the widgets of a light's colour; return the light after them."""
+    brightest = max(*edited.loaded.color, 1e-30)  # of the loaded colour, so that a light set to black can get a colour again
     changed, tint = edit_colour(layout.label("colour"), [c / brightest for c in edited.light.color])
     if changed:
         edited = edited.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
@@ -126,7 +129,7 @@ def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
-    """Draw a ring in the picture where each light is, while the panel is open; that of the selected light is filled."""
+    """Draw a ring in the picture at each light while the panel of lights is open; fill the selected light's ring."""
     editor = actions.editor
     if not actions.panels.lights:
         return
@@ -142,9 +145,9 @@ def draw_rings(actions: Actions, layout: Layout) -> None:
                 draw.add_circle_filled(place, 5.0, colour)
 
 
-_DARKEST = 1e-3  # W/(m² sr)
-_ROWS = 10  # of the list that are in sight; more are scrolled to
-_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel that the sliders go to
+_DARKEST = 1e-3  # W/(m² sr): the least emission of a surface with an emission texture
+_ROWS = 10  # rows of the list in sight; the user scrolls to further rows
+_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel: the upper end of the sliders
 
 
 def draw_object(actions: Actions, layout: Layout) -> None:
@@ -162,7 +165,7 @@ def draw_object(actions: Actions, layout: Layout) -> None:
 
 
 def _object_placed(edit: ObjectEdit, layout: Layout, step: float) -> ObjectEdit:
-    """Return the edit after the widgets of its place. step: metres for a pixel of a drag."""
+    """Draw the widgets of an object's place; return the edit after them. step: metres for a pixel of a drag."""
     moved, offset = imgui.drag_float3(layout.label("translation"), list(edit.offset), step, 0, 0, layout.metres)
     imgui.set_item_tooltip("metres from its place in the file")
     if moved:
@@ -173,7 +176,7 @@ def _object_placed(edit: ObjectEdit, layout: Layout, step: float) -> ObjectEdit:
 
 
 def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
-    """Return the edit after the widgets of its material."""
+    """Draw the widgets of an object's material; return the edit after them."""
     material = mesh.material
     if mesh.colors is None and not material.unlit:
         changed, albedo = edit_colour(layout.label("reflectance"), edit.albedo or material.albedo)
@@ -182,7 +185,7 @@ def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
             edit = replace(edit, albedo=albedo)
     emission = edit.emission if edit.emission is not None else material.emission
     textured = material.emission_texture is not None or material.filters
-    least = _DARKEST if textured and any(material.emission) else 0.0  # without any it would be drawn otherwise
+    least = _DARKEST if textured and any(material.emission) else 0.0  # at 0, a textured emitter would need another way of drawing
     brightest = max(emission)
     tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
     full, now = surface_units(mesh, tint), surface_units(mesh, emission)
@@ -198,7 +201,7 @@ def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
 
 
 def draw_outliner(actions: Actions) -> None:
-    """Draw the names of all meshes; hidden ones are grey, and have a button that shows them again."""
+    """Draw the names of all meshes. A hidden mesh is grey, and has a button that shows it again."""
     editor = actions.editor
     count = len(editor.edit.objects)
     height = (min(count, _ROWS) + 1) * imgui.get_text_line_height_with_spacing()

@@ -18,7 +18,7 @@ from irrsplat.meter.readings import Unit
 from irrsplat.scene import ray_caster
 
 _UNITS: tuple[Unit, ...] = ("lux", "W/m2")
-_LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
+_LEAST, _MOST = 0.01, 1e6  # ends of the slider for the scale's upper end; the user types other values (Ctrl+click)
 
 
 def light_is_shown(actions: Actions) -> bool:
@@ -40,7 +40,7 @@ def draw_light_scale(actions: Actions, layout: Layout) -> None:
     moved, value = imgui.slider_float(label("maximum"), high, _LEAST, _MOST, form, imgui.SliderFlags_.logarithmic)
     imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
     if moved and value > 0.0:
-        scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's are float32
+        scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's values are float32
     if imgui.small_button("auto"):
         scale = replace(scale, highest=None)
     imgui.set_item_tooltip("a round number above nearly all that is seen")
@@ -50,9 +50,9 @@ def draw_light_scale(actions: Actions, layout: Layout) -> None:
     session.options.light_scale = scale
 
 
-_MOST_VALUES = 81  # over the picture, about
+_MOST_VALUES = 81  # about: values drawn over the picture
 _SHADE = (0.0, 0.0, 0.0, 0.8)
-_NEARER = 0.999  # of the way from the eye to a point of the plane, which may lie on a surface
+_NEARER = 0.999  # share of the way from the eye to a point of the plane: the point itself may lie on a surface
 
 
 def draw_plane(actions: Actions, layout: Layout) -> None:
@@ -78,7 +78,7 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
 
 
 def draw_values(actions: Actions, layout: Layout) -> None:
-    """Draw values over the picture at some of the points of the plane that are seen."""
+    """Draw values over the picture at some visible points of the plane."""
     session = actions.session
     measured = session.plane.measured
     if not session.options.plane or not session.views or measured is None:
@@ -131,7 +131,7 @@ def draw_why(actions: Actions, display: Display) -> None:
 
 
 def draw_sight_lines(actions: Actions, display: Display, layout: Layout) -> None:
-    """Draw the point and the sight lines."""
+    """Draw the examined point, and the sight lines from it to all sources."""
     found, session = display.point_light(), actions.session
     surface = session.options.surface
     here = None if found is None or surface is None else layout.seen(session.camera, surface[0])
@@ -144,5 +144,5 @@ def draw_sight_lines(actions: Actions, display: Display, layout: Layout) -> None
 
 
 def light_digits(value: float | None) -> str:
-    """Return a value of light with the digits that a light meter has; "" for None."""
+    """Return a value of light with as many digits as a light meter prints; "" for None."""
     return "" if value is None else f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"

@@ -1,4 +1,4 @@
-"""The settings, stage by stage: a widget each, made from its declaration."""
+"""The settings, stage by stage. The widget of each setting is made from its declaration."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, pre
 
 Value = float | int | bool | str
 
-SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends of their sliders; other values are typed
+SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends of their sliders; the user types other values
     "a": (0.01, 2.0),
     "tolerance": (0.0, 100.0),
     "blend": (0.0, 1.0),
     "exposure": (-10.0, 10.0),
 }
 _LOGARITHMIC = ("a", "tolerance")
-_STEP = 0.01  # of a value, for a pixel of a drag
+_STEP = 0.01  # share of a value by which a drag of one pixel changes it
 _STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
-_OPEN = ("splat", "examine", "composite")  # stages that are unfolded at first
-_TOOLTIP = 28.0  # width of the text, in heights of the font
+_OPEN = ("splat", "examine", "composite")  # stages that start unfolded
+_TOOLTIP = 28.0  # font heights: the width of a tooltip's text
 
 
 def draw_settings(actions: Actions, layout: Layout) -> None:
@@ -59,7 +59,7 @@ def draw_presets(actions: Actions, layout: Layout) -> None:
 
 
 def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
-    """Draw one line: the widget, its name, and an arrow back to its word, such as auto, or to the preset's value."""
+    """Draw the line of a setting: its widget, its name, and an arrow back to its word (such as auto) or the preset's value."""
     chosen, settings = actions.session.settings(actions.session.options.side)
     value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
     imgui.push_id(d.name)
@@ -105,9 +105,9 @@ def _widget(actions: Actions, layout: Layout, d: Declaration, value: Value) -> V
 
 
 def _number(d: Declaration, label: str, number: float, word: str, width: float) -> tuple[bool, float]:
-    """Draw a slider for one of the first settings, for another one a field to drag or to type into.
+    """Draw a slider for a setting of SLIDERS, and a field to drag or to type into for any other setting.
 
-    Return True if the user has changed it, and its number. word: stands behind it.
+    Return True if the user changed the number, and the number. word: text behind the number.
     """
     least, most = d.low or 0, d.high or 0
     imgui.set_next_item_width(width)
@@ -119,11 +119,11 @@ def _number(d: Declaration, label: str, number: float, word: str, width: float) 
         moved, now = imgui.drag_int(label, int(number), max(_STEP * abs(number), 0.1), int(least), int(most), f"%d{unit}")
     else:
         moved, now = imgui.drag_float(label, number, max(_STEP * abs(number), 0.001), least, most, f"%.3g{unit}")
-    return moved, min(max(float(f"{now:.6g}") if d.kind == "float" else now, least), most)  # imgui's are float32
+    return moved, min(max(float(f"{now:.6g}") if d.kind == "float" else now, least), most)  # imgui's values are float32
 
 
 def _resolved(actions: Actions, d: Declaration) -> float:
-    """Return the number that the word of a setting stands for now."""
+    """Return the number that the word of a setting (such as auto) means now."""
     session, side = actions.session, actions.session.options.side
     settings = session.settings(side)[1]
     if d.name == "bounces":
