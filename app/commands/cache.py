@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
         help="several as one",
         description="Write one cache with the records of several that were made apart, for one scene with one set of settings.",
         epilog="All records of the first stay; of each further one those whose places no others serve. Limits of radii,\n"
-        "where records contradict each other, are found by whoever draws with the cache first.",
+        "where records disagree, are found by whoever draws with the cache first.",
     )
     merge.add_argument("files", nargs="+", metavar="FILE", help="record caches")
     prune = tools.add_parser(

@@ -20,7 +20,7 @@ TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("without gradients, and all that needs them", {"gradients": False}),
     ("weights and radii of the paper", {"weights": "paper"}),
     ("without radii that adapt", {"adapt": 0.0}),
-    ("no records where others contradict each other", {"spread": 0.0}),
+    ("no records by inter-record variance", {"spread": 0.0}),
     ("without limits of the radius", {"radius_min": 0.0, "radius_max": 0.0}),
     ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
     ("a gather of 32²", {"gather_size": 32}),
