@@ -89,7 +89,7 @@ class WholeRenders:
         done, stats = self._until_complete(camera, progress)
         if done is None or not stats["converged"]:  # the records of the last round are still to be splatted
             view, _ = frames.scheduler.limit_radii(frames.view_state(frames.state, camera), last=True)
-            frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
+            frames.state = replace(frames.state, view=view)
             frames.state, done = frames.round(frames.state, camera, Budget(None), gather=False)
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()

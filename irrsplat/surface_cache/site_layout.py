@@ -92,9 +92,9 @@ class Clusters:
     """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values that
-    need no gather, else -1. first: the sites among the members without a value, and which of them is each one's, as
-    clustering.choose_sites has them.
+    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
+    until SiteChooser.assign fills those that need a gather. first: the first sites among these members, and the site of each, see
+    clustering.choose_sites.
     """
 
     tessellation: Tessellation
@@ -117,15 +117,14 @@ class Clusters:
 class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
-    clusters: the members that the sites represent. value: (M,) the numbers of the members' values. sites: (S,) where the values
-    are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of the surface that each stands
-    for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for
-    none, and 0. Where something stands on the cell, so that not all corners see each other, the last is the number of one of the
-    H further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    clusters: the members that the sites represent, with the numbers of their values. sites: (S,) where the values are gathered;
+    SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of the surface that each stands for. cells:
+    (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for none, and
+    0. Where an object occludes part of a cell, so that not all corners see each other, the last is the number of one of the H
+    further rows. Such a row has the lines beyond which corners are hidden, see _borders.
     """
 
     clusters: Clusters
-    value: np.ndarray
     sites: Sites
     area: np.ndarray
     cells: np.ndarray
@@ -149,13 +148,13 @@ class SiteChooser:
     def layout(self) -> Generator[float, None, SiteLayout]:
         """Choose the sites: all steps in their order."""
         clusters = yield from self._cluster()
+        chosen = yield from self.assign(clusters)
         value = clusters.value
-        chosen = yield from self.assign(clusters, value)
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
-        cells = yield from self.cells(clusters, value)
-        return SiteLayout(clusters, value, clusters.sites(at), area.astype(float), cells)
+        cells = yield from self.cells(clusters)
+        return SiteLayout(clusters, clusters.sites(at), area.astype(float), cells)
 
     def _cluster(self) -> Generator[float, None, Clusters]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites."""
@@ -239,11 +238,12 @@ class SiteChooser:
         position, area = clusters.members.position[left], clusters.area[left]
         return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
 
-    def assign(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Choose sites for members whose values (M,) are negative, and assign these to sites that they see: of their own cluster,
-        or else of one next to that. Fill `value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are
-        sites."""
-        members = clusters.members
+    def assign(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+        """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
+
+        Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are sites.
+        """
+        members, value = clusters.members, clusters.value
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
             chosen, site_of = clusters.first
@@ -259,16 +259,17 @@ class SiteChooser:
             seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]], _SHARED_OUT)
             value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        yield from self._assign_near(clusters, value, sites)
+        yield from self._assign_near(clusters, sites)
         return sites
 
-    def _assign_near(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
-        """Assign the members without a value in `value` (M,) to a near site: the nearest visible one, else the nearest.
+    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Generator[float, None, None]:
+        """Assign the members without a value to a near site: the nearest visible one, else the nearest.
 
         gathered: the members that are sites. Without this step, small objects beyond the number of sites are black: a room full
         of them lost a third of its second bounce.
         """
-        members, left = clusters.members, np.flatnonzero(value < 0)
+        members, value = clusters.members, clusters.value
+        left = np.flatnonzero(value < 0)
         # a coarse level compares one member of each cluster; in a full one, a groove's members take other sites than its rim's
         keys = clusters.keys[left] if self.detail == COARSE else left
         _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
@@ -282,9 +283,9 @@ class SiteChooser:
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
-    def cells(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return SiteLayout.cells for members with these values (M,)."""
-        members = clusters.members
+    def cells(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+        """Return SiteLayout.cells, once all members have values."""
+        members, value = clusters.members, clusters.value
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
         for side, cells in enumerate(table[0].swapaxes(0, 1)):
             corners = clusters.member[side][clusters.tessellation.corners]

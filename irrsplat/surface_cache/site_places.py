@@ -127,7 +127,7 @@ class Survey:
 
 def members_places(layout: SiteLayout, seed: int) -> Places:
     """Return places among the members that the sites of this `layout` represent, drawn by the members' areas."""
-    clusters, value, count = layout.clusters, layout.value, len(layout.sites)
+    clusters, value, count = layout.clusters, layout.clusters.value, len(layout.sites)
     weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
     drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
     places, met = layout.sites[np.repeat(np.arange(count), PLACES)], drawn >= 0

@@ -134,7 +134,7 @@ def test_coarse_light_does_not_wait_for_the_tree(
         assert surface is not None and surface.laid_out is not None and surface.laid_out.places is not None
         layout, places = surface.laid_out.layout, surface.laid_out.places.sites.position
         there = (places[:, None] == layout.clusters.members.position).all(-1)
-        assert (there & (np.arange(len(places))[:, None] // PLACES == layout.value)).any(1)[FIRST_SITE * PLACES :].all()
+        assert (there & (np.arange(len(places))[:, None] // PLACES == layout.clusters.value)).any(1)[FIRST_SITE * PLACES :].all()
         built.set()
         ticks(renderer, lambda now: now.still)
         assert not (renderer.cache.column("gather_size") == 16).any()
