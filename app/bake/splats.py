@@ -47,7 +47,7 @@ class PlaceSplats(Owner):
         bent = int(settings.gradients and gbuffer.mapped_normal is not None)
         defines = {**record_defines(settings.gradients), "NORMAL_MAPS": bent, "REFINED": 0}
         self.program = Program(ctx, "indirect/splat", "bake/splat", defines)
-        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
+        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": 0})
         self.target = splat_target(ctx, self.size)
         self.tiles = _Boxes.of(position, seen, TILE)
         self.blocks = _Boxes.of(position, seen, TILE * _BLOCK)

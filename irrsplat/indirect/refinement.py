@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
@@ -20,6 +19,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawn
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
@@ -101,12 +101,12 @@ class Refiner(Owner):
     state: the progress; None while no view is refined.
     """
 
-    def __init__(
-        self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers
-    ) -> None:
+    def __init__(self, world: World, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers) -> None:
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
-        self._splats = [ViewSplats(ctx, size, gradients, timers) for _ in range(2)]  # of the picture on show, and of the next one
-        self._reach = [float_texture(ctx, size, 1) for _ in range(2)]
+        self._splats = [
+            ViewSplats(world, size, gradients, timers) for _ in range(2)
+        ]  # of the picture on show, and of the next one
+        self._reach = [float_texture(world.ctx, size, 1) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # by the level of the surface cache
         self.state: Refinement | None = None
 

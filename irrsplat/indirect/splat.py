@@ -44,12 +44,13 @@ class SplatPass(Owner):
             kind: Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]})
             for kind in product((0, 1) if gradients else (0,), (0, 1))
         }
-        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
+        # by whether there are sides that no light reaches
+        self.empty = [Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit}) for unlit in (0, 1)]
         self.targets: dict[int, Target] = {}  # by pixel stride, made at first use
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.numbers, *self.programs.values(), self.empty, *self.targets.values())
+        return (self.numbers, *self.programs.values(), *self.empty, *self.targets.values())
 
     def free_all_but_sums(self) -> None:
         """Free the weights, the depths and the smaller buffer; after that, this can only be released."""
@@ -66,10 +67,23 @@ class SplatPass(Owner):
             self.targets[pixel_stride] = splat_target(self.ctx, size)
         return self.targets[pixel_stride]
 
-    def clear(self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None) -> None:
-        """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        target = target or self.target(pixel_stride)
-        self.empty(target, state=DrawState(depth="1"), position=gbuffer.position, pixel_stride=pixel_stride)
+    def clear(
+        self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None, unlit_sides: Uniforms | None = None
+    ) -> None:
+        """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing, or an unlit side.
+
+        unlit_sides: from `unlit_sides`.
+        """
+        of: Uniforms = {}
+        if unlit_sides:
+            of = {"normal": gbuffer.normal, "albedo": gbuffer.albedo, "emission": gbuffer.emission, **unlit_sides}
+        self.empty[int(bool(of))](
+            target or self.target(pixel_stride),
+            state=DrawState(depth="1"),
+            position=gbuffer.position,
+            pixel_stride=pixel_stride,
+            **of,
+        )
 
     def __call__(
         self,

@@ -7,16 +7,20 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
+from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.clustering import unlit_interiors
 
 _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few of every other one
 
@@ -28,6 +32,27 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
     """
     requested = settings.placement != "scan" and settings.most_bounces > 0
     return 2 if requested and size[1] >= _LEAST_HEIGHT else 1
+
+
+def unlit_sides(world: World) -> Uniforms:
+    """Return the uniforms of the triangles whose inner side no light reaches; none for a scene without such triangles.
+
+    A camera within a wall sees such sides alone, and each of its black records would cover a single pixel.
+    """
+    scene = world.scene
+    if not world.geometry.counts.closed:
+        return {}
+
+    def made() -> moderngl.Texture:
+        unlit = unlit_interiors(scene)
+        table = np.zeros((row_count(len(unlit)), TABLE_COLUMNS), "u1")
+        table.ravel()[: len(unlit)] = 255 * unlit
+        texture = world.ctx.texture(table.shape[::-1], 1, table)
+        texture.filter = moderngl.NEAREST, moderngl.NEAREST
+        return texture
+
+    places = [light.position for light in scene.lights]
+    return {**world.geometry.uniforms, "unlit_sides": world.derived.get("unlit sides", (scene.meshes, places), made)}
 
 
 @dataclass(frozen=True)
@@ -46,9 +71,9 @@ class ViewSplats(Owner):
     give the same SplatBuffer object, so that later stages can compare it by identity.
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
-        self.ctx, self.size, self.timers = ctx, size, timers
-        self.splat_pass = SplatPass(ctx, size, gradients)
+    def __init__(self, world: World, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
+        self.world, self.ctx, self.size, self.timers = world, world.ctx, size, timers
+        self.splat_pass = SplatPass(world.ctx, size, gradients)
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
@@ -91,6 +116,7 @@ class ViewSplats(Owner):
         records while input waits; the next call draws the remaining batches.
         """
         count = cache.count if settings.most_bounces > 0 else 0
+        unlit = unlit_sides(self.world)
         inputs = (
             gbuffer,
             settings.of("splat"),
@@ -98,6 +124,7 @@ class ViewSplats(Owner):
             cache.revision,
             pixel_stride,
             reach,
+            unlit.get("unlit_sides"),
         )
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
@@ -107,7 +134,7 @@ class ViewSplats(Owner):
         sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)
         with self.timers("splat"):
             if first == 0:
-                self.splat_pass.clear(gbuffer, pixel_stride)
+                self.splat_pass.clear(gbuffer, pixel_stride, unlit_sides=unlit)
             if first < count:
                 numbers = reaching(cache, first, camera, self.size, settings)
                 if first == 0 and noted:
@@ -134,7 +161,7 @@ class ViewSplats(Owner):
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
         self.forget()
-        self.splat_pass.clear(gbuffer)
+        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world))
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
         return self.splat_pass.target(1).read(0)

@@ -265,7 +265,9 @@ class Frames(Owner):
             if not shown or not self.can_refine:
                 return self.frame(camera, seconds)
             made_of = state.size, state.settings.gradients
-            refiner = self._passes.get("refiner", made_of, lambda: Refiner(self.ctx, *made_of, self.scheduler, self.timers))
+            refiner = self._passes.get(
+                "refiner", made_of, lambda: Refiner(self.stages.world, *made_of, self.scheduler, self.timers)
+            )
             gbuffer, splats = self.stages.draw_gbuffer(state, camera), self.stages.splats(state)
             refiner.begin(splats.update(self.scheduler.cache, gbuffer, camera, state.settings, 1), camera)
         assert refiner is not None

@@ -92,7 +92,7 @@ class Stages(Owner):
     def splats(self, state: State) -> ViewSplats:
         """Return the splat buffer of the present view."""
         made_of = state.size, state.settings.gradients
-        return self._passes.get("splats", made_of, lambda: ViewSplats(self.ctx, *made_of, self.timers))
+        return self._passes.get("splats", made_of, lambda: ViewSplats(self.world, *made_of, self.timers))
 
     def composite_pass(self, state: State) -> CompositePass:
         """Return the pass that composites pictures."""

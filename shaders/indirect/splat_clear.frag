@@ -1,18 +1,42 @@
-// An empty splat buffer: sums of 0, and the weight NOTHING_SEEN where the camera sees nothing.
+// An empty splat buffer: sums of 0, and the weight NOTHING_SEEN where the camera sees nothing, or a side that no light reaches.
 #include "generated/constants.glsl"
 #include "indirect/splat_depth.glsl"
+#if UNLIT_SIDES
+#include "lib/octahedral.glsl"
+#include "lib/surface.glsl"
+#endif
 #include "lib/texel.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
+#if UNLIT_SIDES
+uniform sampler2D normal;    // g-buffer
+uniform sampler2D albedo;
+uniform sampler2D emission;
+uniform sampler2D unlit_sides;  // table of triangles: 1 where no light reaches the inner side
+#endif
 
 layout(location = 0) out vec4 out_sums;
 layout(location = 1) out vec2 out_weight;
 
+// True if a record at the pixel would be black: it lies on the inner side of a closed mesh without a light in it.
+bool unlit(ivec2 pixel)
+{
+#if UNLIT_SIDES
+    int triangle = int(texel_at(emission, pixel).w);
+    vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
+    return texel_at(unlit_sides, table_texel(triangle)).r > 0.0 && dot(g, face_plane(triangle).xyz) < 0.0;
+#else
+    return false;
+#endif
+}
+
 void main()
 {
     out_sums = vec4(0.0);
-    float depth = texel_at(position, pixel_stride * ivec2(gl_FragCoord.xy)).w;
+    ivec2 pixel = pixel_stride * ivec2(gl_FragCoord.xy);
+    float depth = texel_at(position, pixel).w;
+    depth = unlit(pixel) ? 0.0 : depth;
     out_weight = vec2(depth > 0.0 ? 0.0 : NOTHING_SEEN, 0.0);
     gl_FragDepth = depth > 0.0 ? splat_depth(depth) : 0.0;
 }

@@ -14,7 +14,7 @@ from irrsplat.image.view import Progress, View
 from irrsplat.scene.model import Camera
 from tests.renderer.test_move import shift
 from tests.renderer.test_renderer import FAST, FRONT, room
-from tests.support.worlds import point_light
+from tests.support.worlds import box, point_light, scene
 
 
 def holes(view: View) -> int:
@@ -56,3 +56,17 @@ def test_no_hole_at_rest_after_changes(second: Callable[[Renderer], None]) -> No
         second(renderer)
         view, told = rest(renderer, FRONT, 0.05)
         assert holes(view) == 0, told[-1]
+
+
+def test_the_inside_of_a_closed_mesh_requests_records_only_with_a_light_in_it() -> None:
+    """Without a light in it, every record there would be black, and would cover its own pixel alone."""
+    within = Camera((0.0, 0.0, 0.0), (0.3, 0.2, 1.0), (0.0, 1.0, 0.0), 60.0)
+    with Renderer(scene(box((-3, -3, -3), (3, 3, 3), outward=False), box((-1, -1, -1), (1, 1, 1))), (64, 48), **FAST) as renderer:
+        renderer.relight([point_light((2.0, 0.0, 0.0), 5.0)])
+        view, statistics = renderer.converge(within)
+        assert statistics["records"] == 0 and statistics["coverage"] == 1.0
+        assert not view.read().irradiance.any()
+        renderer.relight([point_light((0.5, 0.0, 0.0), 5.0)])
+        view, statistics = renderer.converge(within)
+        assert statistics["records"] > 0 and holes(view) == 0
+        assert view.read().irradiance.mean() > 0.1
