@@ -21,7 +21,6 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
-_APART = 0.018  # of the image height: greatest density of the new records of one check
 SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
 _SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
@@ -36,13 +35,12 @@ class Spots:
     """Places of a view.
 
     sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. rows: height of the picture in these distances. floor: W/m², lower bound of `cached` in relative differences.
+    on screen. floor: W/m², lower bound of `cached` in relative differences.
     """
 
     sites: Sites
     cached: np.ndarray
     distance: np.ndarray
-    rows: float
     floor: float = 0.0
 
     @staticmethod
@@ -53,13 +51,13 @@ class Spots:
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
         floor = _FLOOR * float(cached[order].mean(dtype=float)) if len(order) else 0.0
-        return Spots(joined[order], cached[order], distance[order], parts[0].rows, floor)
+        return Spots(joined[order], cached[order], distance[order], floor)
 
     def __len__(self) -> int:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.rows, self.floor)
+        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.floor)
 
     def difference(self, found: np.ndarray) -> np.ndarray:
         """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater of both.
@@ -68,13 +66,6 @@ class Spots:
         """
         share = np.abs(found - self.cached) / np.maximum(np.maximum(found, self.cached), max(self.floor, 1e-30))
         return np.where((found > self.cached) & (self.cached < self.floor), 0.0, share)
-
-    def peaks(self, off: np.ndarray) -> np.ndarray:
-        """Return the numbers of the places with the greatest difference `off` (N,) among close ones."""
-        order = np.argsort(-off, kind="stable")
-        cells = _cells(self.sites[order], _APART * self.rows * self.distance[order])
-        found: np.ndarray = order[np.sort(np.unique(cells, return_index=True)[1])]
-        return found
 
 
 class SpotPass(Owner):
@@ -114,7 +105,7 @@ class SpotPass(Owner):
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number)
         rows = squares.part.whole[1] / squares.side
         away = np.linalg.norm(position[:, :3].astype(float) - np.asarray(camera.eye, float), axis=1)
-        return Spots.joined([Spots(sites, rest[:, 1].astype(float), camera.measure(self.size) / rows * away, rows)])
+        return Spots.joined([Spots(sites, rest[:, 1].astype(float), camera.measure(self.size) / rows * away)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,11 +123,8 @@ class SpotCheck:
 
     @property
     def significant(self) -> Spots:
-        """The places where the present probes differ from the cache; before the last probes, only the worst of close ones."""
-        off = self.spots.difference(self.found)
-        there = off > _SIGNIFICANT[self.stage]
-        left = self.spots[there]
-        return left[left.peaks(off[there])] if self.stage == len(SIDES) - 2 else left
+        """The places where the present probes differ from the cache."""
+        return self.spots[self.spots.difference(self.found) > _SIGNIFICANT[self.stage]]
 
 
 @dataclass(eq=False)
