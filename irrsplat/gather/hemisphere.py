@@ -6,7 +6,7 @@ The paper's plane (plane.py) and rays (trace.py) implement it; `gather_records` 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 
 import numpy as np
@@ -15,6 +15,7 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
@@ -38,7 +39,7 @@ class Gather(Owner):
     share: np.ndarray
 
     def __init__(self, world: World, places: int = 1) -> None:
-        self.world, self.places = world, places
+        self.world, self.places, self._pace = world, places, Pace(world.ctx)
 
     @property
     def offset(self) -> float:
@@ -58,6 +59,16 @@ class Gather(Owner):
     def radii(self) -> tuple[float, float]:
         """The least and the greatest R_k, metres: the offset bounds distances below, and a miss counts as a scene's diagonal."""
         return self.offset, self.world.scene.diagonal
+
+    def batches(self, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
+        """Yield slices of the `requested` number of records, one batch each, until all are done or the budget ends.
+
+        The caller gathers each batch before it takes the next. times: the number of gathers of each record.
+        """
+        done = 0
+        for count in self._pace.batches(requested, self.capacity, budget, times * self.share.size):
+            yield slice(done, done + count)
+            done += count
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

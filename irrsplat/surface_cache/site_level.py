@@ -15,7 +15,7 @@ from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.records.dimming import dim
@@ -68,7 +68,6 @@ class SiteLevel(Owner):
         self.settings, self._scene, self._unlit = settings, world.scene, unlit_interiors(world.scene)
         self._rays = SiteRays(world, settings, detail)
         self._made = Workshop()
-        self._pace, self._quick_pace = Pace(self.ctx), Pace(self.ctx)
         self._steps, self._changing = _Steps(), _Changing()
         self.laid_out: LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
         self._transport: Transport | None = None  # between these sites
@@ -217,7 +216,7 @@ class SiteLevel(Owner):
             gather, order = self._rays.gather_for(held.laid_out.records.count, quick=True), follower.order
             order = order[order >= FIRST_SITE]
             part = budget.part(0.0, 0.0, _FOLLOWING)
-            done = self._gather(gather, held.laid_out, order, follower.transport, shadows, self._quick_pace, part)
+            done = self._gather(gather, held.laid_out, order, follower.transport, shadows, part)
             E = follower.step(shadows, order[:done])
         held.table.write(E)
         self.solution = replace(held, light=replace(held.light, irradiance=E))
@@ -230,7 +229,6 @@ class SiteLevel(Owner):
         numbers: np.ndarray,
         transport: Transport | None,
         shadows: ShadowMaps,
-        pace: Pace,
         budget: Budget,
     ) -> int:
         """Gather E_1 at sites of these numbers, within the budget. Return their number.
@@ -241,13 +239,13 @@ class SiteLevel(Owner):
         assert places is not None
         virtual = self.detail.level >= 0 or self.world.has_tree  # coarse light does not wait for the tree of their rays
         light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms, virtual)
-        for count in pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
-            batch = numbers[done : done + count]
+        for some in gather.batches(len(numbers), budget):
+            batch = numbers[some]
             self._rays.light(gather, light, records, batch, places.of)
             if transport is not None and not transport.known[batch].all():
                 self._rays.link(gather, transport, places, batch)
             records.mark_refreshed(batch)
-            done += count
+            done = some.stop
         return done
 
     def _lay_out(self, budget: Budget) -> LaidOut | None:
@@ -290,7 +288,7 @@ class SiteLevel(Owner):
             self._transport = Transport(records.count, gather.share.size)
         stale = records.stale
         records.mark_refreshed(stale[stale < FIRST_SITE])
-        self._gather(gather, laid_out, stale[stale >= FIRST_SITE], self._transport, shadows, self._pace, budget)
+        self._gather(gather, laid_out, stale[stale >= FIRST_SITE], self._transport, shadows, budget)
 
     def _first(self, records: RecordCache) -> np.ndarray:
         """Return (S, 3) E_1 at the sites, W/m², with the values that are known without a gather."""

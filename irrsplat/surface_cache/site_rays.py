@@ -15,7 +15,7 @@ from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
@@ -133,7 +133,7 @@ class PlaceSearch:
     """Search for the ray origins of the sites `laid_out`, by a survey along few rays."""
 
     def __init__(self, rays: SiteRays, laid_out: LaidOut) -> None:
-        self._rays, self._laid_out, self._pace = rays, laid_out, Pace(rays.ctx)
+        self._rays, self._laid_out = rays, laid_out
         records = laid_out.records
         gather = rays.survey_gather()
         self._survey = Survey(records.sites(slice(0, records.count)), gather.share.size)
@@ -144,8 +144,9 @@ class PlaceSearch:
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
         light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms, virtual=False)
-        for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
-            rays.survey(gather, light, records, survey, survey.done + np.arange(count))
+        left = np.arange(survey.done, records.count)
+        for some in gather.batches(len(left), budget):
+            rays.survey(gather, light, records, survey, left[some])
         if survey.done < records.count:
             return None
         if self._drawing is None:

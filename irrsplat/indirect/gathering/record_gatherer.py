@@ -99,10 +99,10 @@ class RecordGatherer(Owner):
 
         side: of the square of probe rays.
         """
-        gather, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
-        for some in self.gathers.batches(gather, len(sites), budget):
+        probe, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
+        for some in probe.gather.batches(len(sites), budget):
             with self.timers("examine"):
-                found.append(gather(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
+                found.append(probe(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     @property
@@ -253,7 +253,7 @@ class RecordGatherer(Owner):
         assert surface is not None
         gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
-        for some in self.gathers.batches(gather, len(numbers), budget, times=2):
+        for some in gather.batches(len(numbers), budget, times=2):
             chosen = numbers[some]
             sites, found = self.cache.sites(chosen), []
             with RecordCache(self.ctx) as scratch:
@@ -330,7 +330,7 @@ class RecordGatherer(Owner):
         due = cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.gathers.batches(self.probes, len(numbers), budget):
+        for some in self.probes.gather.batches(len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
             cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
@@ -350,7 +350,7 @@ class RecordGatherer(Owner):
         rays may suffice.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(sites), budget):
+        for some in self.gathers.at(self._basis, size).batches(len(sites), budget):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
@@ -367,7 +367,7 @@ class RecordGatherer(Owner):
         size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
+        for some in self.gathers.at(self._basis, size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = some.stop
