@@ -28,18 +28,26 @@ _SCREEN = 0.25  # of the scene's diagonal: default of the image height
 class Gather(Owner):
     """A gather bound to its `world`, whose changes it follows, and to the world's kinds of lights (see light_defines).
 
-    kind: "plane", "trace" or "embree". capacity: greatest number of records in one call. cell: texels, width and height, of a
-    record's hemisphere. share: (height, width) cosθ·dω of each texel. places: number of eye positions of a record, used in turn
+    kind: "plane", "trace" or "embree". table: (height, width, 4) of a record's texels, direction in its frame and cosθ·dω.
+    capacity: greatest number of records in one call. places: number of eye positions of a record, used in turn
     (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record.
     """
 
     kind: str
-    capacity: int
-    cell: tuple[int, int]
-    share: np.ndarray
 
-    def __init__(self, world: World, places: int = 1) -> None:
-        self.world, self.places, self._pace = world, places, Pace(world.ctx)
+    def __init__(self, world: World, table: np.ndarray, capacity: int, places: int = 1) -> None:
+        self.world, self.table, self.capacity, self.places = world, table, capacity, places
+        self._pace = Pace(world.ctx)
+
+    @property
+    def cell(self) -> tuple[int, int]:
+        """Texels of a record's hemisphere, width and height."""
+        return self.table.shape[1], self.table.shape[0]
+
+    @property
+    def share(self) -> np.ndarray:
+        """(height, width) cosθ·dω of each texel."""
+        return self.table[..., 3]
 
     @property
     def offset(self) -> float:

@@ -11,7 +11,7 @@ from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
 from irrsplat.core.timing.background import in_background
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
-from irrsplat.gather.record_frame import tangent_frames
+from irrsplat.gather.record_frame import places_of_texels, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -80,7 +80,6 @@ class SiteRays(Owner):
                 self.world,
                 side,
                 min(max(_BATCH_RAYS // side**2, _BATCH), _MOST_BATCH),
-                surface=True,
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,
@@ -115,11 +114,12 @@ class SiteRays(Owner):
         assert sites.frame_rotation is not None
         frames = tangent_frames(sites.normal, sites.frame_rotation, self.settings.seed)
         upward = np.einsum("nij,nj->ni", frames, sites.geometric).reshape(-1, gather.places, 3)
-        share = np.empty((len(upward), gather.share.size))
+        table, place_of = gather.table.reshape(-1, 4), places_of_texels(gather.cell, gather.places)
+        share = np.empty((len(upward), len(table)))
         for place in range(gather.places):
-            texels = gather.places_of_texels == place
-            below = upward[:, place] @ gather.directions[texels].T <= 0.0
-            share[:, texels] = np.where(below, 0.0, gather.share.ravel()[texels])
+            texels = place_of == place
+            below = upward[:, place] @ table[texels, :3].T <= 0.0
+            share[:, texels] = np.where(below, 0.0, table[texels, 3])
         return share
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

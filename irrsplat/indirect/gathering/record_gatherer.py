@@ -453,7 +453,7 @@ class RecordGatherer(Owner):
 
     def bounces(self, settings: Settings) -> BounceStatistics:
         """Return the statistics of the gather and of the bounces."""
-        how = self.gather_pass.kind
+        how = self._basis.kind
         everything, most = settings.bounces == "all", settings.most_bounces
         surface = self.surface
         made = surface.result if surface is not None and most > 1 else None
