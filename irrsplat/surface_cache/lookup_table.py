@@ -59,14 +59,16 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 
 class LaidOut(Owner):
-    """Sites on the GPU: a record for each value, in the order of the values, and their lookup table.
-    places: the origins of their rays; None until these are known."""
+    """Sites on the GPU: a record for each of S values, in the order of the values, and their lookup table.
+
+    area: (S,) m² of the surface that each stands for. places: the origins of their rays; None until these are known.
+    """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
-        self.layout = layout
+        self.area = layout.area
         self.places: Places | None = None
         self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.clusters.tessellation.table, layout.cells, max(len(layout.sites), 1))
+        self.table = LookupTable(ctx, layout.triangles, layout.cells, max(len(layout.sites), 1))
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

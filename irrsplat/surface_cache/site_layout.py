@@ -7,7 +7,7 @@ together and face alike form a cluster. One member of the cluster is the site of
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial, reduce
 
 import numpy as np
@@ -41,6 +41,8 @@ _PLACES = 32  # greatest number of lights and cameras with fine cells around the
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
+
+_Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, and the site of each, see clustering.choose_sites
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # about the finished share of the work during a step
 
@@ -93,8 +95,7 @@ class Clusters:
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
     stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
-    until SiteChooser.assign fills those that need a gather. first: the first sites among these members, and the site of each, see
-    clustering.choose_sites.
+    until SiteChooser.assign fills those that need a gather.
     """
 
     tessellation: Tessellation
@@ -105,7 +106,15 @@ class Clusters:
     face: np.ndarray
     member: np.ndarray
     value: np.ndarray
-    first: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def min_area(self) -> float:
+        """Area in m² of the smallest cluster that has a site before the last round."""
+        return _MIN_AREA * self.spacing**2
+
+    def choose(self, left: np.ndarray, most: int, min_area: float) -> _Choice:
+        """Return the sites among the members `left`, and the site of each, see clustering.choose_sites."""
+        return clustering.choose_sites(self.keys[left], self.members.position[left], self.area[left], min_area, most)
 
     def sites(self, at: np.ndarray) -> Sites:
         """Return the members `at` (N,) as places for records."""
@@ -117,16 +126,16 @@ class Clusters:
 class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
-    clusters: the members that the sites represent, with the numbers of their values. sites: (S,) where the values are gathered;
-    SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of the surface that each stands for. cells:
-    (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for none, and
-    0. Where an object occludes part of a cell, so that not all corners see each other, the last is the number of one of the H
-    further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
+    the surface that each stands for. triangles: see Tessellation.table. cells: (C + H, 2, 4) float32, for either side of the
+    tessellation's C cells, the numbers of their corners' values, -1 for none, and 0. Where an object occludes part of a cell, so
+    that not all corners see each other, the last is the number of one of the H further rows. Such a row has the lines beyond
+    which corners are hidden, see _borders.
     """
 
-    clusters: Clusters
     sites: Sites
     area: np.ndarray
+    triangles: np.ndarray
     cells: np.ndarray
 
 
@@ -145,19 +154,23 @@ class SiteChooser:
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
 
-    def layout(self) -> Generator[float, None, SiteLayout]:
-        """Choose the sites: all steps in their order."""
-        clusters = yield from self._cluster()
-        chosen = yield from self.assign(clusters)
+    def layout(self) -> Generator[float, None, tuple[SiteLayout, Clusters]]:
+        """Choose the sites: all steps in their order. Return also the members that they represent, with the numbers of their
+        values."""
+        clusters, first = yield from self._cluster()
+        chosen = yield from self._assign(clusters, first)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
-        cells = yield from self.cells(clusters)
-        return SiteLayout(clusters, clusters.sites(at), area.astype(float), cells)
+        cells = yield from self._cells(clusters)
+        return SiteLayout(clusters.sites(at), area.astype(float), clusters.tessellation.table, cells), clusters
 
-    def _cluster(self) -> Generator[float, None, Clusters]:
-        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites."""
+    def _cluster(self) -> Generator[float, None, tuple[Clusters, _Choice]]:
+        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
+
+        Return the clusters, and the sites of the first round.
+        """
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
         vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
@@ -192,8 +205,8 @@ class SiteChooser:
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> Clusters:
-        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long.
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, _Choice]:
+        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long, and their first sites.
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
@@ -214,10 +227,10 @@ class SiteChooser:
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing)
-            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, (left, left))
-            first = self._choose(clusters, left, len(left), self._min_area(clusters))
+            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value)
+            first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
-                return replace(clusters, first=first)
+                return clusters, first
             spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
 
     def _known_values(self, members: Members) -> np.ndarray:
@@ -228,28 +241,19 @@ class SiteChooser:
         value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
-    @staticmethod
-    def _min_area(clusters: Clusters) -> float:
-        return _MIN_AREA * clusters.spacing**2
-
-    @staticmethod
-    def _choose(clusters: Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sites among the members `left`, and the site of each, see clustering.choose_sites."""
-        position, area = clusters.members.position[left], clusters.area[left]
-        return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
-
-    def assign(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+    def _assign(self, clusters: Clusters, first: _Choice) -> Generator[float, None, np.ndarray]:
         """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
 
-        Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are sites.
+        first: the sites of the first round. Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members
+        (S,) that are sites.
         """
         members, value = clusters.members, clusters.value
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
-            chosen, site_of = clusters.first
+            chosen, site_of = first
             if number:
-                min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-                choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+                min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
+                choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
                 chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
@@ -283,7 +287,7 @@ class SiteChooser:
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
-    def cells(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+    def _cells(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""
         members, value = clusters.members, clusters.value
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]

@@ -25,7 +25,7 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Clusters, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import members_places
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -51,7 +51,7 @@ class _Changing:
 class _Steps:
     """The unfinished steps of a level. chosen: the finished share of the choice of sites."""
 
-    choosing: Generator[float, None, SiteLayout] | None = None
+    choosing: Generator[float, None, tuple[SiteLayout, Clusters]] | None = None
     chosen: float = 0.0
     searching: PlaceSearch | None = None
     bouncing: Iterator[BouncedLight] | None = None
@@ -257,19 +257,17 @@ class SiteLevel(Owner):
             try:
                 self._steps.chosen = next(self._steps.choosing)
             except StopIteration as end:
-                self.laid_out = LaidOut(self.ctx, end.value)
+                layout, clusters = end.value
+                self.laid_out = LaidOut(self.ctx, layout)
+                if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
+                    self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
                 self._steps.choosing, self._steps.chosen = None, 1.0
             if budget.left <= 0.0:
                 return None
         return self.laid_out
 
     def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Find the origins of the rays of sites. Return True once all are known.
-
-        A coarse level does without a survey: it takes a sixth of the time to the first light, and hardly changes the error.
-        """
-        if laid_out.places is None and self.detail.level < 0:
-            laid_out.places = members_places(laid_out.layout, self.settings.seed)
+        """Find the origins of the rays of sites. Return True once all are known."""
         if laid_out.places is None:
             if self._steps.searching is None:
                 self._steps.searching = PlaceSearch(self._rays, laid_out)
@@ -300,7 +298,7 @@ class SiteLevel(Owner):
     def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
         """Return the light of E_1 (S, 3) at the sites, with one bounce more in each item, up to the settings' last bounce."""
         most, everything = self.settings.most_bounces, self.settings.bounces == "all"
-        return sum_bounces(E_1, self._transport if most > 2 else None, laid_out.layout.area, most, everything)
+        return sum_bounces(E_1, self._transport if most > 2 else None, laid_out.area, most, everything)
 
     def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
         """Return the light of all bounces from E_1; None if the budget ends before."""
@@ -321,8 +319,7 @@ class SiteLevel(Owner):
         self.follower = None
         if self._transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
-            area = laid_out.layout.area
-            self.follower = Follower(self.world, laid_out.records, area, self._transport, self._made, E_1, E)
+            self.follower = Follower(self.world, laid_out.records, laid_out.area, self._transport, self._made, E_1, E)
         if before.laid_out is None:
             before.table.release()
         elif before.laid_out is not laid_out:

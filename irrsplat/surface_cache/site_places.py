@@ -17,7 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
-from irrsplat.surface_cache.site_layout import FIRST_SITE, SiteLayout
+from irrsplat.surface_cache.site_layout import FIRST_SITE, Clusters
 from irrsplat.surface_cache.transport import Transport
 
 PLACES = 8  # of a site
@@ -125,12 +125,12 @@ class Survey:
         return importance
 
 
-def members_places(layout: SiteLayout, seed: int) -> Places:
-    """Return places among the members that the sites of this `layout` represent, drawn by the members' areas."""
-    clusters, value, count = layout.clusters, layout.clusters.value, len(layout.sites)
+def members_places(sites: Sites, clusters: Clusters, seed: int) -> Places:
+    """Return places of the `sites` among the members that they represent, drawn by the members' areas."""
+    value, count = clusters.value, len(sites)
     weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
     drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
-    places, met = layout.sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
+    places, met = sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
     members = clusters.sites(drawn[met])
     for name in ("position", "normal", "geometric", "triangle"):
         getattr(places, name)[met] = getattr(members, name)

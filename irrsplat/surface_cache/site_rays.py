@@ -150,6 +150,6 @@ class PlaceSearch:
         if survey.done < records.count:
             return None
         if self._drawing is None:
-            R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.geometry.corners
+            R, area, corners = records.read()["radius"], laid_out.area, rays.world.geometry.corners
             self._drawing = in_background(partial(survey.places, R, area, corners, rays.settings.seed), None)
         return budget.advance(self._drawing)
