@@ -18,7 +18,7 @@ from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.site_layout import FIRST_SITE, Clusters
-from irrsplat.surface_cache.transport import Transport
+from irrsplat.surface_cache.transport import RayHits, Transport
 
 PLACES = 8  # of a site
 _BOUNCES = 8  # along which the importance of sites is followed
@@ -77,20 +77,12 @@ class Survey:
         no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
 
-    def store(
-        self,
-        numbers: np.ndarray,
-        share: np.ndarray,
-        hits: tuple[np.ndarray, np.ndarray],
-        met: tuple[np.ndarray, np.ndarray, np.ndarray],
-    ) -> None:
-        """Store the rays of the sites of these numbers (N,): their hits, see Transport.fill, and the places of the hits, see
-        TraceGather.met."""
-        self.transport.fill(numbers, share, hits)
-        sites, albedo = hits
-        part = np.where(sites < FIRST_SITE, 0.0, share * albedo.mean(-1))
+    def store(self, numbers: np.ndarray, hits: RayHits, met: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Store the hits of the rays of sites of these numbers (N,). met: their places, see TraceGather.met."""
+        self.transport.fill(numbers, hits)
+        part = np.where(hits.site < FIRST_SITE, 0.0, hits.share * hits.albedo.mean(-1))
         rays = np.nonzero(part)
-        self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
+        self._hits.append(_Hits(numbers[rays[0]], hits.site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:

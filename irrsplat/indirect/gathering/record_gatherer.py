@@ -291,9 +291,10 @@ class RecordGatherer(Owner):
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # its own values have virtual lights
-        made = not waits and surface.advance(shadows, part)
-        if made and basis.from_file is None:
-            self._follow_values(surface, first, before, sites)
+        change = None if waits else surface.advance(shadows, part)
+        made = change is not None
+        if change is not None and basis.from_file is None:
+            self._follow_values(surface, change, first, before, sites)
             if surface.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == _PROVISIONAL)))
         if made:
@@ -303,8 +304,8 @@ class RecordGatherer(Owner):
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
 
-    def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
-        """Let records follow other values of the surface cache.
+    def _follow_values(self, surface: SurfaceCache, change: float, first: bool, before: np.ndarray | None, sites: Sites) -> None:
+        """Let records follow a relative `change` of the values of the surface cache.
 
         first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`.
         """
@@ -314,7 +315,7 @@ class RecordGatherer(Owner):
             return
         if relit:
             cache.invalidate(np.arange(cache.count))
-        cache.column("due")[:] += surface.last_change
+        cache.column("due")[:] += change
         if surface.current and not relit:
             cache.column("due")[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True)
