@@ -16,6 +16,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.timing.background import in_background
 from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
@@ -143,14 +144,10 @@ class SiteLayout:
 class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
-    unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from the
-    surface to the origin of a site's rays. reach: the visible share of segments, see RayCaster.reach. detail: of the surface
-    cache.
+    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache.
     """
 
     scene: Scene
-    unlit: np.ndarray
-    offset: float
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
 
@@ -210,14 +207,15 @@ class SiteChooser:
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
+        offset = offset_of(self.scene)
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
+        tessellation = tessellate(vertices, faces, spacing * wider, offset)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
-        unlit = self.unlit[tessellation.face[points]]
+        unlit = clustering.unlit_interiors(self.scene)[tessellation.face[points]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
         number = np.full(len(points), len(inner) - 1)
         number[inner] = np.arange(len(inner))
-        members = clustering.both_sides(tessellation, self.offset, points, points[inner])
+        members = clustering.both_sides(tessellation, offset, points, points[inner])
         member = np.stack([which, len(points) + number[which]])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
         face = tessellation.face[np.concatenate([points, points[inner]])]

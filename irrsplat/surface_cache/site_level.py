@@ -14,7 +14,6 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.timing.background import in_background
-from irrsplat.gather.record_frame import offset_of
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
@@ -23,7 +22,6 @@ from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Clusters, Detail, SiteChooser, SiteLayout
@@ -33,19 +31,6 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
-
-
-@dataclass(frozen=True)
-class _Changing:
-    """The scene's changes from frame to frame.
-
-    now: True if the scene has changed since the last frame. moved: True if meshes have moved and the sites are still the former
-    ones. still: frames without a change since then.
-    """
-
-    now: bool = False
-    moved: bool = False
-    still: int = 0
 
 
 @dataclass
@@ -70,7 +55,9 @@ class SiteLevel(Owner):
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
         self.world, self.detail = world, detail
         self._rays = SiteRays(world, settings, detail)
-        self._steps, self._changing = _Steps(), _Changing()
+        self._steps = _Steps()
+        self._still = np.inf  # frames since the scene has changed
+        self._moved = False  # True if meshes have moved and the sites are still the former ones
         self.laid_out: LaidOut | None = None
         self.follower: Follower | None = None
         self.solution = Solution(unknown(world.ctx))
@@ -92,7 +79,7 @@ class SiteLevel(Owner):
     @property
     def changes(self) -> bool:
         """True if the scene has changed since the last frame."""
-        return self._changing.now
+        return self._still == 0
 
     @property
     def progress(self) -> float:
@@ -131,7 +118,7 @@ class SiteLevel(Owner):
         if change.dimming is not None:
             self._dim(change.dimming)
         if moved or relit:
-            self._changing = _Changing(now=True, moved=self._changing.moved or moved)
+            self._still, self._moved = 0, self._moved or moved
         if relit and self.follower is not None:
             self.follower.relight()
         if other_rays or other_light or relit or moved:
@@ -210,15 +197,15 @@ class SiteLevel(Owner):
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
         """Update the values in use while the scene changes from frame to frame. Return their relative change; None for none."""
-        changing, follower, held = self._changing, self.follower, self.solution
-        following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.still < _STILL))
-        self._changing = replace(changing, now=False, still=0 if changing.now else changing.still + 1)
-        if not following:
-            if changing.moved:
-                self._changing = _Changing()
+        follower, held = self.follower, self.solution
+        changing = self._still <= (_STILL if self._moved else 0)
+        self._still += 1
+        if follower is None or not (changing and budget.limited):
+            if self._moved:
+                self._still, self._moved = np.inf, False
                 self._drop_sites()
             return None
-        assert follower is not None and held.laid_out is not None and held.light is not None
+        assert held.laid_out is not None and held.light is not None
         order, before = follower.order, held.light.irradiance
         order = order[order >= FIRST_SITE]
         done = self._gather(self._rays.quick_gather(), held.laid_out, order, shadows, budget.part(0.0, 0.0, _FOLLOWING))
@@ -228,11 +215,9 @@ class SiteLevel(Owner):
 
     def _lay_out(self, budget: Budget) -> LaidOut | None:
         """Return the sites once all are chosen; None if the budget ends before."""
-        steps, scene = self._steps, self.world.scene
+        steps = self._steps
         while self.laid_out is None:
-            if steps.choosing is None:
-                chooser = SiteChooser(scene, unlit_interiors(scene), offset_of(scene), self._rays.reach, self.detail)
-                steps.choosing = chooser.layout()
+            steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
             try:
                 steps.chosen = next(steps.choosing)
             except StopIteration as end:
@@ -318,7 +303,7 @@ class SiteLevel(Owner):
         """Let lookups find the values `made` at the sites `laid_out`."""
         laid_out.table.write(made.irradiance)
         before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
-        self._steps.bouncing, self._changing, self.follower = None, _Changing(), None
+        self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
         if laid_out.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             self.follower = Follower(self._rays, laid_out, self._first(laid_out.records))
         if before.laid_out is None:

@@ -8,7 +8,6 @@ import pytest
 
 from irrsplat import Renderer
 from irrsplat.core.vertex_layout import PARTS, WIDTH
-from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
@@ -99,7 +98,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
-        chooser = SiteChooser(ball.scene, np.zeros(0, bool), 1e-3, reach, FULL)
+        chooser = SiteChooser(ball.scene, reach, FULL)
         assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1], 0.0))), "outside over the bulge, inside straight"
         assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every), 0.0))), "never through it"
 
@@ -109,8 +108,7 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 def clusters(world: World, detail: Detail) -> Clusters:
     """Return the members that the sites of a surface cache of this `detail` represent."""
-    inside, offset = unlit_interiors(world.scene), offset_of(world.scene)
-    made = Budget(None).advance(SiteChooser(world.scene, inside, offset, world.caster.reach, detail).layout())
+    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail).layout())
     assert made is not None
     return made[1]
 
