@@ -97,7 +97,7 @@ def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
 def atlas_grid(cell: tuple[int, int], requested: int | None, limit: int) -> tuple[int, int]:
     """Return the cells per row of an atlas and its number of cells: as many as requested, or fewer if 32 MiB hold fewer.
 
-    cell: width and height in texels. wanted: None for no limit. limit: greatest side of a texture, in texels.
+    cell: width and height in texels. requested: None for no limit. limit: greatest side of a texture, in texels.
     """
     most = min(max(1, _TEXELS // (cell[0] * cell[1])), limit)
     count = min(requested or most, most)

@@ -6,14 +6,14 @@ together and face alike form a cluster. One member of the cluster is the site of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial, reduce
 
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.timing.background import in_background
+from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gather.record_frame import offset_of
@@ -140,46 +140,51 @@ class SiteLayout:
     cells: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass
 class SiteChooser:
-    """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
+    """Chooses the sites of a scene, step by step.
 
-    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache.
+    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache. done: about the finished share of the
+    work, 0..1.
     """
 
     scene: Scene
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
+    done: float = 0.0
 
-    def layout(self) -> Generator[float, None, tuple[SiteLayout, Clusters]]:
+    def layout(self) -> Steps[tuple[SiteLayout, Clusters]]:
         """Choose the sites: all steps in their order. Return also the members that they represent, with the numbers of their
         values."""
         clusters, first = yield from self._cluster()
+        self.done = _SHARED_OUT
         chosen = yield from self._assign(clusters, first)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
-        yield _FOUND
+        self.done = _FOUND
+        yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
         return SiteLayout(clusters.sites(at), area.astype(float), clusters.tessellation.table, cells), clusters
 
-    def _cluster(self) -> Generator[float, None, tuple[Clusters, _Choice]]:
+    def _cluster(self) -> Steps[tuple[Clusters, _Choice]]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
 
         Return the clusters, and the sites of the first round.
         """
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
-        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
+        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms))
         points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT))
+        self.done = _CUT
+        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider)))
 
-    def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def _rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
         far = self.scene.diagonal
         starts = np.repeat(places, _DIRECTIONS, axis=0)
-        reach = yield from self._free_shares(starts, starts + far * np.tile(sphere(_DIRECTIONS), (len(places), 1)), 0.0)
+        reach = yield from self._free_shares(starts, starts + far * np.tile(sphere(_DIRECTIONS), (len(places), 1)))
         rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
         return far * np.array(rooms)
 
@@ -239,7 +244,7 @@ class SiteChooser:
         value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
-    def _assign(self, clusters: Clusters, first: _Choice) -> Generator[float, None, np.ndarray]:
+    def _assign(self, clusters: Clusters, first: _Choice) -> Steps[np.ndarray]:
         """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
 
         first: the sites of the first round. Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members
@@ -252,19 +257,19 @@ class SiteChooser:
             if number:
                 min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
                 choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
-                chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
+                chosen, site_of = yield from in_background(choosing)
             if not len(chosen):
                 continue
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
-            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]], _SHARED_OUT)
+            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]])
             value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
         yield from self._assign_near(clusters, sites)
         return sites
 
-    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Generator[float, None, None]:
+    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Steps[None]:
         """Assign the members without a value to a near site: the nearest visible one, else the nearest.
 
         gathered: the members that are sites. Without this step, small objects beyond the number of sites are black: a room full
@@ -277,15 +282,15 @@ class SiteChooser:
         _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
         size = VOXEL * clusters.spacing
         finding = partial(clustering.near_sites, members, left[first], gathered, size, _ALTERNATIVES)
-        near = (yield from in_background(finding, _SHARED_OUT))[cluster.ravel()]
+        near = (yield from in_background(finding))[cluster.ravel()]
         for site in near.T:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
-            seen = yield from self.see(members, left[pending], gathered[site[pending]], _SHARED_OUT)
+            seen = yield from self.see(members, left[pending], gathered[site[pending]])
             value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
-    def _cells(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+    def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""
         members, value = clusters.members, clusters.value
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
@@ -295,7 +300,7 @@ class SiteChooser:
             unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
             pairs = np.sort(corners[unlike][:, [[1, 2], [2, 0], [0, 1]]], axis=-1)  # opposite to each corner
             key, pair = np.unique(pairs[..., 0] * len(members) + pairs[..., 1], return_inverse=True)
-            seen = yield from self.see(members, *np.divmod(key, len(members)), _FOUND)
+            seen = yield from self.see(members, *np.divmod(key, len(members)))
             free = seen[pair.reshape(-1, 3)]  # of each corner, whether the other two see each other
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
@@ -304,7 +309,7 @@ class SiteChooser:
             table.append(_borders(reach, free))
         return np.concatenate(table)
 
-    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
         """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free
         ones.
 
@@ -315,26 +320,26 @@ class SiteChooser:
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
         starts, ends_there = eyes[cell, corners[way]], eyes[cell, ends[way]]
-        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there, _FOUND)
+        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there)
         return reach
 
-    def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """Return (N,) True where members a see members b (N,); yields `done` from batch to batch."""
+    def see(self, members: Members, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N,) True where members a see members b (N,)."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
         starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
-        free = (yield from self._free_shares(starts, ends, done)) >= 1.0
+        free = (yield from self._free_shares(starts, ends)) >= 1.0
         seen[apart] = free[: len(apart)]
         seen[apart[bent]] &= free[len(apart) :]
         return seen
 
-    def _free_shares(self, starts: np.ndarray, ends: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """Return (N,) the visible share of segments, see RayCaster.reach; yields `done` from batch to batch."""
+    def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N,) the visible share of segments, see RayCaster.reach; pause after each batch."""
         free = np.ones(len(starts), np.float32)
         for first in range(0, len(starts), VisibilityPass.capacity):
             some = slice(first, first + VisibilityPass.capacity)
             free[some] = self.reach(starts[some], ends[some])
-            yield done
+            yield
         return free
 
 

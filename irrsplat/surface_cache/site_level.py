@@ -6,14 +6,14 @@ sums. While lights or meshes move, a Follower updates the values in use.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.core.timing.background import in_background
+from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
@@ -35,12 +35,12 @@ _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any 
 
 @dataclass
 class _Steps:
-    """The unfinished steps of a level. chosen: the finished share of the choice of sites."""
+    """The unfinished steps of a level."""
 
-    choosing: Generator[float, None, tuple[SiteLayout, Clusters]] | None = None
-    chosen: float = 0.0
+    chooser: SiteChooser | None = None
+    choosing: Steps[tuple[SiteLayout, Clusters]] | None = None
     survey: Survey | None = None
-    drawing: Generator[None, None, Places] | None = None
+    drawing: Steps[Places] | None = None
     bouncing: Iterator[BouncedLight] | None = None
 
 
@@ -87,7 +87,7 @@ class SiteLevel(Owner):
         if self.complete:
             return 1.0
         if self.laid_out is None:
-            return 0.5 * self._steps.chosen
+            return 0.5 * self._steps.chooser.done if self._steps.chooser else 0.0
         records = self.laid_out.records
         return 0.5 + 0.49 * (1.0 - len(records.stale) / max(records.count, 1))
 
@@ -215,18 +215,17 @@ class SiteLevel(Owner):
 
     def _lay_out(self, budget: Budget) -> LaidOut | None:
         """Return the sites once all are chosen; None if the budget ends before."""
-        steps = self._steps
-        while self.laid_out is None:
-            steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
-            try:
-                steps.chosen = next(steps.choosing)
-            except StopIteration as end:
-                layout, clusters = end.value
-                self.laid_out, steps.choosing = LaidOut(self.world.ctx, layout), None
-                if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
-                    self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
-            if budget.left <= 0.0:
+        if self.laid_out is None:
+            steps = self._steps
+            steps.chooser = steps.chooser or SiteChooser(self.world.scene, self._rays.reach, self.detail)
+            steps.choosing = steps.choosing or steps.chooser.layout()
+            chosen = budget.advance(steps.choosing)
+            if chosen is None:
                 return None
+            layout, clusters = chosen
+            self.laid_out, steps.chooser, steps.choosing = LaidOut(self.world.ctx, layout), None, None
+            if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
+                self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
         return self.laid_out
 
     def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
@@ -242,7 +241,7 @@ class SiteLevel(Owner):
             return False
         if steps.drawing is None:
             R, corners = records.read()["radius"], self.world.geometry.corners
-            steps.drawing = in_background(partial(survey.places, R, laid_out.area, corners, self.settings.seed), None)
+            steps.drawing = in_background(partial(survey.places, R, laid_out.area, corners, self.settings.seed))
         laid_out.places = budget.advance(steps.drawing)
         if laid_out.places is None:
             return False

@@ -32,7 +32,7 @@ class Places:
 
     def of(self, numbers: np.ndarray) -> Sites:
         """Return (N·PLACES,) the places of the sites of these numbers (N,)."""
-        rows = _rows(numbers)
+        rows = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
         return replace(self.sites[rows], frame_rotation=rows)
 
     def moved(self, change: SceneChange) -> Places:
@@ -44,12 +44,6 @@ class Places:
         for name in ("normal", "geometric"):
             columns[name][moved.numbers] = moved.normals(columns[name][moved.numbers])
         return Places(replace(self.sites, **columns))
-
-
-def _rows(numbers: np.ndarray) -> np.ndarray:
-    """Return (N·PLACES,) the rows of the places of the sites of these numbers (N,)."""
-    rows: np.ndarray = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
-    return rows
 
 
 @dataclass(frozen=True, eq=False)

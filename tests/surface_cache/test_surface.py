@@ -99,8 +99,8 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
         chooser = SiteChooser(ball.scene, reach, FULL)
-        assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1], 0.0))), "outside over the bulge, inside straight"
-        assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every), 0.0))), "never through it"
+        assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
+        assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------
