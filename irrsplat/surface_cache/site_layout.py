@@ -23,8 +23,8 @@ from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
-from irrsplat.surface_cache.clustering import Members
-from irrsplat.surface_cache.tessellation import Tessellation, tessellate
+from irrsplat.surface_cache.clustering import Choice, Clusters, Members
+from irrsplat.surface_cache.tessellation import tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
@@ -41,9 +41,6 @@ VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
-_MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
-
-_Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, and the site of each, see clustering.choose_sites
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # about the finished share of the work during a step
 
@@ -91,39 +88,6 @@ def detail_for(settings: Settings) -> Detail:
 
 
 @dataclass(frozen=True)
-class Clusters:
-    """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
-
-    area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
-    until SiteChooser.assign fills those that need a gather.
-    """
-
-    tessellation: Tessellation
-    members: Members
-    keys: np.ndarray
-    spacing: float
-    area: np.ndarray
-    face: np.ndarray
-    member: np.ndarray
-    value: np.ndarray
-
-    @property
-    def min_area(self) -> float:
-        """Area in m² of the smallest cluster that has a site before the last round."""
-        return _MIN_AREA * self.spacing**2
-
-    def choose(self, left: np.ndarray, most: int, min_area: float) -> _Choice:
-        """Return the sites among the members `left`, and the site of each, see clustering.choose_sites."""
-        return clustering.choose_sites(self.keys[left], self.members.position[left], self.area[left], min_area, most)
-
-    def sites(self, at: np.ndarray) -> Sites:
-        """Return the members `at` (N,) as places for records."""
-        members = self.members
-        return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
-
-
-@dataclass(frozen=True)
 class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
@@ -167,7 +131,7 @@ class SiteChooser:
         cells = yield from self._cells(clusters)
         return SiteLayout(clusters.sites(at), area.astype(float), clusters.tessellation.table, cells), clusters
 
-    def _cluster(self) -> Steps[tuple[Clusters, _Choice]]:
+    def _cluster(self) -> Steps[tuple[Clusters, Choice]]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
 
         Return the clusters, and the sites of the first round.
@@ -207,7 +171,7 @@ class SiteChooser:
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, _Choice]:
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, Choice]:
         """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long, and their first sites.
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
@@ -244,7 +208,7 @@ class SiteChooser:
         value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
-    def _assign(self, clusters: Clusters, first: _Choice) -> Steps[np.ndarray]:
+    def _assign(self, clusters: Clusters, first: Choice) -> Steps[np.ndarray]:
         """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
 
         first: the sites of the first round. Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members

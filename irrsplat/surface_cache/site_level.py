@@ -6,7 +6,6 @@ sums. While lights or meshes move, a Follower updates the values in use.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,9 +21,10 @@ from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Clusters, Detail, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import Places, Survey, members_places
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -41,7 +41,7 @@ class _Steps:
     choosing: Steps[tuple[SiteLayout, Clusters]] | None = None
     survey: Survey | None = None
     drawing: Steps[Places] | None = None
-    bouncing: Iterator[BouncedLight] | None = None
+    bouncing: Steps[BouncedLight] | None = None
 
 
 class SiteLevel(Owner):
@@ -275,12 +275,7 @@ class SiteLevel(Owner):
             most, everything = self.settings.most_bounces, self.settings.bounces == "all"
             transport = laid_out.transport if most > 2 else None
             self._steps.bouncing = sum_bounces(self._first(laid_out.records), transport, laid_out.area, most, everything)
-        made = next(self._steps.bouncing)
-        while not made.complete:
-            if budget.left <= 0.0:
-                return None
-            made = next(self._steps.bouncing)
-        return made
+        return budget.advance(self._steps.bouncing)
 
     def _first(self, records: RecordCache) -> np.ndarray:
         """Return (S, 3) E_1 at the sites, W/m², with the values that are known without a gather."""

@@ -17,7 +17,8 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
-from irrsplat.surface_cache.site_layout import FIRST_SITE, Clusters
+from irrsplat.surface_cache.clustering import Clusters
+from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
 
 PLACES = 8  # of a site

@@ -15,8 +15,8 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.site_layout import FULL, Clusters, Detail, SiteChooser, detail_for
+from irrsplat.surface_cache.clustering import Clusters, unlit_interiors
+from irrsplat.surface_cache.site_layout import FULL, Detail, SiteChooser, detail_for
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
