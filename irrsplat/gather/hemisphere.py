@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import offset_of
+from irrsplat.gather.record_frame import eye_positions, offset_of, sample_offsets, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -30,10 +30,12 @@ class Gather(Owner):
 
     kind: "plane", "trace" or "embree". table: (height, width, 4) of a record's texels, direction in its frame and cosθ·dω.
     capacity: greatest number of records in one call. places: number of eye positions of a record, used in turn
-    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record.
+    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record. atlas: of no records; a call
+    returns it with those of a batch.
     """
 
     kind: str
+    atlas: Atlas
 
     def __init__(self, world: World, table: np.ndarray, capacity: int, places: int = 1) -> None:
         self.world, self.table, self.capacity, self.places = world, table, capacity, places
@@ -77,6 +79,19 @@ class Gather(Owner):
         for count in self._pace.batches(requested, self.capacity, budget, times * self.share.size):
             yield slice(done, done + count)
             done += count
+
+    def _write_frames(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
+        """Write the frames of the records of these `numbers` in the cache, at `sites`, for the next draw. Return their rows,
+        (5, N, 4) float32, see Atlas.frames."""
+        rotations = sites.frame_rotations(numbers)
+        frame = tangent_frames(sites.normal, rotations, seed)
+        rows = np.zeros((5, len(sites), 4), "f4")
+        rows[:3, :, :3] = frame.swapaxes(0, 1)
+        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
+        rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric), numbers
+        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
+        self.atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
+        return rows
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemisphere import Gather
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
@@ -62,17 +62,14 @@ class PlaneGather(Gather):
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity`; numbers: (N,) of the records in the cache."""
-        geometry, atlas, count = self.world.geometry, self.atlas, len(sites)
-        rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(tangent_frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
-        rows[4, :, :3] = eye_positions(sites, geometry.corners, self.offset)
-        atlas.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
+        atlas, count = self.atlas, len(sites)
+        self._write_frames(sites, numbers, seed)
         used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
         self.program(
             self.target,
-            geometry=geometry,
+            geometry=self.world.geometry,
             part="lit",
             instances=count,
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),

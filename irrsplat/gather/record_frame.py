@@ -73,19 +73,6 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
     return offsets
 
 
-def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-    """Return (4, N, 4) float32, the rows of Atlas.frames.
-
-    Tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal in that frame, with the records' numbers (N,)
-    in the cache as its w.
-    """
-    rows = np.zeros((4, len(sites), 4), "f4")
-    rows[:3, :, :3] = frame.swapaxes(0, 1)
-    rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
-    rows[3, :, 3] = numbers
-    return rows
-
-
 def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
     """Return (R,), the index of the eye position of each texel of a cell (width, height), row by row, as in
     shaders/gather/places.glsl."""

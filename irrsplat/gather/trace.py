@@ -14,7 +14,7 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid, places_of_texels
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
@@ -99,8 +99,8 @@ class TraceGather(Gather):
                 "KNOWN_HITS": int(embree),
             },
         )
-        lines = capacity // columns
-        self.target = Target(ctx, (uneven(columns * cell[0]), uneven(lines * cell[1])), (4,) * (5 if hits else 2))
+        size = uneven(columns * cell[0]), uneven(capacity // columns * cell[1])
+        self.target = Target(ctx, size, (4,) * (5 if hits else 2))
         self.atlas = Atlas(
             radiance=self.target.textures[0],
             planes=self.target.textures[1],
@@ -115,7 +115,7 @@ class TraceGather(Gather):
         )
         self.first_hits = FirstHits(world, rays, cell, places, capacity) if embree else None
         # a surface cache has so many sites that the noise of each averages out
-        self.sky = None if hits or places > 1 else SkyShares(world, side, columns, lines, embree)
+        self.sky = None if hits or places > 1 else SkyShares(world, side, self.atlas, embree)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -124,13 +124,8 @@ class TraceGather(Gather):
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
-        atlas, looks, count = self.atlas, len(sites), len(sites) // self.places
-        rows = np.zeros((5, looks, 4), "f4")
-        rotations = sites.frame_rotations(numbers)
-        rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
-        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
-        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
-        atlas.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
+        atlas, count = self.atlas, len(sites) // self.places
+        rows = self._write_frames(sites, numbers, seed)
         hits, uniforms = None, self.program.declared({"survey": int(self.survey)})
         if self.first_hits is not None:
             hits = self.first_hits(rows)
@@ -154,7 +149,7 @@ class TraceGather(Gather):
                 **uniforms,
             )
         samples = () if self.survey else self.search.light_samples(rows, light)
-        sky_share = None if self.sky is None else self.sky(rows, hits, atlas.radiance, atlas.frames, areas)
+        sky_share = None if self.sky is None else self.sky(rows, hits, areas)
         return replace(atlas, count=count, light_samples=samples, sky_share=sky_share)
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
