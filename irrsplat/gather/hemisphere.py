@@ -6,15 +6,16 @@ The paper's plane (plane.py) and rays (trace.py) implement it; `gather_records` 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import offset_of
+from irrsplat.gather.record_frame import eye_positions, offset_of, sample_offsets, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
@@ -27,18 +28,28 @@ _SCREEN = 0.25  # of the scene's diagonal: default of the image height
 class Gather(Owner):
     """A gather bound to its `world`, whose changes it follows, and to the world's kinds of lights (see light_defines).
 
-    kind: "plane", "trace" or "embree". capacity: greatest number of records in one call. cell: texels, width and height, of a
-    record's hemisphere. share: (height, width) cosθ·dω of each texel. places: number of eye positions of a record, used in turn
-    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record.
+    kind: "plane", "trace" or "embree". table: (height, width, 4) of a record's texels, direction in its frame and cosθ·dω.
+    capacity: greatest number of records in one call. places: number of eye positions of a record, used in turn
+    (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record. atlas: of no records; a call
+    returns it with those of a batch.
     """
 
     kind: str
-    capacity: int
-    cell: tuple[int, int]
-    share: np.ndarray
+    atlas: Atlas
 
-    def __init__(self, world: World, places: int = 1) -> None:
-        self.world, self.places = world, places
+    def __init__(self, world: World, table: np.ndarray, capacity: int, places: int = 1) -> None:
+        self.world, self.table, self.capacity, self.places = world, table, capacity, places
+        self._pace = Pace(world.ctx)
+
+    @property
+    def cell(self) -> tuple[int, int]:
+        """Texels of a record's hemisphere, width and height."""
+        return self.table.shape[1], self.table.shape[0]
+
+    @property
+    def share(self) -> np.ndarray:
+        """(height, width) cosθ·dω of each texel."""
+        return self.table[..., 3]
 
     @property
     def offset(self) -> float:
@@ -58,6 +69,29 @@ class Gather(Owner):
     def radii(self) -> tuple[float, float]:
         """The least and the greatest R_k, metres: the offset bounds distances below, and a miss counts as a scene's diagonal."""
         return self.offset, self.world.scene.diagonal
+
+    def batches(self, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
+        """Yield slices of the `requested` number of records, one batch each, until all are done or the budget ends.
+
+        The caller gathers each batch before it takes the next. times: the number of gathers of each record.
+        """
+        done = 0
+        for count in self._pace.batches(requested, self.capacity, budget, times * self.share.size):
+            yield slice(done, done + count)
+            done += count
+
+    def _write_frames(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
+        """Write the frames of the records of these `numbers` in the cache, at `sites`, for the next draw. Return their rows,
+        (5, N, 4) float32, see Atlas.frames."""
+        rotations = sites.frame_rotations(numbers)
+        frame = tangent_frames(sites.normal, rotations, seed)
+        rows = np.zeros((5, len(sites), 4), "f4")
+        rows[:3, :, :3] = frame.swapaxes(0, 1)
+        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
+        rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric), numbers
+        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
+        self.atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
+        return rows
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

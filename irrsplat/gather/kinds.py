@@ -19,7 +19,7 @@ def kind(ctx: moderngl.Context, settings: Settings) -> str:
 
     Raises InputError where Embree is requested and missing.
     """
-    return ray_kind(ctx, settings) if settings.gather in ("auto", "embree") else settings.gather
+    return "plane" if settings.gather == "plane" else ray_kind(ctx, settings)
 
 
 def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemisphere import Gather
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
@@ -32,19 +33,23 @@ class PlaneGather(Gather):
     kind = "plane"
 
     def __init__(self, world: World, side: int, capacity: int | None = None, *, surface: bool = False) -> None:
-        super().__init__(world)
-        self.ctx = ctx = world.ctx
-        self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a cell
-        self.cell = self.side, self.side
-        table = plane_table(self.side)
-        self.share = table[..., 3]
-        self.table, self.edges = table_texture(ctx, table), table_texture(ctx, plane_edges(self.side))
-        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
-        size = self.columns * self.side, self.capacity // self.columns * self.side
+        side, ctx = max(4, side // 4 * 4), world.ctx  # so that four by four blocks fill a cell
+        columns, capacity = atlas_grid((side, side), capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        super().__init__(world, plane_table(side), capacity)
         defines = {**light_defines(world.scene), **world.material_defines, "SURFACE": int(surface)}
         self.program = Program(ctx, "gather/plane", defines=defines)
-        self.target = Target(ctx, size, (4, 4), depth=True)
-        self.frames = float_texture(ctx, (self.capacity, 5))
+        self.target = Target(ctx, (columns * side, capacity // columns * side), (4, 4), depth=True)
+        self.atlas = Atlas(
+            radiance=self.target.textures[0],
+            planes=self.target.textures[1],
+            table=table_texture(ctx, self.table),
+            edges=table_texture(ctx, plane_edges(side)),
+            frames=float_texture(ctx, (capacity, 5)),
+            count=0,
+            columns=columns,
+            cell=self.cell,
+            block=(side // 4, side // 4),
+        )
 
     @property
     def offset(self) -> float:
@@ -53,35 +58,30 @@ class PlaneGather(Gather):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that this frees."""
-        return (self.table, self.edges, self.program, self.target, self.frames)
+        return (self.program, self.target, self.atlas.table, self.atlas.edges, self.atlas.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity`; numbers: (N,) of the records in the cache."""
-        geometry, count = self.world.geometry, len(sites)
-        rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(tangent_frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
-        rows[4, :, :3] = eye_positions(sites, geometry.corners, self.offset)
-        self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
-        used = (0, 0, self.target.size[0], -(-count // self.columns) * self.side)
+        atlas, count = self.atlas, len(sites)
+        self._write_frames(sites, numbers, seed)
+        used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
         self.program(
             self.target,
-            geometry=geometry,
+            geometry=self.world.geometry,
             part="lit",
             instances=count,
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
-            frames=self.frames,
-            columns=self.columns,
-            side=float(self.side),
+            frames=atlas.frames,
+            columns=atlas.columns,
+            side=float(atlas.cell[0]),
             extent=_EXTENT,
             atlas=self.target.size,
             near=self.offset,
             **(self.world.gather_uniforms | light.uniforms),
         )
-        radiance, planes = self.target.textures
-        block = (self.side // 4, self.side // 4)
-        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        return replace(atlas, count=count)
 
 
 def _directions(points: int) -> np.ndarray:

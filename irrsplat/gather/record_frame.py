@@ -73,19 +73,6 @@ def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
     return offsets
 
 
-def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-    """Return (4, N, 4) float32, the rows of Atlas.frames.
-
-    Tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal in that frame, with the records' numbers (N,)
-    in the cache as its w.
-    """
-    rows = np.zeros((4, len(sites), 4), "f4")
-    rows[:3, :, :3] = frame.swapaxes(0, 1)
-    rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
-    rows[3, :, 3] = numbers
-    return rows
-
-
 def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
     """Return (R,), the index of the eye position of each texel of a cell (width, height), row by row, as in
     shaders/gather/places.glsl."""
@@ -97,7 +84,7 @@ def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
 def atlas_grid(cell: tuple[int, int], requested: int | None, limit: int) -> tuple[int, int]:
     """Return the cells per row of an atlas and its number of cells: as many as requested, or fewer if 32 MiB hold fewer.
 
-    cell: width and height in texels. wanted: None for no limit. limit: greatest side of a texture, in texels.
+    cell: width and height in texels. requested: None for no limit. limit: greatest side of a texture, in texels.
     """
     most = min(max(1, _TEXELS // (cell[0] * cell[1])), limit)
     count = min(requested or most, most)

@@ -13,7 +13,7 @@ from irrsplat.core.buffers import Atlas, Records, Uniforms
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, uneven
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
@@ -48,22 +48,19 @@ class ReducePass(Owner):
         }
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.light_samples = LightSamplePass(ctx, gradients, places)
-        self.targets: dict[tuple[int, int], Target] = {}  # by size of the atlas in blocks
-        self.out: Target | None = None  # the cache's own textures
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (*self.blocks.values(), self.total, self.light_samples, *self.targets.values(), self.out)
+        return (*self.blocks.values(), self.total, self.light_samples, self.targets)
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
 
         sky: the uniforms of shaders/lighting/sky.glsl.
         """
-        size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
-        if size not in self.targets:
-            self.targets[size] = Target(self.ctx, (uneven(size[0]), uneven(size[1])), self.components)
-        target = self.targets[size]
+        size = uneven(atlas.radiance.width // atlas.block[0]), uneven(atlas.radiance.height // atlas.block[1])
+        target = self.targets.get(f"sums of {size}", (), lambda: Target(self.ctx, size, self.components))
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
         used = (0, 0, across * per_cell[0], down * per_cell[1])
@@ -89,12 +86,8 @@ class ReducePass(Owner):
         self.light_samples(target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, target.textures, strict=False))
         textures = [records.textures[name] for name in GATHERED]
-        if self.out is None or any(a is not b for a, b in zip(self.out.textures, textures, strict=True)):
-            if self.out is not None:
-                self.out.release()
-            self.out = Target(self.ctx, records.size, textures=textures)
         self.total(
-            self.out,
+            self.targets.get("records", textures, lambda: Target(self.ctx, records.size, textures=textures)),
             vertices=atlas.count,
             mode=moderngl.POINTS,
             **sums,

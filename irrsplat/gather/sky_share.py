@@ -9,8 +9,8 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Uniforms
-from irrsplat.gather.stratified import closer_rays, reach, shape
+from irrsplat.core.buffers import Atlas, Uniforms
+from irrsplat.gather.stratified import closer_rays, reach
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
@@ -26,17 +26,16 @@ Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first t
 
 
 class SkyShares(Owner):
-    """Computation of sky shares for a gather of this `side` with an atlas of `columns` cells a row and `lines` rows of cells.
+    """Computation of sky shares for a gather of this `side` into `atlas`.
 
     embree: True if Embree traces the rays, not shaders.
     """
 
-    def __init__(self, world: World, side: int, columns: int, lines: int, embree: bool) -> None:
-        self.world, self.columns, self.cell = world, columns, shape(side)[::-1]
-        n, m = self.cell
+    def __init__(self, world: World, side: int, atlas: Atlas, embree: bool) -> None:
+        self.world, self.atlas = world, atlas
+        n, m = atlas.cell
         self._rays, self._reach = closer_rays(side, _RAYS), reach(side, _NEAR)
         self._step = max(1, n // _ACROSS), max(1, m // _ACROSS)
-        self._size = columns * n, lines * m
         self._target: Target | None = None
         self._table: moderngl.Texture | None = None
         self._program: Program | None = None
@@ -50,41 +49,40 @@ class SkyShares(Owner):
         """Return the resources to be freed."""
         return (self._target, self._table, self._program)
 
-    def __call__(
-        self, rows: np.ndarray, hits: np.ndarray | None, radiance: moderngl.Texture, frames: moderngl.Texture, areas: Areas
-    ) -> moderngl.Texture | None:
+    def __call__(self, rows: np.ndarray, hits: np.ndarray | None, areas: Areas) -> moderngl.Texture | None:
         """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None for a black sky.
 
-        rows: (5, N, 4) of `frames`. hits: (N, R) the triangles hit by Embree's rays, -1: none; None without Embree.
+        rows: (5, N, 4) of Atlas.frames. hits: (N, R) the triangles hit by Embree's rays, -1: none; None without Embree.
         """
-        scene = self.world.scene
+        scene, atlas = self.world.scene, self.atlas
         if not (any(scene.sky) or any(scene.sky_gradient) or scene.environment):
             return None
         if self._target is None:
-            self._target = Target(self.world.ctx, self._size, (1,))
+            self._target = Target(self.world.ctx, atlas.radiance.size, (1,))
         if self._program is None:
             assert hits is not None
-            self._write(self._target.textures[0], self._counted(rows, (hits < 0).reshape(len(hits), *self.cell[::-1])))
+            self._write(self._target.textures[0], self._counted(rows, (hits < 0).reshape(len(hits), *atlas.cell[::-1])))
         else:
             given: Uniforms = {
-                "radiance": radiance,
-                "frames": frames,
+                "radiance": atlas.radiance,
+                "frames": atlas.frames,
                 "closer_rays": self._table,
-                "cell": self.cell,
+                "cell": atlas.cell,
                 "step": self._step,
             }
-            given |= {"columns": self.columns, "most": _OPEN, **self.world.ray_uniforms}
+            given |= {"columns": atlas.columns, "most": _OPEN, **self.world.ray_uniforms}
             for area in areas:
                 self._program(self._target, scissor=area, **self._program.declared(given))
         return self._target.textures[0]
 
     def _write(self, texture: moderngl.Texture, shares: np.ndarray) -> None:
         """Write the shares (N, M, A) of N records into cells of the texture."""
-        (n, m), lines = self.cell, -(-len(shares) // self.columns)
-        cells = np.zeros((lines * self.columns, m, n), np.float32)
+        (n, m), columns = self.atlas.cell, self.atlas.columns
+        lines = -(-len(shares) // columns)
+        cells = np.zeros((lines * columns, m, n), np.float32)
         cells[: len(shares)] = shares
-        picture = cells.reshape(lines, self.columns, m, n).swapaxes(1, 2)
-        texture.write(picture.tobytes(), viewport=(0, 0, self.columns * n, lines * m))
+        picture = cells.reshape(lines, columns, m, n).swapaxes(1, 2)
+        texture.write(picture.tobytes(), viewport=(0, 0, columns * n, lines * m))
 
     def _counted(self, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Return (N, M, A) the shares by Embree, for records whose own rays see the sky where they are `free` (N, M, A)."""

@@ -15,7 +15,6 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
-from irrsplat.gather.squares import Squares
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
@@ -85,8 +84,9 @@ class SpotPass(Owner):
 
         Every pixel is splatted. A place has cached irradiance, and its surface reflects more than it emits.
         """
-        squares = Squares.of(part_drawn(camera, self.size), _ROWS)
-        (width, height), size = squares.size, squares.most(self.size)
+        part = part_drawn(camera, self.size)
+        side = max(1, round(part.whole[1] / _ROWS))
+        first, size = np.floor_divide(part.corner, side), (self.size[0] // side + 2, self.size[1] // side + 2)
         target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4, 4, 4)))
         self.program(
             target,
@@ -95,15 +95,19 @@ class SpotPass(Owner):
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,
             sums=splats.sums,
-            **squares.uniforms,
+            stride=side,
+            corner=part.corner,
+            first=tuple(first),
         )
-        position, normal, rest = (target.read(i)[::-1][:height, :width] for i in range(3))
-        there = (position[..., 3] > 0.0) & squares.inside
-        position, normal, rest, pixel = position[there], normal[there], rest[there], squares.pixels[there]
+        square = first + np.stack(np.meshgrid(*map(np.arange, size)), axis=-1)
+        pixel = side * square + square[..., ::-1] % side  # in the whole picture, as pixel_of_square in shaders/lib/texel.glsl
+        position, normal, rest = (target.read(i)[::-1] for i in range(3))
+        there = (position[..., 3] > 0.0) & ((pixel >= 0) & (pixel < part.whole)).all(-1)
+        position, normal, rest, pixel = position[there], normal[there], rest[there], pixel[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])
-        number = pixel[:, 1] * squares.part.whole[0] + pixel[:, 0]
+        number = pixel[:, 1] * part.whole[0] + pixel[:, 0]
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number)
-        rows = squares.part.whole[1] / squares.side
+        rows = part.whole[1] / side
         away = np.linalg.norm(position[:, :3].astype(float) - np.asarray(camera.eye, float), axis=1)
         return Spots.joined([Spots(sites, rest[:, 1].astype(float), camera.measure(self.size) / rows * away)])
 

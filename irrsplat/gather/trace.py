@@ -6,22 +6,51 @@ radiance and distance go into an atlas like that of the plane gather, which the 
 
 from __future__ import annotations
 
-import moderngl
+from dataclasses import replace
+
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
+from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid, places_of_texels
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Resource
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
+
+
+class FirstHits(Owner):
+    """The triangles that Embree's rays of a batch of records hit first, as a texture for the shader.
+
+    rays: (R, 3) directions of the texels of a `cell`, in a record's frame. places: number of eye positions of a record.
+    """
+
+    def __init__(self, world: World, rays: np.ndarray, cell: tuple[int, int], places: int, capacity: int) -> None:
+        self.world = world
+        # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
+        self._by_place = np.argsort(places_of_texels(cell, places), kind="stable") if places > 1 else slice(None)
+        self._rays = rays[self._by_place].reshape(places, -1, 3)
+        self.texture = integer_texture(world.ctx, (TABLE_COLUMNS, uneven(row_count(capacity * len(rays)))))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """Return the resources that `release` frees."""
+        return (self.texture,)
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Trace the rays of records with these `rows` of Atlas.frames. Return (N, R) the triangles hit, -1: none."""
+        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self._rays)
+        count, lines = found.size // (self._rays.size // 3), -(-found.size // TABLE_COLUMNS)
+        table = np.zeros(lines * TABLE_COLUMNS, np.int32)
+        hits = table[: found.size].reshape(count, -1)
+        hits[:, self._by_place] = found.reshape(count, -1)
+        self.texture.write(table, viewport=(0, 0, TABLE_COLUMNS, lines))
+        return hits
 
 
 class TraceGather(Gather):
@@ -47,24 +76,16 @@ class TraceGather(Gather):
         survey: bool = False,
         embree: bool = False,
     ) -> None:
-        super().__init__(world, places)
-        self.ctx = ctx = world.ctx
-        self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
-        self.kind = "embree" if embree else "trace"
         world.seen_uniforms(embree)  # raises InputError here for too many triangles
-        table = stratum_table(self.side)
-        self.cell = (table.shape[1], table.shape[0])
-        self.share = table[..., 3]  # cosθ·dω of every texel of a cell
-        self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
-        self.table = table_texture(ctx, table, varying=True)
-        self.edges = table_texture(ctx, stratum_edges(self.side), varying=True)
-        self.rays = (ray_directions if places == 1 else site_directions)(self.side)
-        looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
-        self.looks = table_texture(ctx, looks, varying=True)
-        self.places_of_texels = places_of_texels(self.cell, places)
-        # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
-        self._by_place = np.argsort(self.places_of_texels, kind="stable") if places > 1 else slice(None)
-        self.search = LightSearch(world, light_samples, self.share.size / np.pi, embree=embree)
+        side, ctx = max(4, side // 4 * 4), world.ctx  # so that blocks fill a cell
+        table, rays = stratum_table(side), (ray_directions if places == 1 else site_directions)(side)
+        cell, limit = (table.shape[1], table.shape[0]), int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+        columns, capacity = atlas_grid(cell, capacity, limit // places)
+        if embree:
+            columns, capacity = atlas_grid(cell, min(capacity, limit * TABLE_COLUMNS // len(rays)), limit)
+        super().__init__(world, table, capacity, places)
+        self.kind, self.survey = "embree" if embree else "trace", survey
+        self.search = LightSearch(world, light_samples, len(rays) / np.pi, embree=embree)
         self.program = Program(
             ctx,
             "gather/trace",
@@ -73,92 +94,63 @@ class TraceGather(Gather):
                 **light_defines(world.scene),
                 **world.material_defines,
                 **self.search.defines,
-                "SURFACE": int(surface),
+                "SURFACE": int(surface or hits),
                 "HITS": int(hits),
                 "KNOWN_HITS": int(embree),
             },
         )
-        self.outputs = (4,) * (5 if hits else 2)
-        self.survey = survey
-        limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
-        self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
-        self.first_hits: moderngl.Texture | None = None
-        if embree:
-            self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
-            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, uneven(row_count(self.capacity * count))))
+        size = uneven(columns * cell[0]), uneven(capacity // columns * cell[1])
+        self.target = Target(ctx, size, (4,) * (5 if hits else 2))
+        self.atlas = Atlas(
+            radiance=self.target.textures[0],
+            planes=self.target.textures[1],
+            table=table_texture(ctx, table, varying=True),
+            edges=table_texture(ctx, stratum_edges(side), varying=True),
+            frames=float_texture(ctx, (uneven(capacity * places), 5)),
+            count=0,
+            columns=columns,
+            cell=cell,
+            block=(side // 4, side // 4),
+            rays=table_texture(ctx, np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1), varying=True),
+        )
+        self.first_hits = FirstHits(world, rays, cell, places, capacity) if embree else None
         # a surface cache has so many sites that the noise of each averages out
-        lines = self.capacity // self.columns
-        self.sky = None if hits or places > 1 else SkyShares(world, self.side, self.columns, lines, embree)
-        self.target: Target | None = None
-        self.frames = float_texture(ctx, (uneven(self.capacity * places), 5))
+        self.sky = None if hits or places > 1 else SkyShares(world, side, self.atlas, embree)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits, self.sky)
+        atlas = self.atlas
+        return (self.program, self.target, atlas.table, atlas.edges, atlas.frames, atlas.rays, self.first_hits, self.sky)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
-        if self.target is None:
-            down = self.capacity // self.columns
-            size = uneven(self.columns * self.cell[0]), uneven(down * self.cell[1])
-            self.target = Target(self.ctx, size, self.outputs)
-        looks, count = len(sites), len(sites) // self.places
-        rows = np.zeros((5, looks, 4), "f4")
-        rotations = sites.frame_rotations(numbers)
-        rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
-        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
-        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
-        self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
-        hits = self._trace(rows)
-        known: Uniforms = {} if hits is None else {"first_hits": self.first_hits}
-        known |= self.program.declared({"survey": int(self.survey)})
-        lines, rest = divmod(count, self.columns)
-        width, height = self.cell
-        whole = (0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)
+        atlas, count = self.atlas, len(sites) // self.places
+        rows = self._write_frames(sites, numbers, seed)
+        hits, uniforms = None, self.program.declared({"survey": int(self.survey)})
+        if self.first_hits is not None:
+            hits = self.first_hits(rows)
+            uniforms["first_hits"] = self.first_hits.texture
+        uniforms |= self.world.seen_uniforms(hits is not None) | light.uniforms | self.search.ray_uniforms(light)
+        lines, rest = divmod(count, atlas.columns)
+        width, height = atlas.cell
+        whole = (0, 0, atlas.columns * width, lines * height), (0, lines * height, rest * width, height)
         areas = tuple(area for area in whole if area[2] * area[3])
         for area in areas:
             self.program(
                 self.target,
                 scissor=area,
-                frames=self.frames,
-                directions=self.looks,
-                cell=self.cell,
-                columns=self.columns,
+                frames=atlas.frames,
+                directions=atlas.rays,
+                cell=atlas.cell,
+                columns=atlas.columns,
                 places=self.places,
                 near=self.offset,
                 closed=self.world.geometry.counts.closed,
-                **(known | self.world.seen_uniforms(self.kind == "embree") | light.uniforms | self.search.ray_uniforms(light)),
+                **uniforms,
             )
-        block = (self.side // 4, self.side // 4)
-        radiance, planes = self.target.textures[:2]
         samples = () if self.survey else self.search.light_samples(rows, light)
-        return Atlas(
-            radiance,
-            planes,
-            self.table,
-            self.edges,
-            self.frames,
-            count,
-            self.columns,
-            self.cell,
-            block,
-            samples,
-            self.looks,
-            None if self.sky is None else self.sky(rows, hits, radiance, self.frames, areas),
-        )
-
-    def _trace(self, rows: np.ndarray) -> np.ndarray | None:
-        """Have Embree trace the rays of records with these rows of `frames`; return (N, R) the triangles hit, None without it."""
-        if self.first_hits is None:
-            return None
-        rays = self.rays[self._by_place].reshape(self.places, -1, 3)
-        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), rays)
-        count, lines = found.size // self.share.size, -(-found.size // TABLE_COLUMNS)
-        table = np.zeros(lines * TABLE_COLUMNS, np.int32)
-        hits = table[: found.size].reshape(count, -1)
-        hits[:, self._by_place] = found.reshape(count, -1)
-        self.first_hits.write(table, viewport=(0, 0, TABLE_COLUMNS, lines))
-        return hits
+        sky_share = None if self.sky is None else self.sky(rows, hits, areas)
+        return replace(atlas, count=count, light_samples=samples, sky_share=sky_share)
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the hits of the last call's first `count` records, R rays each in the order of the cell's texels.
@@ -177,12 +169,11 @@ class TraceGather(Gather):
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
         """Return (N, R, 4) each, these outputs of the last call's first `count` records."""
-        assert self.target is not None
-        lines, (width, height) = -(-count // self.columns), self.cell
-        used = 0, 0, self.columns * width, lines * height
+        lines, columns, (width, height) = -(-count // self.atlas.columns), self.atlas.columns, self.cell
+        used = 0, 0, columns * width, lines * height
         return [
             np.frombuffer(self.target.gl.read(used, 4, attachment=number, dtype="f4"), "f4")
-            .reshape(lines, height, self.columns, width, 4)
+            .reshape(lines, height, columns, width, 4)
             .swapaxes(1, 2)
             .reshape(-1, width * height, 4)[:count]
             for number in outputs

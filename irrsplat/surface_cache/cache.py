@@ -18,7 +18,8 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, Solution
+from irrsplat.surface_cache.clustering import unlit_interiors
+from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.transport import BouncedLight
@@ -31,55 +32,52 @@ class SurfaceCache(Owner):
     """The surface cache of a world's scene. detail: the density of sites and rays of its own level.
 
     In ticks, the values of a coarse level replace its own until these are complete. Finer levels replace its own.
-    last_change: relative change of the values by their last change; 1 for new values.
     """
 
     def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail) -> None:
-        self.ctx, self.world, self.timers = world.ctx, world, timers
-        self._level = SiteLevel(world, settings, timers, detail)
+        self.world, self.timers = world, timers
+        self._level = SiteLevel(world, settings, detail)
         self._coarse: SiteLevel | None = None  # made by the first tick that needs it
-        self._finer: list[SiteLevel] = []  # the last two finer levels; the values of the last one are in use
-        self._next: SiteLevel | None = None  # the level after these, while it is made
-        self._coarse_in_use = False  # True while lookups find the values of the coarse level
+        self._in_use = self._before = self._level  # the level whose values lookups find, and the one that it refines
+        self._next: SiteLevel | None = None  # the finer level after that in use, while it is made
         self._relit = False  # True while its own values are of other lights or materials
-        self.last_change = 1.0
-        self._view_pass, self._point_pass, self._viewed = SurfaceViewPass(self.ctx), SurfaceViewPass(self.ctx), Memo()
+        self._view_pass, self._viewed = SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._view_pass, self._point_pass, self._level, *self._finer, self._next, self._coarse)
+        return (self._view_pass, *dict.fromkeys((self._level, self._coarse, self._before, self._in_use, self._next)))
 
     # ---- its values ------------------------------------------------------------------------------------------------
 
     @property
     def result(self) -> BouncedLight | None:
         """The values that lookups read; None before the first values exist."""
-        return self._now.light
+        return self._in_use.solution.light
+
+    @property
+    def lookup(self) -> LookupTable:
+        """The table that lookups go through."""
+        return self._in_use.solution.table
+
+    @property
+    def laid_out(self) -> LaidOut | None:
+        """The sites of the values that lookups read; None before the first values exist."""
+        return self._in_use.solution.laid_out
+
+    @property
+    def before(self) -> LookupTable:
+        """The table of the level before that in use."""
+        return self._before.solution.table
 
     @property
     def refinements(self) -> int:
         """The number of levels by which the values in use are finer."""
-        return self._finer[-1].detail.level if self._finer else 0
+        return max(self._in_use.detail.level, 0)
 
     @property
     def may_refine(self) -> bool:
         """True if there may be a finer level."""
         return self.refinements < MAX_LEVEL
-
-    @property
-    def before(self) -> LookupTable:
-        """The table of the level before that in use."""
-        return (self._finer[0] if len(self._finer) > 1 else self._level).solution.table
-
-    @property
-    def _now(self) -> Solution:
-        """The values that lookups read."""
-        return self._coarse.solution if self._coarse is not None and self._coarse_in_use else self._own
-
-    @property
-    def _own(self) -> Solution:
-        """The values of its own or finer levels, without the coarse one."""
-        return (self._finer[-1] if self._finer else self._level).solution
 
     @property
     def starts_coarse(self) -> bool:
@@ -89,12 +87,12 @@ class SurfaceCache(Owner):
     @property
     def is_coarse(self) -> bool:
         """True while lookups find coarse values."""
-        return self._coarse is not None and self._coarse_in_use
+        return self._in_use is self._coarse
 
     @property
     def current(self) -> bool:
         """True if lookups find values of about the present light. Moved meshes change little of the light."""
-        return self._now.complete or self._level.changes or not self._outdated
+        return self._in_use.complete or self._level.changes or not self._outdated
 
     @property
     def _outdated(self) -> bool:
@@ -111,16 +109,6 @@ class SurfaceCache(Owner):
         """The completed share of the values for the scene and settings, 0..1."""
         return self._level.progress
 
-    @property
-    def lookup(self) -> LookupTable:
-        """The table that lookups go through."""
-        return self._now.table
-
-    @property
-    def laid_out(self) -> LaidOut | None:
-        """The sites of the values that lookups read; None before the first values exist."""
-        return self._now.laid_out
-
     def uniforms(self, table: LookupTable | None = None) -> Uniforms:
         """Return the uniforms of shaders/surface_cache/lookup.glsl with this `table`; None for the table in use."""
         return (table or self.lookup).uniforms | self.world.triangles.corner_uniforms
@@ -131,7 +119,7 @@ class SurfaceCache(Owner):
 
     def at(self, sites: Sites) -> np.ndarray:
         """Return (N, 3) the cache's irradiance at `sites`, whose triangles are known, W/m²."""
-        return self._point_pass.at(sites, self.uniforms())
+        return self._view_pass.at(sites, self.uniforms())
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
@@ -146,12 +134,13 @@ class SurfaceCache(Owner):
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         self._relit |= change.changes_light and change.dimming is None
-        level.change(settings, change)
+        other_interiors = bool(change) and not np.array_equal(unlit_interiors(change.old), unlit_interiors(change.new))
+        level.change(settings, change, other_interiors)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
+            self._coarse, self._in_use = None, level
             coarse.release()
-            self._coarse, self._coarse_in_use = None, False
         elif coarse is not None:
-            coarse.change(settings, change)
+            coarse.change(settings, change, other_interiors)
 
     def expire(self) -> None:
         """Gather all again."""
@@ -161,32 +150,34 @@ class SurfaceCache(Owner):
 
     def _drop_finer(self) -> None:
         """Return to the values from before all refinements."""
-        gone, self._finer, self._next = [*self._finer, *filter(None, [self._next])], [], None
-        for level in gone:
+        finer = {level for level in (self._before, self._in_use, self._next) if level is not None and level.detail.level > 0}
+        self._before, self._next = self._level, None
+        if self._in_use in finer:
+            self._in_use = self._level
+        for level in finer:
             level.release()
 
     # ---- making ----------------------------------------------------------------------------------------------------
 
-    def advance(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Make values, coarse ones first, until the budget ends; True if lookups find other values than before."""
+    def advance(self, shadows: ShadowMaps, budget: Budget) -> float | None:
+        """Make values, coarse ones first, until the budget ends.
+
+        Return the relative change of the values that lookups find, 1 for new ones; None if they are as before.
+        """
         if self.complete:
-            return False
-        level = self._level
-        followed = level.follow(shadows, budget)
-        if followed is not None:
-            self._coarse_in_use, self.last_change = False, followed
-            return True
-        if budget.limited and self._outdated and self.starts_coarse:
-            self._coarse = coarse = self._coarse or self._other(COARSE)
-            if not coarse.complete:
-                changed = coarse.advance(shadows, budget)
-                if changed is not None:
-                    self._coarse_in_use, self.last_change = True, changed
-                return changed is not None
-        if not level.make(shadows, budget):
-            return False
-        self._coarse_in_use, self._relit, self.last_change = False, False, 1.0
-        return True
+            return None
+        with self.timers("surface"):
+            made, changed = self._level, self._level.follow(shadows, budget)
+            if changed is None and budget.limited and self._outdated and self.starts_coarse:
+                self._coarse = self._coarse or self._other(COARSE)
+                made = self._level if self._coarse.complete else self._coarse
+            if made is self._coarse:
+                changed = made.advance(shadows, budget)
+            elif changed is None and made.make(shadows, budget):
+                self._relit, changed = False, 1.0
+        if changed is not None:
+            self._in_use = made
+        return changed
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Continue the next finer level within the budget. Return True if lookups find its values now.
@@ -196,13 +187,14 @@ class SurfaceCache(Owner):
         if self._level.solution.laid_out is None or not self.complete:
             return False
         self._next = self._next or self._other(self._level.detail.finer(self.refinements + 1))
-        if self._next.advance(shadows, budget) is None:
-            return False
-        gone, self._finer, self._next = self._finer[:-1], [*self._finer[-1:], self._next], None
-        for level in gone:
-            level.release()
+        with self.timers("surface"):
+            if self._next.advance(shadows, budget) is None:
+                return False
+        if self._before is not self._level:
+            self._before.release()
+        self._before, self._in_use, self._next = self._in_use, self._next, None
         return True
 
     def _other(self, detail: Detail) -> SiteLevel:
         """Return a level of the scene in another detail."""
-        return SiteLevel(self.world, self._level.settings, self.timers, detail)
+        return SiteLevel(self.world, self._level.settings, detail)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.buffers import Sites
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
@@ -19,9 +20,13 @@ _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31
 ]  # any rotation that turns walls away from the axes
 _BLOCKS = 3.0, 12.0  # steps of near_sites: sides of the blocks searched for a site; the wide one if the small one is empty
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
+_MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
 _BEYOND = 1.001  # of the distance to the point between: the first segment ends behind a surface at that point
 _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
+
+
+Choice = tuple[np.ndarray, np.ndarray]  # the sites among members, as their numbers, and the site of each, see choose_sites
 
 
 @dataclass(frozen=True)
@@ -111,9 +116,7 @@ def merged(tessellation: Tessellation, mesh: np.ndarray, size: float) -> tuple[n
     return np.concatenate([kept, fine[chosen]]), which
 
 
-def choose_sites(
-    keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int
-) -> tuple[np.ndarray, np.ndarray]:
+def choose_sites(keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int) -> Choice:
     """Return the site of each cluster of members with equal `keys` (M,): the member nearest to their mean `position` (M, 3).
 
     area: (M,) m² of the surface that each member stands for. Only the `most` largest clusters of at least
@@ -138,6 +141,39 @@ def choose_sites(
     number = np.full(len(counts), -1)
     number[kept] = np.arange(len(kept))
     return chosen[kept], number[cluster]
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
+
+    area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
+    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
+    until SiteChooser fills those that need a gather.
+    """
+
+    tessellation: Tessellation
+    members: Members
+    keys: np.ndarray
+    spacing: float
+    area: np.ndarray
+    face: np.ndarray
+    member: np.ndarray
+    value: np.ndarray
+
+    @property
+    def min_area(self) -> float:
+        """Area in m² of the smallest cluster that has a site before the last round."""
+        return _MIN_AREA * self.spacing**2
+
+    def choose(self, left: np.ndarray, most: int, min_area: float) -> Choice:
+        """Return the sites among the members `left`, and the site of each, see choose_sites."""
+        return choose_sites(self.keys[left], self.members.position[left], self.area[left], min_area, most)
+
+    def sites(self, at: np.ndarray) -> Sites:
+        """Return the members `at` (N,) as places for records."""
+        members = self.members
+        return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
 
 
 def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:

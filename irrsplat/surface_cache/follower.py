@@ -11,95 +11,82 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.gpu.resource import Workshop
-from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.site_light import SiteLightPass
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange, emits
+from irrsplat.surface_cache.lookup_table import LaidOut
+from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
 
 
 class Follower:
-    """Follows the light at the sites `records`, between which `transport` is known, from `begin` on.
+    """Follows the light at the sites `laid_out`, between which the transport is known, from `begin` on.
 
-    area: (S,) m² of the surface that each stands for. E_1, E: (S, 3) W/m², as gathered with the present lights, and of all
-    bounces. made: keeps its pass. Records, transport and workshop belong to others.
+    E_1: (S, 3) W/m², as gathered with the present lights.
     """
 
-    def __init__(
-        self,
-        world: World,
-        records: RecordCache,
-        area: np.ndarray,
-        transport: Transport,
-        made: Workshop,
-        E_1: np.ndarray,
-        E: np.ndarray,
-    ) -> None:
-        self.world, self.records, self.transport, self.irradiance = world, records, transport, E
-        self._made, self._area = made, area
-        self.change = 0.0  # of E by the last step, relative to it
+    def __init__(self, rays: SiteRays, laid_out: LaidOut, E_1: np.ndarray) -> None:
+        self._rays, self._laid_out = rays, laid_out
         self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
         self._beyond = E_1  # c once `begin` has taken F·D away
         self._relit = False  # True if lights have changed since
 
-    def begin(self, shadows: ShadowMaps) -> None:
-        """Measure the direct light before the first change of the scene."""
-        if self._direct is None:
-            self._direct = self.light(shadows)
-            self._beyond = self._beyond - self.transport(self._direct)
+    @property
+    def _transport(self) -> Transport:
+        """F between the sites."""
+        assert self._laid_out.transport is not None
+        return self._laid_out.transport
 
     @property
     def begun(self) -> bool:
         """True if the direct light before the first change is known."""
         return self._direct is not None
 
-    def light(self, shadows: ShadowMaps) -> np.ndarray:
-        """Return (S, 3) D, W/m²."""
-        lights = light_defines(self.world.scene)
-        count = self.records.count
-        light_pass = self._made.get("site light", (lights, count), lambda: SiteLightPass(self.world.ctx, lights, max(count, 1)))
-        E, _ = light_pass(shadows, self.records.sites(slice(0, count)), self._area)
-        return E
+    def begin(self, shadows: ShadowMaps) -> None:
+        """Measure the direct light before the first change of the scene."""
+        if self._direct is None:
+            self._direct = self._rays.direct_light(self._laid_out, shadows)
+            self._beyond = self._beyond - self._transport(self._direct)
 
     def relight(self) -> None:
         """Mark the lights as changed."""
         self._relit = True
 
     def dim(self, factor: np.ndarray) -> None:
-        """Scale direct and indirect light by `factor`, (3,)."""
-        self.irradiance, self._beyond = self.irradiance * factor, self._beyond * factor
+        """Scale direct light and residual by `factor`, (3,)."""
+        self._beyond = self._beyond * factor
         if self._direct is not None:
             self._direct = self._direct * factor
 
     def move(self, change: SceneChange) -> None:
-        """Move the sites on moved meshes along. The hits of rays from near sites become unknown."""
-        self.records.move_with_meshes(change)
-        self.transport.known[self.records.column("due") > _OTHER_HITS] = False
+        """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
+        held = self._laid_out
+        assert held.places is not None
+        held.records.move_with_meshes(change)
+        held.places = held.places.moved(change)
+        self._transport.known[held.records.column("due") > _OTHER_HITS] = False
 
     @property
     def order(self) -> np.ndarray:
         """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
         again: those around which most has changed come first."""
-        due = self.records.column("due")
+        due = self._laid_out.records.column("due")
         order = np.argsort(-due, kind="stable")
         return order[: np.count_nonzero(due > 0.0)]
 
-    def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
-        """Return (S, 3) the present irradiance E, W/m². gathered: the sites that were gathered with the present lights."""
+    def step(self, shadows: ShadowMaps, E: np.ndarray, gathered: np.ndarray) -> np.ndarray:
+        """Return (S, 3) the present irradiance, W/m², from that of the frame before, E. gathered: the sites that were gathered
+        with the present lights."""
         assert self._direct is not None
-        D = self.light(shadows)
+        D = self._rays.direct_light(self._laid_out, shadows)
         if self._relit:
-            self._beyond *= np.where(emits(self.world.scene), 1.0, overlap(self._direct, D, self._area)).astype(np.float32)
+            kept = overlap(self._direct, D, self._laid_out.area)
+            self._beyond *= np.where(emits(self._rays.world.scene), 1.0, kept).astype(np.float32)
         self._direct, self._relit = D, False
         if len(gathered):
-            self._beyond[gathered] = self.records.values[gathered, :3] - self.transport(D, gathered)
-        before, self.irradiance = self.irradiance, np.maximum(self._beyond + self.transport(D + self.irradiance), 0.0)
-        self.change = float(np.abs(self.irradiance - before).mean() / max(float(before.mean()), 1e-20))
-        return self.irradiance
+            self._beyond[gathered] = self._laid_out.records.values[gathered, :3] - self._transport(D, gathered)
+        present: np.ndarray = np.maximum(self._beyond + self._transport(D + E), 0.0)
+        return present
 
 
 def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:

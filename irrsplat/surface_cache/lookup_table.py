@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Uniforms
+from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -16,7 +16,7 @@ from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.surface_cache.site_layout import SiteLayout
 from irrsplat.surface_cache.site_places import Places
-from irrsplat.surface_cache.transport import BouncedLight
+from irrsplat.surface_cache.transport import BouncedLight, Transport
 
 
 class LookupTable(Owner):
@@ -59,14 +59,18 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 
 class LaidOut(Owner):
-    """Sites on the GPU: a record for each value, in the order of the values, and their lookup table.
-    places: the origins of their rays; None until these are known."""
+    """Sites on the GPU: a record for each of S values, in the order of the values, and their lookup table.
+
+    area: (S,) m² of the surface that each stands for. places: the origins of their rays. transport: between the sites. Both are
+    None until they are known.
+    """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
-        self.layout = layout
+        self.area = layout.area
         self.places: Places | None = None
+        self.transport: Transport | None = None
         self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.clusters.tessellation.table, layout.cells, max(len(layout.sites), 1))
+        self.table = LookupTable(ctx, layout.triangles, layout.cells, max(len(layout.sites), 1))
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()
@@ -74,6 +78,10 @@ class LaidOut(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self.records, self.table)
+
+    def origins(self, numbers: np.ndarray) -> Sites:
+        """Return the origins of rays of the sites of these numbers: their places, or the sites themselves without any."""
+        return self.records.sites(numbers) if self.places is None else self.places.of(numbers)
 
 
 @dataclass(frozen=True)

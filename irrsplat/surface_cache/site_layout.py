@@ -6,24 +6,25 @@ together and face alike form a cluster. One member of the cluster is the site of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial, reduce
 
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.timing.background import in_background
+from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
-from irrsplat.surface_cache.clustering import Members
-from irrsplat.surface_cache.tessellation import Tessellation, tessellate
+from irrsplat.surface_cache.clustering import Choice, Clusters, Members
+from irrsplat.surface_cache.tessellation import tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000, 16_000  # least and greatest number of cell corners on all surfaces, about; as many as triangles in between
@@ -40,7 +41,6 @@ VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
-_MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # about the finished share of the work during a step
 
@@ -88,88 +88,67 @@ def detail_for(settings: Settings) -> Detail:
 
 
 @dataclass(frozen=True)
-class Clusters:
-    """The tessellation, M members on its sides, and the keys (M,) of their clusters, which have a size of `spacing` metres.
-
-    area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
-    stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
-    until SiteChooser.assign fills those that need a gather. first: the first sites among these members, and the site of each, see
-    clustering.choose_sites.
-    """
-
-    tessellation: Tessellation
-    members: Members
-    keys: np.ndarray
-    spacing: float
-    area: np.ndarray
-    face: np.ndarray
-    member: np.ndarray
-    value: np.ndarray
-    first: tuple[np.ndarray, np.ndarray]
-
-    def sites(self, at: np.ndarray) -> Sites:
-        """Return the members `at` (N,) as places for records."""
-        members = self.members
-        return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
-
-
-@dataclass(frozen=True)
 class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
-    clusters: the members that the sites represent, with the numbers of their values. sites: (S,) where the values are gathered;
-    SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of the surface that each stands for. cells:
-    (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for none, and
-    0. Where an object occludes part of a cell, so that not all corners see each other, the last is the number of one of the H
-    further rows. Such a row has the lines beyond which corners are hidden, see _borders.
+    sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
+    the surface that each stands for. triangles: see Tessellation.table. cells: (C + H, 2, 4) float32, for either side of the
+    tessellation's C cells, the numbers of their corners' values, -1 for none, and 0. Where an object occludes part of a cell, so
+    that not all corners see each other, the last is the number of one of the H further rows. Such a row has the lines beyond
+    which corners are hidden, see _borders.
     """
 
-    clusters: Clusters
     sites: Sites
     area: np.ndarray
+    triangles: np.ndarray
     cells: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass
 class SiteChooser:
-    """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
+    """Chooses the sites of a scene, step by step.
 
-    unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from the
-    surface to the origin of a site's rays. reach: the visible share of segments, see RayCaster.reach. detail: of the surface
-    cache.
+    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache. done: about the finished share of the
+    work, 0..1.
     """
 
     scene: Scene
-    unlit: np.ndarray
-    offset: float
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
+    done: float = 0.0
 
-    def layout(self) -> Generator[float, None, SiteLayout]:
-        """Choose the sites: all steps in their order."""
-        clusters = yield from self._cluster()
-        chosen = yield from self.assign(clusters)
+    def layout(self) -> Steps[tuple[SiteLayout, Clusters]]:
+        """Choose the sites: all steps in their order. Return also the members that they represent, with the numbers of their
+        values."""
+        clusters, first = yield from self._cluster()
+        self.done = _SHARED_OUT
+        chosen = yield from self._assign(clusters, first)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
-        yield _FOUND
+        self.done = _FOUND
+        yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
-        cells = yield from self.cells(clusters)
-        return SiteLayout(clusters, clusters.sites(at), area.astype(float), cells)
+        cells = yield from self._cells(clusters)
+        return SiteLayout(clusters.sites(at), area.astype(float), clusters.tessellation.table, cells), clusters
 
-    def _cluster(self) -> Generator[float, None, Clusters]:
-        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites."""
+    def _cluster(self) -> Steps[tuple[Clusters, Choice]]:
+        """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
+
+        Return the clusters, and the sites of the first round.
+        """
         places = _interesting(self.scene)
         rooms = yield from self._rooms(places)
-        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms), 0.0)
+        vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms))
         points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider), _CUT))
+        self.done = _CUT
+        return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider)))
 
-    def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def _rooms(self, places: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) metres: the upper quartile of distances from `places` (N, 3) to surfaces."""
         far = self.scene.diagonal
         starts = np.repeat(places, _DIRECTIONS, axis=0)
-        reach = yield from self._free_shares(starts, starts + far * np.tile(sphere(_DIRECTIONS), (len(places), 1)), 0.0)
+        reach = yield from self._free_shares(starts, starts + far * np.tile(sphere(_DIRECTIONS), (len(places), 1)))
         rooms = [np.quantile(one[one < 1.0], 0.75) if (one < 1.0).any() else 1.0 for one in reach.reshape(-1, _DIRECTIONS)]
         return far * np.array(rooms)
 
@@ -192,19 +171,20 @@ class SiteChooser:
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> Clusters:
-        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long.
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, Choice]:
+        """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long, and their first sites.
 
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
+        offset = offset_of(self.scene)
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
+        tessellation = tessellate(vertices, faces, spacing * wider, offset)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
-        unlit = self.unlit[tessellation.face[points]]
+        unlit = clustering.unlit_interiors(self.scene)[tessellation.face[points]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
         number = np.full(len(points), len(inner) - 1)
         number[inner] = np.arange(len(inner))
-        members = clustering.both_sides(tessellation, self.offset, points, points[inner])
+        members = clustering.both_sides(tessellation, offset, points, points[inner])
         member = np.stack([which, len(points) + number[which]])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
         face = tessellation.face[np.concatenate([points, points[inner]])]
@@ -214,10 +194,10 @@ class SiteChooser:
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
             keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing)
-            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, (left, left))
-            first = self._choose(clusters, left, len(left), self._min_area(clusters))
+            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value)
+            first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
-                return replace(clusters, first=first)
+                return clusters, first
             spacing *= 1.05 * float(np.sqrt(len(first[0]) / about))
 
     def _known_values(self, members: Members) -> np.ndarray:
@@ -228,41 +208,32 @@ class SiteChooser:
         value[~members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
-    @staticmethod
-    def _min_area(clusters: Clusters) -> float:
-        return _MIN_AREA * clusters.spacing**2
-
-    @staticmethod
-    def _choose(clusters: Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sites among the members `left`, and the site of each, see clustering.choose_sites."""
-        position, area = clusters.members.position[left], clusters.area[left]
-        return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
-
-    def assign(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+    def _assign(self, clusters: Clusters, first: Choice) -> Steps[np.ndarray]:
         """Choose sites for members whose values are negative, and assign each to a visible site of its cluster, or a near one.
 
-        Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members (S,) that are sites.
+        first: the sites of the first round. Fill `clusters.value` by the sites' numbers, from FIRST_SITE on. Return the members
+        (S,) that are sites.
         """
         members, value = clusters.members, clusters.value
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
-            chosen, site_of = clusters.first
+            chosen, site_of = first
             if number:
-                min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-                choosing = partial(self._choose, clusters, left, self.detail.most - FIRST_SITE - len(sites), min_area)
-                chosen, site_of = yield from in_background(choosing, _SHARED_OUT)
+                min_area = clusters.min_area if number < _ROUNDS - 1 else 0.0
+                choosing = partial(clusters.choose, left, self.detail.most - FIRST_SITE - len(sites), min_area)
+                chosen, site_of = yield from in_background(choosing)
             if not len(chosen):
                 continue
             chosen = left[chosen]
             pending = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
-            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]], _SHARED_OUT)
+            seen[pending] = yield from self.see(members, left[pending], chosen[site_of[pending]])
             value[left[seen]] = FIRST_SITE + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
         yield from self._assign_near(clusters, sites)
         return sites
 
-    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Generator[float, None, None]:
+    def _assign_near(self, clusters: Clusters, gathered: np.ndarray) -> Steps[None]:
         """Assign the members without a value to a near site: the nearest visible one, else the nearest.
 
         gathered: the members that are sites. Without this step, small objects beyond the number of sites are black: a room full
@@ -275,15 +246,15 @@ class SiteChooser:
         _, first, cluster = np.unique(keys, return_index=True, return_inverse=True)
         size = VOXEL * clusters.spacing
         finding = partial(clustering.near_sites, members, left[first], gathered, size, _ALTERNATIVES)
-        near = (yield from in_background(finding, _SHARED_OUT))[cluster.ravel()]
+        near = (yield from in_background(finding))[cluster.ravel()]
         for site in near.T:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
-            seen = yield from self.see(members, left[pending], gathered[site[pending]], _SHARED_OUT)
+            seen = yield from self.see(members, left[pending], gathered[site[pending]])
             value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
         value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
-    def cells(self, clusters: Clusters) -> Generator[float, None, np.ndarray]:
+    def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""
         members, value = clusters.members, clusters.value
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
@@ -293,7 +264,7 @@ class SiteChooser:
             unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
             pairs = np.sort(corners[unlike][:, [[1, 2], [2, 0], [0, 1]]], axis=-1)  # opposite to each corner
             key, pair = np.unique(pairs[..., 0] * len(members) + pairs[..., 1], return_inverse=True)
-            seen = yield from self.see(members, *np.divmod(key, len(members)), _FOUND)
+            seen = yield from self.see(members, *np.divmod(key, len(members)))
             free = seen[pair.reshape(-1, 3)]  # of each corner, whether the other two see each other
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
@@ -302,7 +273,7 @@ class SiteChooser:
             table.append(_borders(reach, free))
         return np.concatenate(table)
 
-    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
         """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free
         ones.
 
@@ -313,26 +284,26 @@ class SiteChooser:
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
         starts, ends_there = eyes[cell, corners[way]], eyes[cell, ends[way]]
-        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there, _FOUND)
+        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there)
         return reach
 
-    def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """Return (N,) True where members a see members b (N,); yields `done` from batch to batch."""
+    def see(self, members: Members, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N,) True where members a see members b (N,)."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
         starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
-        free = (yield from self._free_shares(starts, ends, done)) >= 1.0
+        free = (yield from self._free_shares(starts, ends)) >= 1.0
         seen[apart] = free[: len(apart)]
         seen[apart[bent]] &= free[len(apart) :]
         return seen
 
-    def _free_shares(self, starts: np.ndarray, ends: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
-        """Return (N,) the visible share of segments, see RayCaster.reach; yields `done` from batch to batch."""
+    def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N,) the visible share of segments, see RayCaster.reach; pause after each batch."""
         free = np.ones(len(starts), np.float32)
         for first in range(0, len(starts), VisibilityPass.capacity):
             some = slice(first, first + VisibilityPass.capacity)
             free[some] = self.reach(starts[some], ends[some])
-            yield done
+            yield
         return free
 
 

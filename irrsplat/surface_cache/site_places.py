@@ -17,8 +17,9 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
-from irrsplat.surface_cache.site_layout import FIRST_SITE, SiteLayout
-from irrsplat.surface_cache.transport import Transport
+from irrsplat.surface_cache.clustering import Clusters
+from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.transport import RayHits, Transport
 
 PLACES = 8  # of a site
 _BOUNCES = 8  # along which the importance of sites is followed
@@ -32,7 +33,7 @@ class Places:
 
     def of(self, numbers: np.ndarray) -> Sites:
         """Return (N·PLACES,) the places of the sites of these numbers (N,)."""
-        rows = _rows(numbers)
+        rows = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
         return replace(self.sites[rows], frame_rotation=rows)
 
     def moved(self, change: SceneChange) -> Places:
@@ -44,12 +45,6 @@ class Places:
         for name in ("normal", "geometric"):
             columns[name][moved.numbers] = moved.normals(columns[name][moved.numbers])
         return Places(replace(self.sites, **columns))
-
-
-def _rows(numbers: np.ndarray) -> np.ndarray:
-    """Return (N·PLACES,) the rows of the places of the sites of these numbers (N,)."""
-    rows: np.ndarray = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
-    return rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,20 +72,12 @@ class Survey:
         no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
 
-    def store(
-        self,
-        numbers: np.ndarray,
-        share: np.ndarray,
-        hits: tuple[np.ndarray, np.ndarray],
-        met: tuple[np.ndarray, np.ndarray, np.ndarray],
-    ) -> None:
-        """Store the rays of the sites of these numbers (N,): their hits, see Transport.fill, and the places of the hits, see
-        TraceGather.met."""
-        self.transport.fill(numbers, share, hits)
-        sites, albedo = hits
-        part = np.where(sites < FIRST_SITE, 0.0, share * albedo.mean(-1))
+    def store(self, numbers: np.ndarray, hits: RayHits, met: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Store the hits of the rays of sites of these numbers (N,). met: their places, see TraceGather.met."""
+        self.transport.fill(numbers, hits)
+        part = np.where(hits.site < FIRST_SITE, 0.0, hits.share * hits.albedo.mean(-1))
         rays = np.nonzero(part)
-        self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
+        self._hits.append(_Hits(numbers[rays[0]], hits.site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
@@ -125,12 +112,12 @@ class Survey:
         return importance
 
 
-def members_places(layout: SiteLayout, seed: int) -> Places:
-    """Return places among the members that the sites of this `layout` represent, drawn by the members' areas."""
-    clusters, value, count = layout.clusters, layout.clusters.value, len(layout.sites)
+def members_places(sites: Sites, clusters: Clusters, seed: int) -> Places:
+    """Return places of the `sites` among the members that they represent, drawn by the members' areas."""
+    value, count = clusters.value, len(sites)
     weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
     drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
-    places, met = layout.sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
+    places, met = sites[np.repeat(np.arange(count), PLACES)], drawn >= 0
     members = clusters.sites(drawn[met])
     for name in ("position", "normal", "geometric", "triangle"):
         getattr(places, name)[met] = getattr(members, name)

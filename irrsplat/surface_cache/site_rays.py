@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from functools import partial
+from collections.abc import Iterator
 
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
-from irrsplat.core.timing.background import in_background
+from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
-from irrsplat.gather.record_frame import tangent_frames
+from irrsplat.gather.record_frame import places_of_texels, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import Detail
-from irrsplat.surface_cache.site_places import PLACES, Places, Survey
-from irrsplat.surface_cache.transport import Transport
+from irrsplat.surface_cache.site_places import PLACES
+from irrsplat.surface_cache.transport import RayHits
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
@@ -40,37 +38,43 @@ class SiteRays(Owner):
     """The gathers from sites in a `world`, by the settings that are set last; detail: of the surface cache."""
 
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
-        self.ctx, self.world, self.settings, self._detail = world.ctx, world, settings, detail
-        self._visibility = VisibilityPass(self.ctx, world.material_defines)
-        self._reduce = ReducePass(self.ctx, gradients=False, places=PLACES)
-        self._survey_reduce = ReducePass(self.ctx, gradients=False)
+        self.world, self.settings, self._detail = world, settings, detail
+        self._visibility = VisibilityPass(world.ctx, world.material_defines)
+        self._reduce = {places: ReducePass(world.ctx, gradients=False, places=places) for places in (1, PLACES)}
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._visibility, self._reduce, self._survey_reduce, self._made)
+        return (self._visibility, *self._reduce.values(), self._made)
 
     @property
     def _embree(self) -> bool:
         """True if Embree traces the sites' rays."""
-        return ray_kind(self.ctx, self.settings) == "embree"
+        return ray_kind(self.world.ctx, self.settings) == "embree"
 
-    def gather_for(self, sites: int, quick: bool = False) -> TraceGather:
-        """Return the gather for so many sites, compiled for the scene's kinds of lights. quick: True for the fewest rays."""
-        return self._gather("quick gather" if quick else "gather", self._side(0, 0) if quick else self._side(sites, RAYS))
+    # ---- the gathers -----------------------------------------------------------------------------------------------
 
-    def _side(self, sites: int, rays: int) -> int:
-        share = self._detail.rays
-        side = np.sqrt(rays * min(self._detail.points, _MOST_RAYS) * share / max(sites, 1))
-        return int(np.clip(side, *(round(limit * share**0.5) for limit in SIDES)))
+    def gather_for(self, sites: int) -> TraceGather:
+        """Return the gather from the places of so many sites, which share all rays."""
+        rays = RAYS * min(self._detail.points, _MOST_RAYS) * self._detail.rays / max(sites, 1)
+        return self._gather("gather", self._side(rays))
+
+    def quick_gather(self) -> TraceGather:
+        """Return the gather of the fewest rays from the places of sites."""
+        return self._gather("quick gather", self._side(0.0))
 
     def survey_gather(self) -> TraceGather:
         """Return the gather of few rays from each site itself, with the places of their hits."""
         return self._gather("survey", _SURVEY, survey=True)
 
+    def _side(self, rays: float) -> int:
+        """Return the side of the gather of a site that has this share of all rays."""
+        least, most = (round(limit * self._detail.rays**0.5) for limit in SIDES)
+        return int(np.clip(np.sqrt(rays), least, most))
+
     def _gather(self, name: str, side: int, survey: bool = False) -> TraceGather:
-        """Return rays of this side from the places of sites, with the sites that they meet. survey: from the sites themselves,
-        with the places where they meet others."""
+        """Return rays of this side from the places of sites, with the sites that they meet, compiled for the scene's kinds of
+        lights. survey: from the sites themselves, with the places where they meet others."""
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
@@ -80,7 +84,6 @@ class SiteRays(Owner):
                 self.world,
                 side,
                 min(max(_BATCH_RAYS // side**2, _BATCH), _MOST_BATCH),
-                surface=True,
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,
@@ -89,66 +92,44 @@ class SiteRays(Owner):
             ),
         )
 
-    def light(
-        self,
-        gather: TraceGather,
-        light: HitLight,
-        records: RecordCache,
-        numbers: np.ndarray,
-        places: Callable[[np.ndarray], Sites],
-    ) -> None:
-        """Gather E_1 at the sites of these `numbers` in `records`, from their `places`, see Places.of."""
-        gather_records(gather, self._reduce, light, records, numbers, self.settings.seed, where=places)
+    # ---- light at the sites ----------------------------------------------------------------------------------------
 
-    def link(self, gather: TraceGather, transport: Transport, places: Places, numbers: np.ndarray) -> None:
-        """Fill the rows `numbers` of the transport by the hits of the last gather's rays from these places."""
-        transport.fill(numbers, self._shares(gather, places.of(numbers)), gather.hits(len(numbers)))
+    def gathered(
+        self, gather: TraceGather, laid_out: LaidOut, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget
+    ) -> Iterator[np.ndarray]:
+        """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it."""
+        # neither a survey nor coarse light waits for the tree of the rays of virtual point lights
+        virtual = laid_out.places is not None and (self._detail.level >= 0 or self.world.has_tree)
+        light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms, virtual)
+        reduce, records, seed = self._reduce[gather.places], laid_out.records, self.settings.seed
+        for some in gather.batches(len(numbers), budget):
+            gather_records(gather, reduce, light, records, numbers[some], seed, where=laid_out.origins)
+            yield numbers[some]
 
-    def survey(self, gather: TraceGather, light: HitLight, records: RecordCache, survey: Survey, numbers: np.ndarray) -> None:
-        """Store the ray hits of the sites of these `numbers` in the survey, and their harmonic mean distances in `records`."""
-        gather_records(gather, self._survey_reduce, light, records, numbers, self.settings.seed)
-        share = self._shares(gather, records.sites(numbers))
-        survey.store(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
-
-    def _shares(self, gather: TraceGather, sites: Sites) -> np.ndarray:
-        """Return (N, R) cosθ·dω of the rays from these places, those of N sites, 0 for those below the surface."""
+    def hits(self, gather: TraceGather, laid_out: LaidOut, numbers: np.ndarray) -> RayHits:
+        """Return the hits of the last gather's rays, those of the sites of these numbers."""
+        sites = laid_out.origins(numbers)
         assert sites.frame_rotation is not None
         frames = tangent_frames(sites.normal, sites.frame_rotation, self.settings.seed)
         upward = np.einsum("nij,nj->ni", frames, sites.geometric).reshape(-1, gather.places, 3)
-        share = np.empty((len(upward), gather.share.size))
+        table, place_of = gather.table.reshape(-1, 4), places_of_texels(gather.cell, gather.places)
+        share = np.empty((len(upward), len(table)))
         for place in range(gather.places):
-            texels = gather.places_of_texels == place
-            below = upward[:, place] @ gather.directions[texels].T <= 0.0
-            share[:, texels] = np.where(below, 0.0, gather.share.ravel()[texels])
-        return share
+            texels = place_of == place
+            below = upward[:, place] @ table[texels, :3].T <= 0.0
+            share[:, texels] = np.where(below, 0.0, table[texels, 3])
+        return RayHits(share, *gather.hits(len(upward)))
+
+    def direct_light(self, laid_out: LaidOut, shadows: ShadowMaps) -> np.ndarray:
+        """Return (S, 3) the direct irradiance of lights at the sites, W/m², a mean over a disc of each site's area."""
+        lights, records = light_defines(self.world.scene), laid_out.records
+        inputs = lights, records.count
+        light_pass = self._made.get("direct", inputs, lambda: SiteLightPass(self.world.ctx, lights, max(records.count, 1)))
+        E, _ = light_pass(shadows, records.sites(slice(0, records.count)), laid_out.area)
+        return E
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) the visible share of segments, see RayCaster.reach."""
         if self._embree:
             return self.world.caster.reach(starts, ends)
         return self._visibility(self.world.ray_uniforms, starts, ends)
-
-
-class PlaceSearch:
-    """Search for the ray origins of the sites `laid_out`, by a survey along few rays."""
-
-    def __init__(self, rays: SiteRays, laid_out: LaidOut) -> None:
-        self._rays, self._laid_out, self._pace = rays, laid_out, Pace(rays.ctx)
-        records = laid_out.records
-        gather = rays.survey_gather()
-        self._survey = Survey(records.sites(slice(0, records.count)), gather.share.size)
-        self._drawing: Generator[None, None, Places] | None = None
-
-    def advance(self, shadows: ShadowMaps, budget: Budget) -> Places | None:
-        """Continue within the budget. Return the places once they are found."""
-        rays, laid_out, survey = self._rays, self._laid_out, self._survey
-        records, gather = laid_out.records, rays.survey_gather()
-        light = HitLight(shadows, laid_out.table.uniforms | rays.world.triangles.corner_uniforms, virtual=False)
-        for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
-            rays.survey(gather, light, records, survey, survey.done + np.arange(count))
-        if survey.done < records.count:
-            return None
-        if self._drawing is None:
-            R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.geometry.corners
-            self._drawing = in_background(partial(survey.places, R, area, corners, rays.settings.seed), None)
-        return budget.advance(self._drawing)

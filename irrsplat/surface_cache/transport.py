@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.timing.background import Steps
+
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
 _DECAYS = 0.97  # greatest ratio of successive bounces at which the light after the last bounce is well known
+
+
+@dataclass(frozen=True, eq=False)
+class RayHits:
+    """The hits of R rays from each of N places, see TraceGather.hits.
+
+    share: (N, R) cosθ·dω of each ray, 0 below the surface. site: (N, R) the one that lights the hit. albedo: (N, R, 3) there.
+    """
+
+    share: np.ndarray
+    site: np.ndarray
+    albedo: np.ndarray
 
 
 class Transport:
@@ -24,16 +37,12 @@ class Transport:
         self._columns = np.zeros((sites, rays), np.intp)
         self._values = np.zeros((3, sites, rays), np.float32)
 
-    def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray]) -> None:
-        """Fill `rows` (N,) by the hits of their rays, see TraceGather.hits: (N, R) sites and (N, R, 3) reflectance.
-
-        share: (N, R) cosθ·dω of each ray, possibly of fewer rays than the most; a hit that receives E sends out ρ/π·E.
-        """
-        sites, albedo = hits
-        rays = sites.shape[1]
-        self._columns[rows, :rays] = np.maximum(sites, 0)
-        part = share / np.pi
-        for values, reflectance in zip(self._values, np.moveaxis(albedo, -1, 0), strict=True):
+    def fill(self, rows: np.ndarray, hits: RayHits) -> None:
+        """Fill `rows` (N,) by the hits of their rays, possibly fewer than the most; a hit that receives E sends out ρ/π·E."""
+        rays = hits.site.shape[1]
+        self._columns[rows, :rays] = np.maximum(hits.site, 0)
+        part = hits.share / np.pi
+        for values, reflectance in zip(self._values, np.moveaxis(hits.albedo, -1, 0), strict=True):
             values[rows, :rays] = part * reflectance
             values[rows, rays:] = 0.0
         self.known[rows] = True
@@ -54,39 +63,38 @@ class Transport:
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    complete: no more bounces follow. converged: E includes an estimate of the light of all further bounces, and the estimate is
-    less than CONVERGED or well known.
+    converged: E includes an estimate of the light of all further bounces, and the estimate is less than CONVERGED or well known.
     """
 
     irradiance: np.ndarray
     bounces: int
-    complete: bool
     converged: bool = False
 
 
 def sum_bounces(
     E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool
-) -> Iterator[BouncedLight]:
-    """Yield E_(N−1) at the sites for N = 2, 3 and so on to `most` bounces, or with `everything` until less than CONVERGED
-    remains.
+) -> Steps[BouncedLight]:
+    """Return E_(N−1) at the sites for N = `most` bounces, or with `everything` for the first N after which less than CONVERGED
+    remains. Pause after each bounce.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
     if transport is None:
-        yield BouncedLight(total, 2, complete=True)
-        return
-    for made in range(2, most + 1):
+        return BouncedLight(total, 2)
+    made = 2
+    while True:
         after = transport(term)  # the bounce that a gather from `total` adds
         decay = _decay(term, after, area)
         if everything and decay.max() < 1.0:
             remainder = _remainder(term, after, decay)
             whole = total + after + remainder
             if _share(remainder, whole) < CONVERGED or (made == most and decay.max() < _DECAYS):
-                yield BouncedLight(whole, made, complete=True, converged=True)
-                return
-        yield BouncedLight(total, made, made == most)
-        total, term = total + after, after
+                return BouncedLight(whole, made, converged=True)
+        if made == most:
+            return BouncedLight(total, made)
+        yield
+        total, term, made = total + after, after, made + 1
 
 
 def _decay(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:

@@ -25,15 +25,15 @@ class SurfaceViewPass(Owner):
         """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
-    def __call__(self, gbuffer: GBuffer, surface: Uniforms) -> moderngl.Texture:
+    def __call__(self, gbuffer: GBuffer, surface: Uniforms, target: str = "view") -> moderngl.Texture:
         """Return the RGBA32F texture of indirect irradiance in W/m²; a: 1 on a surface, else 0. It belongs to this pass.
 
-        surface: the cache's uniforms for triangles numbered as in the scene.
+        surface: the cache's uniforms for triangles numbered as in the scene. target: each of these keeps its last result.
         """
         g, size = gbuffer, gbuffer.position.size
-        target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4,)))
-        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
-        return target.textures[0]
+        drawn = self.targets.get(target, size, lambda: Target(self.ctx, size, (4,)))
+        self.program(drawn, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
+        return drawn.textures[0]
 
     def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
         """Return (N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
@@ -42,9 +42,8 @@ class SurfaceViewPass(Owner):
         parts = (sites.position, np.ones(len(sites))), (sites.normal, x), (np.zeros((len(sites), 3)), y)
         columns = [*parts, (np.zeros((len(sites), 3)), sites.triangle)]
         textures = [table_texture(self.ctx, table_rows(np.column_stack(one)[:, None].astype("f4"))) for one in columns]
-        found = np.frombuffer(self(GBuffer(textures[0], textures[1], textures[2], textures[3]), surface).read(), "f4").reshape(
-            -1, 4
-        )[: len(sites), :3]
+        drawn = self(GBuffer(textures[0], textures[1], textures[2], textures[3]), surface, "points")
+        found = np.frombuffer(drawn.read(), "f4").reshape(-1, 4)[: len(sites), :3]
         for texture in textures:
             texture.release()
         return found

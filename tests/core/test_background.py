@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from threading import Event
-from typing import TypeVar
 
 import pytest
 
 from irrsplat.core.timing.background import _AT_ONCE, in_background
 from irrsplat.core.timing.clock import Clock, use_clock
 from irrsplat.core.timing.other_process import call
+from irrsplat.gpu.time_budget import Budget
 
-Result = TypeVar("Result")
-
-
-def last(steps: Generator[float, None, Result]) -> Result:
-    """Return the value that a generator returns."""
-    while True:
-        try:
-            assert next(steps) == 0.5
-        except StopIteration as end:
-            result: Result = end.value
-            return result
+last = Budget(None).advance  # returns the result of a generator
 
 
 def test_the_result_and_the_error_of_work() -> None:
-    assert last(in_background(lambda: 6 * 7, 0.5)) == 42
+    assert last(in_background(lambda: 6 * 7)) == 42
     with pytest.raises(ZeroDivisionError):
-        last(in_background(lambda: 1 // 0, 0.5))
+        last(in_background(lambda: 1 // 0))
 
 
 def test_dropped_work_that_has_not_begun_never_begins() -> None:
@@ -40,14 +29,15 @@ def test_dropped_work_that_has_not_begun_never_begins() -> None:
         return go_on.wait(120)
 
     with use_clock(Clock()):
-        first = [in_background(lambda begins=begins: hold(begins), 0.5) for begins in held]  # type: ignore[misc]
+        first = [in_background(lambda begins=begins: hold(begins)) for begins in held]  # type: ignore[misc]
         for work, begins in zip(first, held, strict=True):
-            assert next(work) == 0.5 and begins.wait(120)
-        second = in_background(lambda: begun.append(True), 0.5)
-        assert next(second) == 0.5
+            next(work)
+            assert begins.wait(120)
+        second = in_background(lambda: begun.append(True))
+        next(second)
         second.close()
         go_on.set()
-        assert all(last(work) is True for work in first) and last(in_background(lambda: 1, 0.5)) == 1 and not begun
+        assert [last(work) for work in first] == [True, True] and last(in_background(lambda: 1)) == 1 and not begun
 
 
 class _Changing:

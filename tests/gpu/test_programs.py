@@ -62,7 +62,7 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     for surface, samples in product((False, True), (0, 16)):
         yield PlaneGather(world, 8, 1, surface=surface)
         yield TraceGather(world, 8, 1, surface=surface, light_samples=samples)
-        yield TraceGather(world, 8, 1, surface=True, hits=True, light_samples=samples)
+        yield TraceGather(world, 8, 1, hits=True, light_samples=samples)
     yield SiteLightPass(ctx, defines, 8)
     yield VirtualLightPasses(world)
 

@@ -17,12 +17,13 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
-from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
 from irrsplat.surface_cache.site_places import PLACES
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import box, material, point_light, scene
 from tests.surface_cache.test_bounces import ALL, few, gathered, made, values
+from tests.surface_cache.test_surface import clusters
 
 __all__ = ["few"]
 pytestmark = pytest.mark.usefixtures("few")
@@ -132,9 +133,9 @@ def test_coarse_light_does_not_wait_for_the_tree(
         assert (renderer.cache.column("gather_size") == 16).all()
         surface = renderer.scheduler.gatherer.surface_now
         assert surface is not None and surface.laid_out is not None and surface.laid_out.places is not None
-        layout, places = surface.laid_out.layout, surface.laid_out.places.sites.position
-        there = (places[:, None] == layout.clusters.members.position).all(-1)
-        assert (there & (np.arange(len(places))[:, None] // PLACES == layout.clusters.value)).any(1)[FIRST_SITE * PLACES :].all()
+        represented, places = clusters(renderer.world, COARSE), surface.laid_out.places.sites.position
+        there = (places[:, None] == represented.members.position).all(-1)
+        assert (there & (np.arange(len(places))[:, None] // PLACES == represented.value)).any(1)[FIRST_SITE * PLACES :].all()
         built.set()
         ticks(renderer, lambda now: now.still)
         assert not (renderer.cache.column("gather_size") == 16).any()
@@ -153,7 +154,7 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
             renderer.relight(lit(step / STEPS))
             surface.advance(renderer.draw_shadows(), Budget(TICK))
         assert not surface.complete and surface.laid_out is not None
-        area, found, true = surface.laid_out.layout.area[:, None], values(renderer), values(other)
+        area, found, true = surface.laid_out.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 

@@ -67,7 +67,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         assert surface is not None and surface.complete and surface.laid_out is not None and surface.result is not None
         seen = read_back(renderer.draw_gbuffer(renderer.scene.camera()))
         eyes = seen.sites(np.nonzero(seen.mask))[::97]
-        with TraceGather(renderer.world, 16, surface=True, hits=True, survey=True) as gather:
+        with TraceGather(renderer.world, 16, hits=True, survey=True) as gather:
             gather(HitLight(renderer.draw_shadows(), surface.uniforms()), eyes, np.arange(len(eyes)), 0)
             (values, albedo), (position, normal, triangle) = gather.hits(len(eyes)), gather.met(len(eyes))
             away = position - eyes.position[:, None]

@@ -15,8 +15,8 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.site_layout import FULL, SiteChooser
+from irrsplat.surface_cache.clustering import Clusters, unlit_interiors
+from irrsplat.surface_cache.site_layout import FULL, Detail, SiteChooser, detail_for
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
@@ -98,18 +98,26 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     near = pairs[:, (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5]
     near = np.concatenate([near, near + len(every)], axis=1)
     for reach in (lambda *ends: sight(ball.ray_uniforms, *ends), ball.caster.reach):
-        chooser = SiteChooser(ball.scene, np.zeros(0, bool), 1e-3, reach, FULL)
-        assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1], 0.0))), "outside over the bulge, inside straight"
-        assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every), 0.0))), "never through it"
+        chooser = SiteChooser(ball.scene, reach, FULL)
+        assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
+        assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------
 
 
-def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
+def clusters(world: World, detail: Detail) -> Clusters:
+    """Return the members that the sites of a surface cache of this `detail` represent."""
+    made = Budget(None).advance(SiteChooser(world.scene, world.caster.reach, detail).layout())
+    assert made is not None
+    return made[1]
+
+
+def oracle(
+    cache: SurfaceCache, cut: Tessellation, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray
+) -> np.ndarray:
     """Return (N, 3): the mean of the corner values of the cell that contains the point, among all cells of its triangle."""
-    assert cache.laid_out is not None
-    cut, triangles = cache.laid_out.layout.clusters.tessellation, cache.world.geometry.corners.astype(float)
+    triangles = cache.world.geometry.corners.astype(float)
     numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))
@@ -154,7 +162,8 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         right, up = (cache.world.geometry.corners[triangle, 1:] - cache.world.geometry.corners[triangle, :1]).swapaxes(0, 1)
         facing = np.cross(right, up)
         side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
-        expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
+        tessellation = clusters(renderer.world, detail_for(renderer.settings)).tessellation
+        expected = oracle(cache, tessellation, values, position[seen, :3].astype(float), triangle, side)
     off = np.abs(found[seen, :3] - expected).max(1)
     assert (off < 0.01).mean() > 0.99 and np.median(off) < 3e-3, "but for the inset of the points"
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 from irrsplat.core.timing.clock import wait_for
 
 Result = TypeVar("Result")
-Share = TypeVar("Share")
+Steps = Generator[None, None, Result]  # work that pauses at each step, and returns its result
 
 _STEP = 0.01  # seconds that one step waits, at most
 _AT_ONCE = 2  # concurrent tasks: the BVH's build and the surfaces' layout; more would be leftovers of quick changes
@@ -41,15 +41,15 @@ def run_now(work: Callable[[], Result]) -> Future[Result]:
     return future
 
 
-def in_background(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
-    """Run `work` in a thread; yield `share` about every 10 ms until it is done. Returns its result, raises its exception.
+def in_background(work: Callable[[], Result]) -> Steps[Result]:
+    """Run `work` in a thread; pause about every 10 ms until it is done. Returns its result, raises its exception.
 
     If the generator is dropped, running work continues to its end, and waiting work never starts.
     """
     future = start_thread(work)
     try:
         while not wait_for([future], _STEP):
-            yield share
+            yield
     finally:
         future.cancel()
     return future.result()

@@ -29,7 +29,7 @@ class ChangeProbe(Owner):
     """Probes records with `gather`, made for SIDE, which it owns from then on. gradients: M and ∇E as well."""
 
     def __init__(self, gather: Gather, gradients: bool) -> None:
-        self.gather, self.capacity, self.share = gather, gather.capacity, gather.share
+        self.gather = gather
         self.reduce = ReducePass(gather.world.ctx, gradients)
         self.records = RecordCache(gather.world.ctx)
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from weakref import WeakKeyDictionary
 
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangeProbe
@@ -26,7 +23,6 @@ class Gathers(Owner):
     def __init__(self, world: World) -> None:
         self.ctx, self.world = world.ctx, world
         self._made = Workshop()
-        self._paces: WeakKeyDictionary[Gather | ChangeProbe, Pace] = WeakKeyDictionary()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -69,18 +65,6 @@ class Gathers(Owner):
         """Return the pass that reduces hemisphere samples to records' values."""
         gradients = settings.gradients
         return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
-
-    def batches(self, gather: Gather | ChangeProbe, requested: int, budget: Budget, times: int = 1) -> Iterator[slice]:
-        """Yield slices of the `requested` number of places, one batch of `gather` each, until all are done or the budget ends.
-
-        times: the number of gathers at each place.
-        """
-        if gather not in self._paces:
-            self._paces[gather] = Pace(self.ctx)
-        done = 0
-        for count in self._paces[gather].batches(requested, gather.capacity, budget, times * gather.share.size):
-            yield slice(done, done + count)
-            done += count
 
     def _rough(self, name: str, basis: Basis, side: int, gradients: bool) -> ChangeProbe:
         """Return a probe of side² rays and at most `side` next-event samples, by the gather of records."""

@@ -99,10 +99,10 @@ class RecordGatherer(Owner):
 
         side: of the square of probe rays.
         """
-        gather, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
-        for some in self.gathers.batches(gather, len(sites), budget):
+        probe, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
+        for some in probe.gather.batches(len(sites), budget):
             with self.timers("examine"):
-                found.append(gather(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
+                found.append(probe(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     @property
@@ -253,7 +253,7 @@ class RecordGatherer(Owner):
         assert surface is not None
         gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
-        for some in self.gathers.batches(gather, len(numbers), budget, times=2):
+        for some in gather.batches(len(numbers), budget, times=2):
             chosen = numbers[some]
             sites, found = self.cache.sites(chosen), []
             with RecordCache(self.ctx) as scratch:
@@ -291,9 +291,10 @@ class RecordGatherer(Owner):
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # its own values have virtual lights
-        made = not waits and surface.advance(shadows, part)
-        if made and basis.from_file is None:
-            self._follow_values(surface, first, before, sites)
+        change = None if waits else surface.advance(shadows, part)
+        made = change is not None
+        if change is not None and basis.from_file is None:
+            self._follow_values(surface, change, first, before, sites)
             if surface.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == _PROVISIONAL)))
         if made:
@@ -303,8 +304,8 @@ class RecordGatherer(Owner):
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
 
-    def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
-        """Let records follow other values of the surface cache.
+    def _follow_values(self, surface: SurfaceCache, change: float, first: bool, before: np.ndarray | None, sites: Sites) -> None:
+        """Let records follow a relative `change` of the values of the surface cache.
 
         first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`.
         """
@@ -314,7 +315,7 @@ class RecordGatherer(Owner):
             return
         if relit:
             cache.invalidate(np.arange(cache.count))
-        cache.column("due")[:] += surface.last_change
+        cache.column("due")[:] += change
         if surface.current and not relit:
             cache.column("due")[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True)
@@ -330,7 +331,7 @@ class RecordGatherer(Owner):
         due = cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.gathers.batches(self.probes, len(numbers), budget):
+        for some in self.probes.gather.batches(len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
             cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
@@ -350,7 +351,7 @@ class RecordGatherer(Owner):
         rays may suffice.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(sites), budget):
+        for some in self.gathers.at(self._basis, size).batches(len(sites), budget):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
@@ -367,7 +368,7 @@ class RecordGatherer(Owner):
         size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.batches(self.gathers.at(self._basis, size), len(numbers), budget):
+        for some in self.gathers.at(self._basis, size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = some.stop
@@ -453,7 +454,7 @@ class RecordGatherer(Owner):
 
     def bounces(self, settings: Settings) -> BounceStatistics:
         """Return the statistics of the gather and of the bounces."""
-        how = self.gather_pass.kind
+        how = self._basis.kind
         everything, most = settings.bounces == "all", settings.most_bounces
         surface = self.surface
         made = surface.result if surface is not None and most > 1 else None
