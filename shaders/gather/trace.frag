@@ -37,7 +37,7 @@ layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in me
 layout(location = 1) out vec4 out_plane;     // plane of the hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
                                              // is the inner side of a closed mesh
 #if HITS
-uniform bool survey;  // whether a hit counts for the nearest site, and not for one drawn by its weight
+uniform bool survey;  // true if a hit counts for the nearest site, and not for one drawn by its weight
 
 layout(location = 2) out vec4 out_albedo;  // reflectance at the hit; a: number of a value of the surface cache there, -1: none
 layout(location = 3) out vec4 out_place;   // where that is, and on which triangle

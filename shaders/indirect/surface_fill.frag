@@ -1,4 +1,4 @@
-// Holes, while a view fills: the marked pixels take what the surface cache says.
+// Holes while a view fills: the marked pixels take the irradiance of the surface cache.
 #include "lib/octahedral.glsl"
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"

@@ -1,21 +1,21 @@
-// Irradiance that changes smoothly from picture to picture: a share of what the records say now, the rest of what the last picture
-// showed at the same place of the world. Pixels that neither knows are marked in the depth buffer, for surface_fill.frag.
+// Temporal accumulation: a share of the records' present irradiance, and for the remainder the last picture's irradiance at the place
+// in the world. The depth buffer marks pixels without either of them for surface_fill.frag.
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D position;    // g-buffer
 uniform sampler2D normal;
 uniform sampler2D sums;        // Σ k·E, Σ k
-uniform sampler2D shown;       // the last picture's: E/depth, 1/depth; 0 where it knew nothing; linearly filtered
-uniform sampler2D shown_facing;  // how its surfaces were turned, as facing_of says; linearly filtered
+uniform sampler2D shown;       // the last picture's E/depth, 1/depth; 0 without irradiance; linearly filtered
+uniform sampler2D shown_facing;  // facing_of of its surfaces; linearly filtered
 uniform vec3 dimming;          // factors on its irradiance: all light has changed by these since
 uniform mat4 clip_from_world;  // of the last picture
 uniform vec4 shown_place;      // scale and offset from clip space to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
-uniform bool accumulating;           // whether there is a last picture; else all is what the records say
-uniform bool filling;          // whether pixels without records take what the last picture showed, or are marked
-uniform bool kept;             // whether pixels without records keep what they showed
-uniform float share;           // of what the records say, 0..1
+uniform bool accumulating;     // true if there is a last picture; else the records decide alone
+uniform bool filling;          // true if pixels without records take the last picture's irradiance, or are marked
+uniform bool kept;             // true if pixels without records keep the irradiance of the last picture
+uniform float share;           // of the records' irradiance, 0..1
 
 layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
 layout(location = 1) out float out_facing;

@@ -145,7 +145,7 @@ float shadow_ray(int i, Receiver r)
 #endif
 
 #if SHADOW_MARKS
-bool undecided = false;  // whether the shadow samples of a light differ here, so that a ray has to decide
+bool undecided = false;  // true if the shadow samples of a light differ here, so that a ray has to decide
 #endif
 
 // The share, 0..1, of `taps` dithered shadow samples that light i reaches; rotation: cosine and sine of the angle of their pattern.

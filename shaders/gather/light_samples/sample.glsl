@@ -44,7 +44,7 @@ struct Source
 {
     vec3 away;       // from the eye, metres
     vec3 normal;     // unit
-    bool one_sided;  // whether light comes from the normal's side alone
+    bool one_sided;  // true if light comes from the normal's side alone
     float density;   // of samples about there, m⁻²
 #if VIRTUAL
     vec3 L;          // W/(m² sr)
