@@ -136,7 +136,7 @@ class SidePanel:
         self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
             "object": ("mesh", lambda: draw_object(actions, layout)),
             "lights": ("lights", lambda: draw_lights(actions, layout)),
-            "objects": ("outliner", lambda: draw_outliner(actions)),
+            "objects": ("outliner", lambda: draw_outliner(actions, layout)),
             "why dark?": ("why", lambda: draw_why(actions, display)),
             "plane": ("plane", lambda: draw_plane(actions, layout)),
             "scale": ("", lambda: draw_light_scale(actions, layout)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from PIL import ImageFont
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.ui.imgui_backend import COLORS, FONT_SIZE, FONTS
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
-from tests.support.viewing import Driver
+from tests.support.viewing import ROOM, Driver, write_room
 
 SIZE = (1000, 640)
 
@@ -87,6 +88,20 @@ def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
         assert window.content_size.x <= window.size.x - 2.0 * window.window_padding.x, name
         assert window.content_size.y <= window.size.y - 2.0 * window.window_padding.y, name
         assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0 and window.pos.y >= 0.0, name
+
+
+def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver, tmp_path: Path) -> None:
+    name, path = "a long name of a chair " * 3, write_room(tmp_path)
+    (tmp_path / "box.obj").rename(tmp_path / f"{name}.obj")
+    path.write_text(ROOM.replace("box.obj", f"{name}.obj"))
+    driver.actions.open(str(path))
+    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.outliner = True
+    driver.resize(SIZE, density=0.25)
+    driver.frame(6)
+    driver.move(*driver.find(name).at(0.1))
+    driver.frame(6, dt=0.5)
+    tooltip = imgui.internal.find_window_by_name("##Tooltip_00")
+    assert tooltip.active and tooltip.size.x > imgui.calc_text_size(name).x > driver.viewer.interface.layout.panel
 
 
 def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -> None:
