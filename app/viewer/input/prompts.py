@@ -183,5 +183,7 @@ class PromptView:
                     chosen = act
                 if step and number == self.row:
                     imgui.set_scroll_here_y()
+            if not found:
+                imgui.text_disabled("nothing has these words, and no file is there")
         imgui.end_child()
         return chosen
