@@ -29,7 +29,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
 from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Panels, Split, ViewOptions
 from irrsplat.core.errors import InputError
-from irrsplat.core.files import write_picture, write_text
+from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.camera_path import camera_flags, load_path, path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
@@ -377,7 +377,7 @@ class Actions:
         values = overrides(renderer.preset, renderer.settings)
         if np.isfinite(session.exposure):
             values["exposure"] = session.exposure
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
         name = _stamped(str(folder / "irrsplat"), self.title, ".mp4")
         self.film.begin(name, FilmJob(scene, path, session.size, renderer.preset, values))
@@ -443,7 +443,7 @@ class Actions:
         folder = Path(platformdirs.user_pictures_path())
 
         def write() -> None:
-            folder.mkdir(parents=True, exist_ok=True)
+            make_folder(folder)
             path = _stamped(str(folder / "irrsplat"), self.title, ".png")
             write_picture(Path(path), picture)
             self.say(f"{path} is written")

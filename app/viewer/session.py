@@ -14,7 +14,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
-from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane
+from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane, usual_height
 from irrsplat.app.viewer.show.screen import Region, texel
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -76,7 +76,7 @@ class Session(Owner):
             self.free_camera.go(camera.shifted(np.negative(self.origin)))
         self.auto_exposure = AutoExposure()
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
-        self.plane = MeasuringPlane()
+        self.plane = MeasuringPlane(usual_height(scene))
         self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
         self._memo = Memo()
         self._made: list[_Side] = []  # by side, the results of the last tick
@@ -363,7 +363,7 @@ class Session(Owner):
         if not keep_camera or moved.any() or (path is not None and path.motions):  # its objects may be gone
             self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         if not keep_camera:
-            self.auto_exposure = AutoExposure()
+            self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
         self._made = []
         self._memo.forget()
 

@@ -21,14 +21,14 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.show.screen import Screen
+from irrsplat.app.viewer.show.screen import Picture, Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.image.backdrop import GREY
 from irrsplat.records import cache_file
@@ -66,7 +66,7 @@ class Viewer(Owner):
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading, native=not wnd.headless)
         self.interface = Interface(self.actions, self.display)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
-        self.canvas = self._canvas(wnd.buffer_size)  # the picture
+        self._pictures = Workshop()
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use, seconds
@@ -89,12 +89,17 @@ class Viewer(Owner):
 
     def owned(self) -> tuple[Resource, ...]:
         own = self.session, self.display, self.actions.film, self.backend
-        return (*own, *self.canvas.textures, self.canvas)
+        return (*own, self._pictures)
 
-    def _canvas(self, size: tuple[int, int]) -> Target:
-        texture = self.ctx.texture(size, 4)
-        texture.swizzle, texture.filter = "RGB1", (moderngl.NEAREST, moderngl.NEAREST)  # opaque over the cleared window
-        return Target(self.ctx, size, textures=[texture])
+    @property
+    def canvas(self) -> Picture:
+        """The picture. A smaller view of a moving camera has a smaller one, which the window enlarges, unless marks are on it."""
+        session, options = self.session, self.session.options
+        marked = options.points or options.discs or options.wire or options.plane or options.inspect
+        if session.whole or marked or not self.display.shows_scene:
+            return self._pictures.get("whole", session.size, lambda: Picture(self.ctx, session.size))
+        size = session.views[0].image.size
+        return self._pictures.get("moving", size, lambda: Picture(self.ctx, size, moderngl.LINEAR))
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -155,15 +160,11 @@ class Viewer(Owner):
         return not all(self.wnd.buffer_size)
 
     def _fit(self) -> None:
-        """Resize session and canvas to the picture's part of the window."""
+        """Resize the session to the picture's part of the window."""
         size = self._place[2:]
         if self._minimised or size == self.session.size:
             return
         self.actions.attempt(lambda: self.session.resize(size))
-        for texture in self.canvas.textures:  # the canvas does not own its textures
-            texture.release()
-        self.canvas.release()
-        self.canvas = self._canvas(size)
 
     @property
     def _place(self) -> tuple[int, int, int, int]:

@@ -61,6 +61,14 @@ def check_file(path: Pathlike) -> None:
     _try_inside(target.parent, text)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and its parents unless they exist; raises InputError if that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make this folder: {error.strerror or error}", folder) from None
+
+
 def write_text(path: Pathlike, text: str) -> None:
     """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError if that fails."""
     write_file(path, lambda part: part.write_text(text, encoding="utf-8", errors="surrogateescape"))

@@ -150,7 +150,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
         numbers = reaching(inputs.cache, 0, camera, buffers.size, settings)
-        for some in batches(numbers):
+        for some in batches(numbers, buffers.size):
             passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
             yield
     sums = buffers.splat.textures[0]

@@ -16,12 +16,17 @@ from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-_BATCH = 128  # records: some 30 ms of a software renderer at 1200 x 800, and enough work for any GPU
+_LEAST = 128  # records of a batch: enough work for any GPU
+_BATCH = 1.2e8  # records times pixels: some 30 ms of a software renderer, which also spends a millisecond on each batch
 
 
-def batches(numbers: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield the records' numbers in batches, in their order: work can end between two of them, and the sums stay the same."""
-    return (numbers[first : first + _BATCH] for first in range(0, len(numbers), _BATCH))
+def batches(numbers: np.ndarray, size: tuple[int, int]) -> Iterator[np.ndarray]:
+    """Yield the records' numbers in batches, in their order: work can end between two of them, and the sums stay the same.
+
+    size: width and height of the splat buffer, pixels.
+    """
+    count = max(int(_BATCH / (size[0] * size[1])), _LEAST)
+    return (numbers[first : first + count] for first in range(0, len(numbers), count))
 
 
 def splat_target(ctx: moderngl.Context, size: tuple[int, int]) -> Target:

@@ -139,7 +139,7 @@ class ViewSplats(Owner):
                 numbers = reaching(cache, first, camera, self.size, settings)
                 if first == 0 and noted:
                     cache.mark_seen(numbers)
-                for chosen in batches(numbers):
+                for chosen in batches(numbers, sums.weight.size):
                     self.splat_pass(cache.records, chosen, gbuffer, camera, settings, pixel_stride, reach=reach)
                     self._drawn = _Drawn(inputs, int(chosen[-1]) + 1, sums)
                     stop_for_input(self.ctx)

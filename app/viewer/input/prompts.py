@@ -147,6 +147,7 @@ class PromptView:
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos((0.5 * view.size.x, 0.12 * view.size.y), imgui.Cond_.always, (0.5, 0.0))
         imgui.set_next_window_size((min(_WIDTH * layout.scale, 0.96 * view.size.x), 0.0))
+        imgui.set_next_window_bg_alpha(1.0)  # text behind it stays hidden
         imgui.begin("prompt", None, _FLAGS | imgui.WindowFlags_.no_title_bar)
         imgui.text_wrapped(prompt.title)
         chosen = self._choose(prompt, opened, 0.5 * view.size.y)
@@ -182,5 +183,7 @@ class PromptView:
                     chosen = act
                 if step and number == self.row:
                     imgui.set_scroll_here_y()
+            if not found:
+                imgui.text_disabled("nothing has these words, and no file is there")
         imgui.end_child()
         return chosen

@@ -15,7 +15,7 @@ from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
-__all__ = ["Programs", "Region", "Screen", "clear", "scale", "texel", "view_uniforms"]
+__all__ = ["Picture", "Programs", "Region", "Screen", "clear", "scale", "texel", "view_uniforms"]
 
 _COLOURS = 1024  # texels in each row of the colour table
 
@@ -34,6 +34,19 @@ def some_rows(texture: moderngl.Texture, most: int) -> np.ndarray:
     rows = [framebuffer.read((0, y, texture.width, 1), 4, dtype="f4") for y in range(0, texture.height, step)]
     framebuffer.release()
     return np.frombuffer(b"".join(rows), np.float32).reshape(-1, 4)
+
+
+class Picture(Target):
+    """Display colours, opaque over the cleared window. filter: by which the window enlarges them."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], filter: int = moderngl.NEAREST) -> None:
+        texture = ctx.texture(size, 4)
+        texture.swizzle, texture.filter = "RGB1", (filter, filter)
+        texture.repeat_x = texture.repeat_y = False
+        super().__init__(ctx, size, textures=[texture])
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        return (self.gl, *self.textures)
 
 
 class Programs(Owner):

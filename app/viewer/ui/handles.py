@@ -19,7 +19,7 @@ from irrsplat.scene.model import Light
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 
 _gizmo = imguizmo.im_guizmo
-_NEAR, _FAR = 1e-2, 1e4  # metres: the clip planes of the handles' projection
+_NEAR, _FAR = 1e-3, 1e3  # scene diagonals: the clip planes of the handles' projection
 _SIZE = 0.16  # share of the picture: the size of the handles
 _NOISE = 1e-6  # scene diagonals, and absolute in rotations: rounding of ImGuizmo's float32
 
@@ -79,9 +79,11 @@ def _dragged(
     _gizmo.allow_axis_flip(False)
     _gizmo.set_gizmo_size_clip_space(_SIZE)
     _gizmo.set_rect(*layout.picture[:2], width, height)
-    views = _matrix16(camera.view_from_world), _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR))
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = axes, place
+    unit = editor.loaded.diagonal  # ImGuizmo hides handles within a millimetre of the eye
+    view_from_world, matrix = camera.view_from_world.copy(), np.eye(4)
+    view_from_world[:3, 3] /= unit
+    views = _matrix16(view_from_world), _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR))
+    matrix[:3, :3], matrix[:3, 3] = axes, place / unit
     found = [place, axes]
     for i, operation in enumerate((_gizmo.OPERATION.translate, _gizmo.OPERATION.rotate)):
         if not (moves, turns)[i]:
@@ -95,8 +97,8 @@ def _dragged(
         after = np.asarray(placed.values, float).reshape(4, 4).T
         if changed and np.isfinite(after).all():
             turned = after[:3, :3] / np.linalg.norm(after[:3, :3], axis=0)
-            found[i] = (after[:3, 3], turned)[i]
-    noise = np.abs(found[0] - place) < _NOISE * actions.session.scene.diagonal
+            found[i] = (after[:3, 3] * unit, turned)[i]
+    noise = np.abs(found[0] - place) < _NOISE * unit
     return np.where(noise, place, found[0]), axes if np.abs(found[1] - axes).max() < _NOISE else found[1]
 
 

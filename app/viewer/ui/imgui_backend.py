@@ -32,8 +32,9 @@ COLORS = (  # sRGB and opacity, in place of those of imgui's dark style
     ((*WHITE, 0.12), "button header frame_bg_hovered separator border resize_grip"),
     ((*WHITE, 0.19), "button_hovered header_hovered header_active frame_bg_active"),
     ((*ACCENT, 0.4), "text_selected_bg button_active separator_hovered resize_grip_hovered"),
-    ((*ACCENT, 0.85), "slider_grab plot_histogram plot_lines"),
-    ((*ACCENT, 1.0), "slider_grab_active separator_active resize_grip_active check_mark nav_cursor"),
+    ((*ACCENT, 0.45), "slider_grab slider_grab_active"),  # the slider's value is written over it
+    ((*ACCENT, 0.85), "plot_histogram plot_lines"),
+    ((*ACCENT, 1.0), "separator_active resize_grip_active check_mark nav_cursor"),
 )
 
 # moderngl-window's names of keys -> imgui's names, where these names differ by more than case

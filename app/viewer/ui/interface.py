@@ -30,8 +30,11 @@ from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, 
 from irrsplat.settings import SETTINGS
 
 
-def draw_messages(messages: Messages, layout: Layout) -> None:
-    """Draw the messages next to the side panel. Open menus and dialogs stay in front of the messages."""
+def draw_messages(messages: Messages, layout: Layout) -> float:
+    """Draw the messages next to the side panel. Return the lower edge of errors, which windows over the picture leave free.
+
+    Open menus and dialogs stay in front of the messages.
+    """
     left, top, right, _ = layout.area
     place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
     if messages.errors:
@@ -41,6 +44,7 @@ def draw_messages(messages: Messages, layout: Layout) -> None:
         imgui.pop_style_color(2)
     if notices := [line for line in messages.lines if not line.error]:
         _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
+    return top
 
 
 def _lines(
@@ -90,6 +94,8 @@ class Interface:
         if panels.close_menus:
             imgui.internal.close_popups_except_modals()
             panels.close_menus = False
+        actions.messages.expire()
+        errors = draw_messages(actions.messages, layout) if not panels.hidden or actions.messages.errors else 0.0
         if not panels.hidden:
             if display.shows_scene:
                 draw_rings(actions, layout)
@@ -100,16 +106,13 @@ class Interface:
             draw_menus(actions)
             draw_context_menu(actions)
             self.side_panel.draw()
-            draw_legends(actions, display, layout, cursor)
+            legends = draw_legends(actions, display, layout, cursor)
             if inspected is not None:
-                draw_record(inspected, layout)
-            draw_plot(actions, display, layout)
+                draw_record(inspected, layout, legends)
+            draw_plot(actions, display, layout, errors)
         self.prompt.draw(actions, layout)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
-        actions.messages.expire()
-        if not panels.hidden or actions.messages.errors:
-            draw_messages(actions.messages, layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)
 
@@ -133,7 +136,7 @@ class SidePanel:
         self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
             "object": ("mesh", lambda: draw_object(actions, layout)),
             "lights": ("lights", lambda: draw_lights(actions, layout)),
-            "objects": ("outliner", lambda: draw_outliner(actions)),
+            "objects": ("outliner", lambda: draw_outliner(actions, layout)),
             "why dark?": ("why", lambda: draw_why(actions, display)),
             "plane": ("plane", lambda: draw_plane(actions, layout)),
             "scale": ("", lambda: draw_light_scale(actions, layout)),

@@ -24,10 +24,11 @@ _BAR_WIDTH = 160.0  # window coordinates at scale 1: the width of a colour scale
 _PICTURE_WIDTH = 170.0  # window coordinates at scale 1: the width of a record's hemisphere
 
 
-def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> None:
-    session = actions.session
+def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tuple[int, int] | None) -> float:
+    """Draw the legend of each side. Return their upper edge, window coordinates."""
+    session, top = actions.session, layout.area[3]
     if not session.views:
-        return
+        return top
     density = session.size[0] / max(layout.picture_size[0], 1.0)  # pixels per window coordinate
     first, _, last, bottom = layout.area
     for side, region in session.sides():
@@ -42,7 +43,9 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
         if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
             imgui.text(value)
         imgui.pop_text_wrap_pos()
+        top = min(top, imgui.get_window_pos().y)
         imgui.end()
+    return top
 
 
 def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int]) -> str:
@@ -99,9 +102,13 @@ def draw_scale(legend: Legend, scale: float, room: float) -> None:
         imgui.pop_style_color()
 
 
-def draw_record(record: InspectedRecord, layout: Layout) -> None:
-    """Draw the inspected record in the lower right corner: its numbers, and the hemisphere around it."""
-    _, _, right, bottom = layout.area
+def draw_record(record: InspectedRecord, layout: Layout, legends: float) -> None:
+    """Draw the inspected record in the lower right corner: its numbers, and the hemisphere around it.
+
+    legends: the upper edge of the legends, window coordinates. In a narrow picture the record is above this edge.
+    """
+    left, _, right, bottom = layout.area
+    bottom = legends if right - left < 2.0 * _TEXT_WIDTH * layout.scale else bottom
     imgui.set_next_window_pos((right - MARGIN, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
     imgui.set_next_window_bg_alpha(0.8)
     imgui.begin("record", None, PLAIN | imgui.WindowFlags_.no_inputs)

@@ -34,12 +34,12 @@ def draw_line(actions: Actions, layout: Layout) -> None:
                 dot(draw, end, AMBER)
 
 
-def draw_plot(actions: Actions, display: Display, layout: Layout) -> None:
-    """Draw the plot while the measurement along a line is on."""
+def draw_plot(actions: Actions, display: Display, layout: Layout, top: float) -> None:
+    """Draw the plot below `top` (window coordinates) while the measurement along a line is on."""
     session = actions.session
     if not session.options.profile or not session.views:
         return
-    left, top, right, _ = layout.area
+    left, _, right, _ = layout.area
     width = min(_SIZE[0] * layout.scale, right - left - 2.0 * (MARGIN + imgui.get_style().window_padding.x))
     imgui.set_next_window_pos((right - MARGIN, top + MARGIN), imgui.Cond_.always, (1.0, 0.0))
     flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings

@@ -19,8 +19,6 @@ from collections import Counter, deque
 from ctypes import c_char_p, c_int, c_uint, c_ulong, c_void_p
 from pathlib import Path
 
-from walk import display
-
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT))
 from tests.app.viewer.interface import x_drop  # noqa: E402
@@ -173,7 +171,7 @@ class Run:
 def main(seconds: float, seed: int) -> int:
     """Send events for so many seconds. Return the number of faults."""
     dice, faults, waits, said, end = random.Random(seed), 0, [0.0], Counter[str](), time.monotonic() + seconds
-    with tempfile.TemporaryDirectory() as name, display(SCREEN):
+    with tempfile.TemporaryDirectory() as name, x_drop.display(SCREEN):
         folder, hand, x_drop.LIMIT = Path(name), Hand(), 30.0
         for file, text in FILES.items():
             (folder / file).write_text(text)

@@ -18,8 +18,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from events import ROOT, Hand
-from walk import display
+from events import ROOT, Hand, x_drop
 
 FIRST, PATIENCE, PAUSE = 60.0, 5.0, 0.35  # seconds: until the first frame; until an event counts as lost; between two events
 NOISE = 1e-6  # metres
@@ -145,7 +144,7 @@ def main() -> None:
     args = parser.parse_args()
     busy = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(args.busy)]
     try:
-        with tempfile.TemporaryDirectory() as folder, display((int(args.size[0]), int(args.size[1]))):
+        with tempfile.TemporaryDirectory() as folder, x_drop.display((int(args.size[0]), int(args.size[1]))):
             run = Run(folder, args.scene, args.size, ["--viewer-quality", "2"])
             assert run.until(lambda frame: True, FIRST), "no frame"
             run.hand.find()

@@ -10,8 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
@@ -59,23 +58,6 @@ def task(title: str) -> Callable[[Callable[[Walker], None]], Callable[[Walker], 
         return do
 
     return add
-
-
-@contextmanager
-def display(size: tuple[int, int] = SIZE) -> Iterator[None]:
-    """A virtual screen of `size` (width, height), on which windows open meanwhile."""
-    reader, writer = os.pipe()
-    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
-    server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        os.environ["DISPLAY"] = f":{pipe.readline().strip()}"
-    os.environ.pop("WAYLAND_DISPLAY", None)
-    try:
-        yield
-    finally:
-        server.terminate()
-        server.wait()
 
 
 @dataclass
@@ -384,7 +366,7 @@ def main() -> None:
     """Walk, and write the page."""
     IMAGES.mkdir(parents=True, exist_ok=True)
     rows = []
-    with tempfile.TemporaryDirectory() as folder, display():
+    with tempfile.TemporaryDirectory() as folder, x_drop.display(SIZE):
         os.environ |= {"IRRSPLAT_CONFIG": folder, "XDG_PICTURES_DIR": folder, "XDG_VIDEOS_DIR": folder}
         os.chdir(folder)
         labels = Labels({})

@@ -95,6 +95,15 @@ def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path)
     assert np.array_equal(driver.canvas(), before) and driver.session.camera == camera
 
 
+def test_a_picture_that_cannot_be_written_is_named(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file stands where the pictures folder should be. The message has the path and the cause in words."""
+    (tmp_path / "taken").write_text("")
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "taken"))
+    push(driver, "F12")
+    driver.frame()
+    assert errors(driver) == [f"{tmp_path / 'taken'}: cannot make this folder: File exists"]
+
+
 def test_a_dropped_path_plays_to_its_end(driver: Driver, tmp_path: Path) -> None:
     """Half way it is in the middle: two keys make a line."""
     driver.session.options.frozen = True

@@ -11,9 +11,11 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
+from irrsplat.app.viewer.show.light.measuring_plane import spacing
+from irrsplat.meter.plane import Plane
 from irrsplat.scene.model import Camera
 from irrsplat.settings import PRESETS, SETTINGS, preset
-from tests.support.viewing import Driver, fresh, push, viewing, write_room
+from tests.support.viewing import ROOM, Driver, fresh, push, viewing, write_room
 
 TALL = (760, 1500)  # so that the whole panel fits
 STAGES = ("view", "composite", "examine", "splat", "gather", "shadow")
@@ -164,3 +166,29 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     driver.choose("reset")
     driver.settle()
     assert light() == loaded and np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
+
+
+def test_a_scene_of_two_millimetres_is_edited_and_measured_as_a_room_is(panel: Driver, tmp_path: Path) -> None:
+    """The handles drag an object to the left. A drag of a number by 50 pixels is a tenth of the diagonal, and is not rounded to
+    millimetres. The plane is at half the height, of 4 points a side; in a scene of 20 km it has 50."""
+    path = write_room(tmp_path)
+    small = ROOM.replace("cam 0 0 2.6", "cam 0 0 0.0026").replace("obj walls", "push\nscale 0.001 0.001 0.001\nobj walls")
+    path.write_text(f"{small}pop\n")
+    panel.actions.open(str(path))
+    panel.session.options.frozen = True
+    panel.frame(3)
+    editor, diagonal = panel.actions.editor, panel.session.scene.diagonal
+    editor.mesh = 0
+    panel.frame(2)
+    x, y = panel.seen((0.0, 0.0, 0.0))
+    panel.drag((x, y), (x - 40.0, y))
+    metres = 0.0026 * panel.session.camera.screen / panel.viewer.interface.layout.picture_size[1]  # by a pixel
+    assert editor.edit.objects[0].offset == pytest.approx((-40.0 * metres, 0.0, 0.0), rel=0.05, abs=metres)
+    editor.undo()
+    panel.frame(2)
+    start = panel.find("translation").at(0.1)
+    panel.drag(start, (start[0] + 50.0, start[1]))
+    assert editor.edit.objects[0].offset == pytest.approx((0.1 * diagonal, 0.0, 0.0), rel=0.05)
+    assert panel.session.plane.height == pytest.approx(0.001)
+    for side, points in ((0.002, 4), (2e4, 50)):
+        assert spacing(Plane((0.0, 0.0, 0.0), (side, 0.0, 0.0), (0.0, 0.0, -side))) == pytest.approx(side / points)

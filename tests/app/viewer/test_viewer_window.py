@@ -12,6 +12,7 @@ import pytest
 
 from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.window import Desktop
+from irrsplat.renderer import moving
 from tests.support.viewing import FAST, SIZE, Driver, push, viewing, write_room
 
 
@@ -40,6 +41,23 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
     driver.session.split("presets")
     driver.frame(2)
     assert {r.size for r in driver.session.renderers} == {(120, 90)}
+
+
+def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The view of a camera that hardly moves looks like the whole one. Marks keep the size of the window."""
+    monkeypatch.setattr(moving, "divisor_after", lambda *_: 2)
+    before, half = driver.window(), (SIZE[0] // 2, SIZE[1] // 2)
+    driver.down("D")
+    driver.frame(3, dt=1e-4)
+    assert driver.session.views[0].image.size == driver.viewer.canvas.size == half
+    assert 0.0 < np.abs(driver.window().astype(float) - before).mean() < 3.0
+    driver.session.options.points = True
+    driver.frame(dt=1e-4)
+    assert driver.session.views[0].image.size == half and driver.viewer.canvas.size == SIZE
+    driver.up("D")
+    driver.session.options.points = False
+    driver.settle()
+    assert driver.viewer.canvas.size == SIZE and np.abs(driver.window().astype(float) - before).mean() < 1.0
 
 
 def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,7 +18,24 @@ from irrsplat.scene.model import Scene
 
 _MAIN = "from irrsplat.app.viewer.show.light.measuring_plane import main; main()"
 _RESTS = 0.3  # seconds without a change of scene or height before a measurement begins
-USUAL = 0.75  # metres above the lowest point of the scene: the height of a desk
+_LEAST, _MOST = 4.0, 50.0  # points along the longer edge
+_USUAL = 0.75  # metres above the lowest point of the scene: the height of a desk
+
+
+def scene_height(scene: Scene) -> float:
+    """Return the extent of the scene along its up direction, in metres."""
+    return float(np.ptp(scene.corners @ np.asarray(scene.up)))
+
+
+def usual_height(scene: Scene) -> float:
+    """Return the height of a desk, or half the height of a scene that is lower."""
+    return min(_USUAL, 0.5 * scene_height(scene))
+
+
+def spacing(plane: Plane) -> float:
+    """Return the usual spacing of points, which is for rooms, within bounds for very small and very large scenes."""
+    edge = max(math.hypot(*plane.u), math.hypot(*plane.v))
+    return min(max(plane.usual_spacing(), edge / _MOST), edge / _LEAST)
 
 
 @dataclass(frozen=True)
@@ -42,8 +60,8 @@ class MeasuringPlane:
     height: metres above the lowest point of the scene, for the next measurement.
     """
 
-    def __init__(self) -> None:
-        self.height = USUAL
+    def __init__(self, height: float) -> None:
+        self.height = height
         self.measured: MeasuredPlane | None = None
         self._calling: other_process.Calling | None = None
         self._scene: Scene | None = None  # the scene of the last update
@@ -94,7 +112,7 @@ def main() -> None:
 def measure(scene: Scene, height: float, report: Callable[[float], None]) -> MeasuredPlane:
     """Return the readings of a plane over the whole scene. Raises InputError for a scene without extent."""
     plane = horizontal(scene, height)
-    grid = plane.grid(plane.usual_spacing())
+    grid = plane.grid(spacing(plane))
     with LightMeter(scene) as meter:
         readings = meter.measure(grid.points, grid.normals, report)
     return MeasuredPlane(plane, grid.columns, grid.rows, readings, height)

@@ -44,6 +44,7 @@ def edit_output(layout: Layout, unit: str, value: float, least: float, most: flo
 
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
+_STEPS = 500.0  # pixels of a drag along the diagonal of the scene
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
 _DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light; the greatest share is the inverse
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
@@ -54,7 +55,7 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     if not editor.lights:
         imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
     for i, edited in enumerate(editor.lights):
-        if imgui.selectable(f"{light_name(edited.light, i)}  ({edited.light.kind})##{i}", i == editor.light)[0]:
+        if layout.chosen(f"{light_name(edited.light, i)}  ({edited.light.kind})", i == editor.light, i):
             editor.pick_light(i)
     if editor.light is not None:
         imgui.separator()
@@ -82,7 +83,7 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
 def _placed(actions: Actions, layout: Layout, edited: LightEdit) -> LightEdit:
     """Draw the widgets of place, aim and cone; return the light after them."""
     session, light = actions.session, edited.light
-    step = session.scene.diagonal / 500.0 if not light.directional else 0.01
+    step = session.scene.diagonal / _STEPS if not light.directional else 0.01
     label = "towards" if light.directional else "position"
     moved, place = _dragged(session, layout, label, light.position, step, light.directional)
     if moved and (any(place) or not light.directional) and place != light.spot_target:
@@ -110,7 +111,8 @@ def _dragged(
     Far from 0 0 0, a widget's float32 is too coarse. A place is then relative to the scene's origin, and a line below it gives
     the place in world space.
     """
-    moved, (x, y, z) = imgui.drag_float3(layout.label(label), list(place), step, 0, 0, layout.metres)
+    form = "%.3f" if direction else layout.metres(session.scene.diagonal)
+    moved, (x, y, z) = imgui.drag_float3(layout.label(label), list(place), step, 0, 0, form)
     if any(session.origin) and not direction:
         imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), session.origin)))
     return moved, (x, y, z)
@@ -157,16 +159,17 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     mesh, edit = editor.loaded.meshes[number], editor.edit.objects[number]
     imgui.text_wrapped(object_name(editor.loaded, number))
     imgui.text_disabled(f"{len(mesh.faces)} triangles")
-    after = _object_painted(_object_placed(edit, layout, actions.session.scene.diagonal / 500.0), mesh, layout)
+    after = _object_painted(_object_placed(edit, layout, actions.session.scene.diagonal), mesh, layout)
     if imgui.button("reset"):
         after = AS_LOADED
     if after != edit:
         actions.attempt(lambda: editor.set_object(number, after))
 
 
-def _object_placed(edit: ObjectEdit, layout: Layout, step: float) -> ObjectEdit:
-    """Draw the widgets of an object's place; return the edit after them. step: metres for a pixel of a drag."""
-    moved, offset = imgui.drag_float3(layout.label("translation"), list(edit.offset), step, 0, 0, layout.metres)
+def _object_placed(edit: ObjectEdit, layout: Layout, diagonal: float) -> ObjectEdit:
+    """Draw the widgets of an object's place in a scene with this diagonal; return the edit after them."""
+    form = layout.metres(diagonal)
+    moved, offset = imgui.drag_float3(layout.label("translation"), list(edit.offset), diagonal / _STEPS, 0, 0, form)
     imgui.set_item_tooltip("metres from its place in the file")
     if moved:
         edit = replace(edit, offset=point_of(offset))
@@ -200,7 +203,7 @@ def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
     return edit
 
 
-def draw_outliner(actions: Actions) -> None:
+def draw_outliner(actions: Actions, layout: Layout) -> None:
     """Draw the names of all meshes. A hidden mesh is grey, and has a button that shows it again."""
     editor = actions.editor
     count = len(editor.edit.objects)
@@ -210,12 +213,12 @@ def draw_outliner(actions: Actions) -> None:
         clipper.begin(count)
         while clipper.step():
             for number in range(clipper.display_start, clipper.display_end):
-                title = f"{object_name(editor.loaded, number)}##{number}"
+                title = object_name(editor.loaded, number)
                 if editor.edit.objects[number].hidden:
                     if imgui.small_button(f"show##{number}"):
                         actions.attempt(lambda number=number: editor.hide(number, False))  # type: ignore[misc]
                     imgui.same_line()
-                    imgui.text_disabled(title.split("##")[0])
-                elif imgui.selectable(title, number == editor.mesh)[0]:
+                    imgui.text_disabled(title)
+                elif layout.chosen(title, number == editor.mesh, number):
                     editor.mesh = number
     imgui.end_child()

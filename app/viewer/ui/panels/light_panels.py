@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.light.measuring_plane import scene_height
 from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, dot, line
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.core.color import LUMINOUS_EFFICACY
@@ -57,10 +58,10 @@ _NEARER = 0.999  # share of the way from the eye to a point of the plane: the po
 
 def draw_plane(actions: Actions, layout: Layout) -> None:
     session = actions.session
-    plane, top = session.plane, float(np.ptp(session.scene.corners @ np.asarray(session.scene.up)))
-    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, top, "%.2f m")[1]
+    plane, form = session.plane, layout.metres(session.scene.diagonal)
+    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), f"{form} m")[1]
     imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
-    plane.height = max(round(height, 3), 0.0)
+    plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
     if plane.share is not None:
         imgui.text_disabled("measuring…" if plane.share == 0.0 else f"measuring: {100.0 * plane.share:.0f} %")
     if (measured := plane.measured) is None:
@@ -68,7 +69,7 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
     scale = measured.scaled(session.options.light_scale)
     found, (low, high) = measured.readings.summary(scale.unit), scale.ends
     if found["mean"] is not None:
-        imgui.text(f"mean {light_digits(found['mean'])} {scale.shown_unit}, at {measured.height:.2f} m")
+        imgui.text(f"mean {light_digits(found['mean'])} {scale.shown_unit}, at {measured.height:g} m")
         imgui.text(f"{light_digits(found['minimum'])} … {light_digits(found['maximum'])} {scale.shown_unit}")
         if found["uniformity"] is not None:
             imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")

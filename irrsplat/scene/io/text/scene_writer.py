@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.files import write_bytes, write_text
+from irrsplat.core.files import make_folder, write_bytes, write_text
 from irrsplat.core.paths import read_bytes
 from irrsplat.core.words import is_number
 from irrsplat.scene.io.lights.ies import load_ies
@@ -40,10 +40,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
     if not overwrite and (path.exists() or folder.exists()):
         there = path if path.exists() else folder
         raise InputError("this file exists already; give another name", there)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make this folder: {error.strerror}", folder) from None
+    make_folder(folder)
     writer = _Writer(folder)
     lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
     lines += [writer.light(light) for light in scene.lights if not writer.is_sun_of_sky(light, scene)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from imgui_bundle import imgui
 
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS
 from tests.support.viewing import LEFT, RIGHT, Driver, push
@@ -60,8 +61,12 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
     ("setting radius max", lambda driver: driver.actions.panels.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip
-def test_the_palette_finds_actions_settings_and_scenes(driver: Driver, typed: str, found: Callable[[Driver], bool]) -> None:
-    """Words are typed, and Enter runs the first entry. Esc closes the palette."""
+def test_the_palette_finds_actions_settings_and_scenes(
+    driver: Driver, typed: str, found: Callable[[Driver], bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Words are typed, and Enter runs the first entry. Where there is none, the list says so. Esc closes the palette."""
+    said = list[str]()
+    monkeypatch.setattr(imgui, "text_disabled", said.append)
     driver.session.options.frozen = True
     driver.resize((640, 400), density=0.25)
     assert not found(driver)
@@ -72,5 +77,8 @@ def test_the_palette_finds_actions_settings_and_scenes(driver: Driver, typed: st
     driver.frame(2)
     assert found(driver) and driver.actions.prompt is None
     push(driver, "Ctrl+P")
+    driver.frame(3)
+    driver.type("none of that")
+    assert any(words.startswith("nothing has these words") for words in said)
     push(driver, "Esc")
     assert driver.actions.prompt is None

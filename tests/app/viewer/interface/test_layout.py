@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from importlib import resources
+from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from imgui_bundle import imgui
 from PIL import ImageFont
 
 from irrsplat.app.viewer.input import prompts
-from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
-from tests.support.viewing import Driver
+from irrsplat.app.viewer.ui.imgui_backend import COLORS, FONT_SIZE, FONTS
+from irrsplat.core.color import LUMINANCE, linear_from_srgb
+from tests.support.viewing import ROOM, Driver, write_room
 
 SIZE = (1000, 640)
 
@@ -85,3 +88,46 @@ def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
         assert window.content_size.x <= window.size.x - 2.0 * window.window_padding.x, name
         assert window.content_size.y <= window.size.y - 2.0 * window.window_padding.y, name
         assert window.pos.x >= 0.0 and window.pos.x + window.size.x <= 640.0 and window.pos.y >= 0.0, name
+
+
+def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver, tmp_path: Path) -> None:
+    name, path = "a long name of a chair " * 3, write_room(tmp_path)
+    (tmp_path / "box.obj").rename(tmp_path / f"{name}.obj")
+    path.write_text(ROOM.replace("box.obj", f"{name}.obj"))
+    driver.actions.open(str(path))
+    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.outliner = True
+    driver.resize(SIZE, density=0.25)
+    driver.frame(6)
+    driver.move(*driver.find(name).at(0.1))
+    driver.frame(6, dt=0.5)
+    tooltip = imgui.internal.find_window_by_name("##Tooltip_00")
+    assert tooltip.active and tooltip.size.x > imgui.calc_text_size(name).x > driver.viewer.interface.layout.panel
+
+
+def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -> None:
+    """Windows over the picture leave each other free. A question hides all behind it. A slider's number is readable on its grab:
+    4.5 : 1 (WCAG 2.1, 1.4.3)."""
+    options, panels = driver.session.options, driver.actions.panels
+    options.frozen = options.inspect = options.discs = options.profile = panels.controls = True
+    driver.resize((800, 600))
+    driver.frame(3)
+    driver.actions.say("an error that takes more than a line " * 3, error=True)
+    left, top, width, height = driver.viewer._place
+    driver.move(left + 0.3 * width, top + 0.5 * height)
+    driver.frame(6)
+    found = [imgui.internal.find_window_by_name(name) for name in ("legend 0", "record", "along a line", "errors")]
+    for a, b in combinations([w.rect() for w in found], 2):
+        assert not a.overlaps(b), (a, b)
+    driver.actions.prompt = prompts.unsaved(driver.actions, driver.actions.stop)
+    driver.frame(3)
+    box, shown = imgui.internal.find_window_by_name("prompt").rect(), driver.window()
+    panels.hidden = True
+    driver.frame(3)
+    inside = slice(int(box.min.y) + 6, int(box.max.y) - 6), slice(int(box.min.x) + 6, int(box.max.x) - 6)
+    assert np.array_equal(driver.window()[inside], shown[inside])
+    colours = {name: np.array(colour) for colour, names in COLORS for name in names.split()}
+    behind = colours["window_bg"][:3]
+    for name in ("frame_bg", "slider_grab"):
+        behind = behind + (colours[name][:3] - behind) * colours[name][3]
+    text, grab = (linear_from_srgb(c[:3]) @ LUMINANCE for c in (colours["text"], behind))
+    assert (text + 0.05) / (grab + 0.05) >= 4.5

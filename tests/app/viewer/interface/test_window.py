@@ -20,7 +20,7 @@ import pytest
 from PIL import Image, ImageGrab
 
 from irrsplat.core import paths
-from tests.app.viewer.interface.x_drop import DropSource
+from tests.app.viewer.interface import x_drop
 
 MISSING = [tool for tool in ("Xvfb", "xdotool") if shutil.which(tool) is None]
 SIZE = (320, 240)
@@ -36,23 +36,12 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture
-def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """A virtual display for this test alone, as large as the window."""
-    reader, writer = os.pipe()
-    server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-nolisten", "tcp"],
-        pass_fds=[writer],
-        stderr=subprocess.DEVNULL,
-    )
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        name = f":{pipe.readline().strip()}"
-    assert name != ":", "Xvfb did not start"
-    monkeypatch.setenv("DISPLAY", name)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    yield name
-    server.terminate()
-    server.wait()
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.setenv(name, "")  # both are restored
+    with x_drop.display(SIZE):
+        yield
 
 
 def hand(*words: object) -> str:
@@ -126,7 +115,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
     return process.returncode, [line for line in said.splitlines() if not line.startswith(("MESA:", "glx:"))]
 
 
-def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: str, tmp_path: Path) -> None:
+def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: None, tmp_path: Path) -> None:
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
         hand("click", 1)
@@ -137,14 +126,14 @@ def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: str, tmp_path: P
     assert kept["size"] == list(SIZE) and kept["values"]["gather_size"] == 8 and kept["recent"] == ["cornell"]
 
 
-def test_files_are_dropped_on_it(display: str, tmp_path: Path) -> None:
+def test_files_are_dropped_on_it(display: None, tmp_path: Path) -> None:
     """One file is opened, of several the first. A folder and a damaged file are refused, and the window goes on."""
     bad = tmp_path / "bad.obj"
     bad.write_text("f 1 2\n")
     scenes = paths.folder("scenes")
     one, two = next(scenes.rglob("furnace.scene")), next(scenes.rglob("curved.scene"))
     with viewer(tmp_path) as process:
-        source = DropSource(int(hand("search", "--onlyvisible", "--name", "irrsplat").split()[0]))
+        source = x_drop.DropSource(int(hand("search", "--onlyvisible", "--name", "irrsplat").split()[0]))
         for files, title in (([one], "furnace"), ([two, one], "curved"), ([tmp_path], "curved"), ([bad], "curved")):
             assert source.drop(files, WALL)
             until(partial(hand, "search", "--onlyvisible", "--name", f"^{title} – irrsplat"), title)
@@ -154,7 +143,7 @@ def test_files_are_dropped_on_it(display: str, tmp_path: Path) -> None:
         assert ended(process) == (0, [])
 
 
-def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(display: str, tmp_path: Path) -> None:
+def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(display: None, tmp_path: Path) -> None:
     """In the normals, which are all there at once. With W down, which flies ahead, Ctrl+O and Ctrl+Q do nothing."""
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
@@ -178,7 +167,7 @@ def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(d
 
 @pytest.mark.long
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
-def test_ended_from_outside_it_keeps_cache_and_preferences(display: str, tmp_path: Path, number: int, status: int) -> None:
+def test_ended_from_outside_it_keeps_cache_and_preferences(display: None, tmp_path: Path, number: int, status: int) -> None:
     with viewer(tmp_path, "--cache", "kept.cache") as process:
         process.send_signal(number)
         found, said = ended(process)

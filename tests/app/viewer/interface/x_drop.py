@@ -1,11 +1,13 @@
-"""A source of drag and drop on X11: it drops files on a window as a file manager does (XDND, version 5), by Xlib."""
+"""A virtual X11 display, and a source of drag and drop: it drops files as a file manager does (XDND, version 5), by Xlib."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import select
-from collections.abc import Sequence
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from ctypes import c_char_p, c_int, c_long, c_uint, c_ulong, c_void_p
 from pathlib import Path
 from typing import Any
@@ -45,6 +47,25 @@ class Event(ctypes.Union):
     """An XEvent."""
 
     _fields_ = (("type", c_int), ("message", Message), ("request", Request), ("answer", Answer), ("pad", c_long * 24))
+
+
+@contextmanager
+def display(size: tuple[int, int]) -> Iterator[None]:
+    """A virtual screen of `size` (width, height), on which windows open meanwhile."""
+    reader, writer = os.pipe()
+    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        number = pipe.readline().strip()
+    assert number, "Xvfb did not start"
+    os.environ["DISPLAY"] = f":{number}"
+    os.environ.pop("WAYLAND_DISPLAY", None)
+    try:
+        yield
+    finally:
+        server.terminate()
+        server.wait()
 
 
 class DropSource:
