@@ -166,7 +166,9 @@ def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str]
 
 
 def check_names(buffers: Iterable[str] | None) -> None:
-    """Raise InputError if one of the names is not a buffer's."""
+    """Raise InputError if one of the names is not a buffer's, or if they are not a sequence of names."""
+    if isinstance(buffers, str) or not isinstance(buffers, Iterable | None):
+        raise InputError(f"buffers are a sequence of names, such as ['image', 'depth'], not {buffers!r:.60}")
     unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
     if unknown:
         raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")

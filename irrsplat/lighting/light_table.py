@@ -6,6 +6,7 @@ A narrower cone, a light outside the box and a directional light have one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,11 +144,12 @@ def light_table(scene: Scene, side: int) -> LightTable:
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
     """Return columns and rows of `count` tiles of `side` texels in one texture; InputError beyond `limit`, texels a side."""
-    columns = min(max(count, 1), 8, max(limit // side, 1))
-    rows = -(-max(count, 1) // columns)
-    if side * max(columns, rows) > limit:
-        raise InputError(f"the lights need {count} shadow tiles of {side} texels, more than fit here: lower --shadow-size")
-    return columns, rows
+    count, most = max(count, 1), max(limit // side, 1)
+    columns = max(min(count, 8, most), -(-count // most))  # more than 8 only where so many rows would not fit
+    if columns > most:
+        fits = limit // (math.isqrt(count - 1) + 1)
+        raise InputError(f"the lights need {count} shadow tiles of {side} texels; {fits} fit here: lower --shadow-size to that")
+    return columns, -(-count // columns)
 
 
 def light_defines(scene: Scene) -> dict[str, int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from irrsplat.core.buffers import ShadowMaps
+from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -29,6 +30,7 @@ from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.renderer.tiles import TileScreens
 from irrsplat.scene.model import Camera
+from irrsplat.scene.model.checks import check_type
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
@@ -228,6 +230,12 @@ class Frames(Owner):
         if samples <= 1:
             return view
         return self.stages.accumulate(self.state, view, samples, Budget(seconds), on_progress)
+
+    def check_present(self, view: View) -> None:
+        """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""
+        check_type("a view", view, View)
+        if view.gbuffer not in (self.stages.gbuffer, self.moving.stages.gbuffer):
+            raise InputError("this view's buffers hold another view by now; use a view before the next frame is drawn")
 
     def stops(self, view: View) -> float:
         """Return the exposure of a view in stops by the settings."""

@@ -76,6 +76,7 @@ def divisor_after(divisor: int, took: float, seconds: float) -> int:
     The time is taken as proportional to the number of pixels. A part of it is not: a smaller picture takes longer than expected,
     and a larger one less. So the divisor may grow again in the next view, and never alternates.
     """
-    if took > _DRAWN * seconds:
-        return min(_MOST, math.ceil(divisor * math.sqrt(took / (_DRAWN * seconds))))
-    return min(divisor, max(1, math.ceil(divisor * math.sqrt(took / (_MARGIN * _DRAWN * seconds)))))
+    share = max(_DRAWN * seconds, 1e-9)  # a tick without any time draws the smallest picture
+    if took > share:
+        return min(_MOST, math.ceil(divisor * math.sqrt(took / share)))
+    return min(divisor, max(1, math.ceil(divisor * math.sqrt(took / (_MARGIN * share)))))

@@ -230,9 +230,12 @@ class Renderer(Tenant):
         """Return the `view` that `frame` gave last with `samples` a pixel, or with as many more than last time as `seconds` has.
 
         At least one stage of a sample is drawn, and the next call continues there. The cache is left as it is.
-        on_progress: called with the share done, 0..1, after each sample.
+        on_progress: called with the share done, 0..1, after each sample. Raises InputError for a view of an earlier camera or of
+        another size.
         """
         self._use()
+        self._frames.check_present(view)
+        samples = int(checked_number("samples", samples, 0.0))
         return self._frames.accumulate(view, samples, seconds, on_progress)
 
     def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:

@@ -191,8 +191,7 @@ class WholeRenders:
     def read(self, view: View) -> Frame:
         """Return the frame of a view that `Frames.frame` returned last, see View.read."""
         frames = self.frames
-        if view.gbuffer not in (frames.stages.gbuffer, frames.moving.stages.gbuffer):
-            raise InputError("this view's buffers hold another view by now; read a view before the next frame is drawn")
+        frames.check_present(view)
         now = frames.progress()
         stats: Statistics = {"rounds": now.round, "converged": now.done, "full": now.full, "coverage": now.coverage}
         stats |= {"records": now.records, "error": now.error}

@@ -8,10 +8,11 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.core.errors import InputError
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
-from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.light_table import light_defines, sheet
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from tests.gather.test_analytic import LIGHTS, irradiance, rim_distance
@@ -242,3 +243,15 @@ def wall(axis: int, side: float) -> Mesh:
     """Return a wall of a room of ±1 m, without thickness, as a mesh."""
     across, up = np.eye(3)[axis - 2], np.eye(3)[axis - 1]
     return quad(side * np.eye(3)[axis] - across - up, 2.0 * across, 2.0 * up, WHITE)
+
+
+def test_shadow_tiles_use_the_whole_texture() -> None:
+    """All counts up to the square of the tiles along a side fit; the side that the error names fits as well."""
+    for count in range(1, 257):
+        columns, rows = sheet(count, 1024, 16384)
+        assert columns * rows >= count and max(columns, rows) <= 16
+    with pytest.raises(InputError, match="360 shadow tiles of 1024 texels; 862 fit") as raised:
+        sheet(360, 1024, 16384)
+    assert "--shadow-size" in str(raised.value) and max(sheet(360, 862, 16384)) * 862 <= 16384
+    with pytest.raises(InputError):
+        sheet(360, 863, 16384)

@@ -88,8 +88,11 @@ def test_a_view_is_read_as_a_frame() -> None:
             assert np.array_equal(getattr(found, name), getattr(whole, name)), name
         assert np.array_equal(found.records_irradiance, whole.records_irradiance) and found.stats["converged"]
         renderer.frame(replace(FRONT, fov=50.0))
-        with pytest.raises(InputError, match="read a view before the next frame"):
+        with pytest.raises(InputError, match="use a view before the next frame"):
             old.read()
+        renderer.resize((40, 30))
+        with pytest.raises(InputError, match="use a view before the next frame"):
+            renderer.accumulate(old, 4)
     del renderer
     with pytest.raises(InputError, match="is gone"):
         old.read()
@@ -108,6 +111,7 @@ def test_the_size_of_moving_views_follows_the_budget(fixed: float, pixels: float
     assert divisor == divisor_after(divisor, taken(divisor), tick)
     assert taken(divisor) <= 0.8 * tick or divisor == 4
     assert divisor == 1 or taken(1) > 0.5 * tick
+    assert divisor_after(1, taken(1), 0.0) == divisor_after(1, taken(1), -1.0) == 4  # no time is left for the tick
 
 
 def test_a_moving_view_is_smaller_and_its_records_cover_the_whole_view(ctx: moderngl.Context) -> None:

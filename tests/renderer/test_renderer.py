@@ -15,6 +15,7 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
+from irrsplat.image.frame import check_names
 from irrsplat.renderer import whole_renders
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, material, point_light, quad, scene
@@ -220,6 +221,9 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
             Renderer(room(), size, tile_size=0, **FAST).release()  # type: ignore[arg-type]
     with pytest.raises(irrsplat.InputError):
         Renderer(room(), SIZE, softness=1.0)  # type: ignore[call-arg]
+    for names in ("image", 5):
+        with pytest.raises(irrsplat.InputError, match="a sequence of names"):
+            check_names(names)  # type: ignore[arg-type]
 
 
 def test_a_view_is_shown_in_a_framebuffer_of_its_size_alone(ctx: moderngl.Context) -> None:

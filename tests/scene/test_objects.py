@@ -90,6 +90,9 @@ def test_trimesh_s_units_materials_and_images() -> None:
         (lambda: irrsplat.make_scene(floor(), sky="1 2"), "sky"),
         (lambda: irrsplat.make_mesh([["x"]], FACES), r"an array \(N, 3\) of numbers"),
         (lambda: irrsplat.make_mesh(POINTS, [[0, 1, 2], [0]]), "whole numbers"),
+        (lambda: irrsplat.make_mesh(POINTS, FACES, transform=np.diag([1.0, 1.0, 1.0, 2.0])), "the last row of a transform"),
+        (lambda: irrsplat.make_scene(None), "meshes are a sequence of Mesh"),  # type: ignore[arg-type]
+        (lambda: irrsplat.make_scene(floor(), SUN), "lights are a sequence of Light, not one Light"),  # type: ignore[arg-type]
         (lambda: Image(np.zeros((2, 2, 3), np.uint8)), r"an image's pixels are an array \(H, W, 4\) of uint8"),
         (lambda: posed(scene(floor()), scene(floor(), floor())), "a pose has the same meshes as the renderer's scene"),
         (lambda: Motions((), (LightKey(0, 0.0, "position", (0, 0, 0)),)).check(scene(floor(), lights=(SUN,)), 2), "is not 0 0 0"),

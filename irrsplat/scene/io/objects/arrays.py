@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
+from irrsplat.scene.motion import affine
 from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.map_file import MOST_ROWS
@@ -46,18 +47,19 @@ def make_mesh(
     vertices: (V, 3), metres. faces: (F, 3) integers, rows of vertices, counter-clockwise seen from outside. material: grey
     of reflectance 0.5, if None. normals: (V, 3), of any length; None: edges between triangles that meet at less than
     `crease_angle` (degrees, 0..180) are smooth. colors: (V, 3) linear reflectance in place of the material's albedo. uvs: (V, 2),
-    from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4), affine, world from vertices.
-    name: for `Renderer.move` and messages. Triangles without an area are left out.
-    Raises InputError for arrays of different lengths, numbers that are not finite, and a singular transform.
+    from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4) or (3, 4), affine, world from
+    vertices. name: for `Renderer.move` and messages. Triangles without an area are left out. Raises InputError for arrays of
+    different lengths, numbers that are not finite, and a transform that is singular or not affine.
     """
     LoadOptions(crease_angle=crease_angle)  # for its check
+    check_type("the name of a mesh", name, str)
     said = f"of mesh {name!r:.60}" if name else "of a mesh"
     points = _rows(f"the vertices {said}", vertices, 3)
     corners = _faces(f"the faces {said}", faces, len(points))
     part = Part(
         points,
         corners,
-        matrix=None if transform is None else _rows(f"the transform {said}", transform, 4, 4),
+        matrix=None if transform is None else affine(transform),
         material=Material() if material is None else material,
         name=name,
         normals=None if normals is None else _rows(f"the normals {said}", normals, 3, len(points)),
@@ -85,10 +87,9 @@ def make_scene(
     that sees the scene for a missing camera, with Scene.notices. Existing light is never supplemented. Raises InputError for
     meshes without a triangle, and for values of another kind.
     """
-    meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
-    for mesh in meshes:
-        check_type("one of a scene's meshes", mesh, Mesh)
-    return completed(meshes, lights, cameras, given_sky(sky), up, name)
+    meshes = (meshes,) if isinstance(meshes, Mesh) else meshes
+    given = Scene(cast(tuple[Mesh, ...], meshes), cast(tuple[Light, ...], lights), cast(tuple[Camera, ...], cameras))
+    return completed(given.meshes, given.lights, given.cameras, given_sky(sky), up, name)
 
 
 def completed(
