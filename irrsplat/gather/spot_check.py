@@ -21,7 +21,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
 SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
-_SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, relative to the greater of both luminances
+_SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, see `Spots.difference`
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
 _CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
@@ -34,13 +34,13 @@ class Spots:
     """Places of a view.
 
     sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. floor: W/m², lower bound of `cached` in relative differences.
+    on screen. mean: W/m², of `cached` over the view.
     """
 
     sites: Sites
     cached: np.ndarray
     distance: np.ndarray
-    floor: float = 0.0
+    mean: float = 0.0
 
     @staticmethod
     def joined(parts: Sequence[Spots]) -> Spots:
@@ -49,22 +49,25 @@ class Spots:
         cached, distance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cached", "distance"))
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
-        floor = _FLOOR * float(cached[order].mean(dtype=float)) if len(order) else 0.0
-        return Spots(joined[order], cached[order], distance[order], floor)
+        mean = float(cached[order].mean(dtype=float)) if len(order) else 0.0
+        return Spots(joined[order], cached[order], distance[order], mean)
 
     def __len__(self) -> int:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.floor)
+        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.mean)
 
     def difference(self, found: np.ndarray) -> np.ndarray:
-        """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater of both.
+        """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater luminance Y of both.
 
+        Above the mean, they are relative to √(Y·mean): the picture's RMSE weights bright places more, and the eye does not.
         A brighter probe at a dark place counts as 0: closer to a sheet than a gather's offset, it may be on the other side.
         """
-        share = np.abs(found - self.cached) / np.maximum(np.maximum(found, self.cached), max(self.floor, 1e-30))
-        return np.where((found > self.cached) & (self.cached < self.floor), 0.0, share)
+        floor = _FLOOR * self.mean
+        Y = np.maximum(np.maximum(found, self.cached), max(floor, 1e-30))
+        share = np.abs(found - self.cached) / np.sqrt(Y * np.minimum(Y, max(self.mean, 1e-30)))
+        return np.where((found > self.cached) & (self.cached < floor), 0.0, share)
 
 
 class SpotPass(Owner):
