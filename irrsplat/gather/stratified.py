@@ -34,12 +34,13 @@ def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 def ray_directions(side: int) -> np.ndarray:
     """Return (M·N, 3) float64: a direction within each stratum, in a record's frame.
 
-    The places within strata follow a low-discrepancy sequence. The middles of strata would alias with fine regular openings, such
-    as blinds. The strata around the normal meet there, so that only their heights matter; these advance by the golden ratio.
+    The places within strata are random and independent. The middles of strata would alias with fine regular openings, such as
+    blinds. SkyShares chooses strata by their neighbours' rays: any dependence between neighbours would bias the share. The strata
+    around the normal meet there, so that only their heights matter; these advance by the golden ratio.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))
-    along, across = (np.modf((row * n + column + 0.5) * step)[0] for step in SQUARE_STEPS)
+    along, across = np.random.default_rng(0).random((2, m, n))
     along = np.where(row == 0, np.modf((column + 0.5) * GOLDEN)[0], along)
     return _directions((row + along) / m, 2.0 * np.pi * (column + across) / n).reshape(-1, 3)
 

@@ -48,6 +48,21 @@ def test_the_sky_through_a_skylight(ctx: moderngl.Context, kind: str, side: int,
     assert np.abs(found / (1000.0 * worlds.polygon_vector(hole, points)[:, 1]) - 1.0).max() < limit
 
 
+def test_the_sky_through_a_slit_has_no_bias(ctx: moderngl.Context) -> None:
+    """A slit of 5 cm in a black wall, half an azimuth of a record wide: the mean of 200 rotations is the closed form.
+
+    One rotation has a standard deviation of 12 %, so that 5 % are five standard errors of the mean.
+    """
+    sides = [((0, 0, 0), (0, 3, 0), (0, 0, 5)), ((4, 0, 0), (0, 3, 0), (0, 0, 5)), ((0, 0, 5), (4, 0, 0), (0, 3, 0))]
+    sides += [((0, y, 0), (4, 0, 0), (0, 0, 5)) for y in (0, 3)]
+    front = [((x, 0, 0), (width, 0, 0), (0, 3, 0)) for x, width in ((0, 2), (2.05, 1.95))]
+    room = (worlds.quad(*corner_and_edges, BLACK) for corner_and_edges in sides + front)
+    slit = np.array([(2, 0, 0), (2, 3, 0), (2.05, 3, 0), (2.05, 0, 0)])
+    points = np.tile((2.5, 0.01, 2.0), (200, 1))
+    found = read(ctx, worlds.scene(*room, sky=1000.0), points).total[:, 0].mean()
+    assert found == pytest.approx(1000.0 * abs(worlds.polygon_vector(slit, points[:1])[0, 1]), rel=0.05)
+
+
 def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
     """A wall of 1 mm separates a lit and a dark room; a ground of 600 m raises the ray offset to 8.5 mm.
 
