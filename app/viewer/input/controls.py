@@ -108,13 +108,8 @@ class Controls:
             self.wnd.mouse_exclusivity = on
 
     def _on_divider(self, x: float) -> bool:
-        options = self.session.options
-        return options.split != "off" and abs(x - self._divider) <= _GRIP
-
-    @property
-    def _divider(self) -> float:
-        left, _, width, _ = self.picture()
-        return (left + self.session.options.divider * width) / self.wnd.pixel_ratio
+        options, (left, _, width, _) = self.session.options, self.picture()
+        return options.split != "off" and abs(x - (left + options.divider * width) / self.wnd.pixel_ratio) <= _GRIP
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 

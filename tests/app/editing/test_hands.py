@@ -39,9 +39,9 @@ def hidden(editor: Editor) -> list[int]:
 
 def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) -> None:
     """The wall behind it is seen then, and the converged view is covered."""
-    editor = driver.actions.editor
+    editor, records = driver.actions.editor, driver.session.renderers[0].cache.count
     push(driver, "Delete")
-    assert "nothing is selected" in driver.said and not editor.changed
+    assert "nothing is selected" in driver.said and not editor.changed and driver.session.renderers[0].cache.count == records
     editor.mesh = BOX
     driver.resize(SIZE, density=0.25)
     driver.frame()

@@ -138,12 +138,6 @@ def freeze(driver: Driver, shown: str) -> None:
     assert cache.count > count and session.progress[0].coverage == 1.0
 
 
-def test_delete_leaves_the_cache_as_it_is(driver: Driver) -> None:
-    before = driver.session.renderers[0].cache.count
-    push(driver, "Delete")
-    assert driver.session.renderers[0].cache.count == before and "nothing is selected" in driver.said
-
-
 # ---- picture -------------------------------------------------------------------------------------------------------------
 
 

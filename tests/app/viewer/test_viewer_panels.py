@@ -145,7 +145,7 @@ def test_the_menus(driver: Driver) -> None:
 
 
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
-    """Switched off, the room is black, for nothing else lights it."""
+    """Switched off, or with 0 candela, the room is black, for nothing else lights it."""
     (loaded,) = driver.session.scene.lights
     driver.actions.toggle("lights")
     driver.frame(3)
@@ -159,9 +159,11 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     driver.settle()
     assert light().color == pytest.approx(np.array(loaded.color) / 2) and light().position == loaded.position
     assert driver.canvas().mean() < canvas.mean()
-    driver.click(*driver.find("on").at(0.2))
+    for switch in (lambda: driver.enter(driver.find("candela"), "0"), lambda: driver.click(*driver.find("on").at(0.2))):
+        driver.choose("reset")
+        switch()
+        assert light().color == (0.0, 0.0, 0.0)
     driver.settle()
-    assert light().color == (0.0, 0.0, 0.0)
     assert not driver.canvas()[100:900].any(), "but for the legend"
     driver.choose("reset")
     driver.settle()

@@ -72,7 +72,8 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     edited = replace(before, on=on) if changed else before
     for unit, full in light_units(edited.light).items():
         output = edit_output(layout, unit, full * 2.0**edited.stops, full * _DIMMEST, full / _DIMMEST)
-        edited = replace(edited, stops=math.log2(output / full)) if output and full else edited
+        if output is not None and full:
+            edited = replace(edited, stops=math.log2(output / full)) if output else replace(edited, on=False)
     edited = _coloured(layout, _placed(actions, layout, edited))
     if imgui.button("reset"):
         edited = LightEdit.of(edited.loaded)
