@@ -34,13 +34,14 @@ def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 def ray_directions(side: int) -> np.ndarray:
     """Return (M·N, 3) float64: a direction within each stratum, in a record's frame.
 
-    The places within strata are random and independent. The middles of strata would alias with fine regular openings, such as
-    blinds. SkyShares chooses strata by their neighbours' rays: any dependence between neighbours would bias the share. The strata
-    around the normal meet there, so that only their heights matter; these advance by the golden ratio.
+    The places within strata are evenly spaced along each elevation, in random order. The middles of strata would alias with fine
+    regular openings, such as blinds. SkyShares chooses strata by their neighbours' rays: a dependence between neighbours, as in a
+    low-discrepancy sequence, would bias the share. The strata around the normal meet there, so that only their heights matter;
+    these advance by the golden ratio.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))
-    along, across = np.random.default_rng(0).random((2, m, n))
+    along, across = (np.random.default_rng(0).permuted(np.tile(np.arange(n), (2, m, 1)), axis=-1) + 0.5) / n
     along = np.where(row == 0, np.modf((column + 0.5) * GOLDEN)[0], along)
     return _directions((row + along) / m, 2.0 * np.pi * (column + across) / n).reshape(-1, 3)
 

@@ -112,7 +112,7 @@ def test_perpendicular_patch(ctx: moderngl.Context, height: float, distance: flo
     truth = np.pi * perpendicular(height, 1.0, distance) * np.array(EMITTER)
     mean, rms = off(gather(ctx, scene(patch), sites(np.zeros((64, 3)), UP), side).E, truth)
     assert mean < 0.01
-    assert rms < (0.02 if side == 32 else 0.01)
+    assert rms < (0.025 if side == 32 else 0.01)
 
 
 @pytest.mark.parametrize("kind", WHOLE)

@@ -56,7 +56,7 @@ def test_the_sky_through_a_slit_has_no_bias(ctx: moderngl.Context) -> None:
     sides = [((0, 0, 0), (0, 3, 0), (0, 0, 5)), ((4, 0, 0), (0, 3, 0), (0, 0, 5)), ((0, 0, 5), (4, 0, 0), (0, 3, 0))]
     sides += [((0, y, 0), (4, 0, 0), (0, 0, 5)) for y in (0, 3)]
     front = [((x, 0, 0), (width, 0, 0), (0, 3, 0)) for x, width in ((0, 2), (2.05, 1.95))]
-    room = (worlds.quad(*corner_and_edges, BLACK) for corner_and_edges in sides + front)
+    room = (worlds.quad(corner, u, v, BLACK) for corner, u, v in sides + front)
     slit = np.array([(2, 0, 0), (2, 3, 0), (2.05, 3, 0), (2.05, 0, 0)])
     points = np.tile((2.5, 0.01, 2.0), (200, 1))
     found = read(ctx, worlds.scene(*room, sky=1000.0), points).total[:, 0].mean()
