@@ -103,9 +103,8 @@ class Refiner(Owner):
 
     def __init__(self, world: World, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers) -> None:
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
-        self._splats = [
-            ViewSplats(world, size, gradients, timers) for _ in range(2)
-        ]  # of the picture on show, and of the next one
+        # of the picture on show, and of the next one
+        self._splats = [ViewSplats(world, size, gradients, timers) for _ in range(2)]
         self._reach = [float_texture(world.ctx, size, 1) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # by the level of the surface cache
         self.state: Refinement | None = None
