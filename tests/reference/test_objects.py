@@ -43,7 +43,7 @@ def test_a_scene_of_arrays_far_away_is_as_exact() -> None:
         (lambda: irrsplat.make_mesh(SQUARE, FACES + 1), "expected 0 to 3"),
         (lambda: irrsplat.make_mesh(SQUARE, FACES.astype(float)), "whole numbers"),
         (lambda: irrsplat.make_mesh(SQUARE, FACES, uvs=np.zeros((3, 2))), r"the uvs of a mesh are an array \(4, 2\)"),
-        (lambda: irrsplat.make_mesh(SQUARE, FACES, transform=np.zeros((4, 4)), name="a"), "collapse"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES, transform=np.diag([0, 0, 0, 1]), name="a"), "would flatten"),
         (lambda: irrsplat.make_mesh(SQUARE, FACES, crease_angle=-1.0), "crease_angle"),
         (lambda: irrsplat.make_mesh(SQUARE, FACES, "red"), "material of a mesh is a Material"),  # type: ignore[arg-type]
         (lambda: irrsplat.make_scene([]), "nothing is left to show"),

