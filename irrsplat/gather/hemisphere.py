@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import eye_positions, offset_of, sample_offsets, tangent_frames
+from irrsplat.gather.record_frame import eye_positions, offset_of, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -80,18 +80,18 @@ class Gather(Owner):
             yield slice(done, done + count)
             done += count
 
-    def _write_frames(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
-        """Write the frames of the records of these `numbers` in the cache, at `sites`, for the next draw. Return their rows,
-        (5, N, 4) float32, see Atlas.frames."""
-        rotations = sites.frame_rotations(numbers)
-        frame = tangent_frames(sites.normal, rotations, seed)
+    def _frame_rows(self, sites: Sites, numbers: np.ndarray, seed: int) -> np.ndarray:
+        """Return (5, N, 4) float32, the rows of Atlas.frames of the records of these `numbers` in the cache, at `sites`."""
+        frame = tangent_frames(sites.normal, sites.frame_rotations(numbers), seed)
         rows = np.zeros((5, len(sites), 4), "f4")
         rows[:3, :, :3] = frame.swapaxes(0, 1)
-        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # one sample pattern for all places of a record
         rows[3, :, :3], rows[3, :, 3] = np.einsum("nij,nj->ni", frame, sites.geometric), numbers
-        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
-        self.atlas.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 5))
+        rows[4, :, :3] = eye_positions(sites, self.world.geometry.corners, self.offset)
         return rows
+
+    def _write_frames(self, rows: np.ndarray) -> None:
+        """Write `rows` of the frames (5, N, 4) for the next draw."""
+        self.atlas.frames.write(rows.tobytes(), viewport=(0, 0, rows.shape[1], 5))
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

@@ -63,7 +63,7 @@ class PlaneGather(Gather):
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity`; numbers: (N,) of the records in the cache."""
         atlas, count = self.atlas, len(sites)
-        self._write_frames(sites, numbers, seed)
+        self._write_frames(self._frame_rows(sites, numbers, seed))
         used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)

@@ -14,7 +14,7 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import atlas_grid, places_of_texels
+from irrsplat.gather.record_frame import atlas_grid, places_of_texels, sample_offsets
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
@@ -125,7 +125,11 @@ class TraceGather(Gather):
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
         atlas, count = self.atlas, len(sites) // self.places
-        rows = self._write_frames(sites, numbers, seed)
+        rows = self._frame_rows(sites, numbers, seed)
+        # one sample pattern for all places of a record
+        rows[:2, :, 3] = sample_offsets(sites.frame_rotations(numbers) // self.places, seed).T
+        rows[4, :, 3] = self.steps(sites)
+        self._write_frames(rows)
         hits, uniforms = None, self.program.declared({"survey": int(self.survey)})
         if self.first_hits is not None:
             hits = self.first_hits(rows)
