@@ -22,6 +22,7 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.scene.appearance import numbered_alike, runs
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.change import SceneChange
+from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
@@ -45,6 +46,7 @@ class World(Owner):
             self.materials = MaterialTable(ctx, scene)
             made.pop_all()
         self.runs = runs(scene)  # of triangles that a camera draws with equal state
+        self.unlit_interiors = unlit_interiors(scene)
         self.derived = Workshop()  # resources that other modules derive from the scene, freed with it
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
@@ -235,4 +237,5 @@ class World(Owner):
             if found != self.runs:
                 self.runs = found
             self._uploaded = scene.meshes
+        self.unlit_interiors = unlit_interiors(scene)
         self._scene = scene

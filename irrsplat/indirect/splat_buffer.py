@@ -18,9 +18,9 @@ from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import unlit_interiors
 
 _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few of every other one
 
@@ -39,20 +39,18 @@ def unlit_sides(world: World) -> Uniforms:
 
     A camera within a wall sees such sides alone, and each of its black records would cover a single pixel.
     """
-    scene = world.scene
-    if not world.geometry.counts.closed:
+    if not any(world.unlit_interiors):
         return {}
 
     def made() -> moderngl.Texture:
-        unlit = unlit_interiors(scene)
+        unlit = np.repeat(world.unlit_interiors, [len(mesh.faces) for mesh in in_order(world.scene)])
         table = np.zeros((row_count(len(unlit)), TABLE_COLUMNS), "u1")
         table.ravel()[: len(unlit)] = 255 * unlit
         texture = world.ctx.texture(table.shape[::-1], 1, table)
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
-    places = [light.position for light in scene.lights]
-    return {**world.geometry.uniforms, "unlit_sides": world.derived.get("unlit sides", (scene.meshes, places), made)}
+    return {**world.geometry.uniforms, "unlit_sides": world.derived.get("unlit sides", world.unlit_interiors, made)}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The area lights of a scene: emissive triangles, their mean luminance, and clusters of them."""
+"""The area lights of a scene: emissive triangles, their mean luminance, clusters of them, and meshes without light inside."""
 
 from __future__ import annotations
 
@@ -119,6 +119,25 @@ def _balls(corners: np.ndarray, cluster: np.ndarray) -> tuple[np.ndarray, np.nda
     np.minimum.at(low, cluster, corners.min(axis=1))
     np.maximum.at(high, cluster, corners.max(axis=1))
     return 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+
+
+def unlit_interiors(scene: Scene) -> tuple[bool, ...]:
+    """Return True for each mesh, in the order of flatten, whose inner side no light reaches.
+
+    The mesh is closed, opaque and not emissive. Its bounding box contains no light and no emitter.
+    """
+    sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
+    seen = [mesh for mesh in scene.meshes if len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
+    emitters = [mesh.bounds for mesh in seen if any(mesh.material.emission)]
+    lights = [(place, place) for place in (np.asarray(light.position) for light in scene.lights)]
+    found = []
+    for mesh in in_order(scene):
+        if sorts[id(mesh)] == CLOSED and len(mesh.positions):
+            low, high = mesh.bounds
+            found.append(not any((low <= last).all() and (first <= high).all() for first, last in emitters + lights))
+        else:
+            found.append(False)
+    return tuple(found)
 
 
 # ---- textures ------------------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
@@ -134,13 +133,12 @@ class SurfaceCache(Owner):
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         self._relit |= change.changes_light and change.dimming is None
-        other_interiors = bool(change) and not np.array_equal(unlit_interiors(change.old), unlit_interiors(change.new))
-        level.change(settings, change, other_interiors)
+        level.change(settings, change)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             self._coarse, self._in_use = None, level
             coarse.release()
         elif coarse is not None:
-            coarse.change(settings, change, other_interiors)
+            coarse.change(settings, change)
 
     def expire(self) -> None:
         """Gather all again."""

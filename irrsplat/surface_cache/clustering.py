@@ -10,9 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.scene.appearance import in_order
-from irrsplat.scene.model import Scene
-from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 from irrsplat.surface_cache.tessellation import Tessellation
 
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
@@ -60,26 +57,6 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
     farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
     below: np.ndarray = ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
     return below
-
-
-def unlit_interiors(scene: Scene) -> np.ndarray:
-    """Return (F,) True for triangles, in the order of flatten, whose inner side no light reaches.
-
-    Their meshes are closed, opaque and not emissive. Their bounding boxes contain no light and no emitter.
-    """
-    found = [np.zeros(0, bool)]
-    sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
-    seen = [mesh for mesh in scene.meshes if len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
-    emitters = [mesh for mesh in seen if any(mesh.material.emission)]
-    for mesh in in_order(scene):
-        if sorts[id(mesh)] == CLOSED and len(mesh.positions):
-            low, high = mesh.bounds
-            lit = any((low <= one.bounds[1]).all() and (one.bounds[0] <= high).all() for one in emitters)
-            lit |= any((low <= p).all() and (p <= high).all() for p in (np.asarray(light.position) for light in scene.lights))
-        else:
-            lit = True
-        found.append(np.full(len(mesh.faces), not lit))
-    return np.concatenate(found)
 
 
 def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:

@@ -18,6 +18,7 @@ from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.appearance import in_order
+from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
@@ -180,7 +181,7 @@ class SiteChooser:
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
         tessellation = tessellate(vertices, faces, spacing * wider, offset)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
-        unlit = clustering.unlit_interiors(self.scene)[tessellation.face[points]]
+        unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
         number = np.full(len(points), len(inner) - 1)
         number[inner] = np.arange(len(inner))

@@ -56,6 +56,7 @@ class SiteLevel(Owner):
         self.world, self.detail = world, detail
         self._rays = SiteRays(world, settings, detail)
         self._steps = _Steps()
+        self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self._still = np.inf  # frames since the scene has changed
         self._moved = False  # True if meshes have moved and the sites are still the former ones
         self.laid_out: LaidOut | None = None
@@ -98,11 +99,9 @@ class SiteLevel(Owner):
         if self.follower is not None:
             self.follower.begin(shadows)
 
-    def change(self, settings: Settings, change: SceneChange, other_interiors: bool) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
-
-        other_interiors: True if light now reaches the inside of other meshes.
-        """
+    def change(self, settings: Settings, change: SceneChange) -> None:
+        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
+        unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
         other_light = old.light_samples != settings.light_samples or old.shadow_size != settings.shadow_size
@@ -113,7 +112,7 @@ class SiteLevel(Owner):
             self.follower = None
         if moved and self.follower is not None:
             self.follower.move(change)
-        elif moved or other_interiors or change.other_sky:
+        elif moved or unlit != self._unlit or change.other_sky:
             self._drop_sites()
         if change.dimming is not None:
             self._dim(change.dimming)
