@@ -1,8 +1,7 @@
 """Every parameter of the method, declared once: name, default, range, unit, stage and one line of help.
 
-The command line's flags, the viewer's sliders, the table of docs/reference.md and the checks are all made from the class
-Settings. Only the names and types stand a second time, in SettingValues, because type checkers need them spelled out; a test
-compares the two.
+The class Settings defines the flags of the command line, the sliders of the viewer, the table of docs/reference.md and the
+checks. SettingValues repeats the names and types, because type checkers need them spelled out. A test compares the two classes.
 """
 
 from __future__ import annotations
@@ -21,21 +20,21 @@ All = Literal["all"]
 Value = bool | int | float | str  # of one setting
 Kind = Literal["bool", "choice", "int", "float"]
 
-MOST_ROUNDS = 1000  # rounds after which a render or a bake stops and says so
+MOST_ROUNDS = 1000  # rounds after which a render or a bake stops with a notice
 LEAST_TILE, MOST_TILE = 16, 4096  # pixels along a side of the tiles that a picture is drawn in
 
-# of the weight, the same in shaders/records/weight.glsl and on the CPU
-LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
-IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
+# constants of the weight, equal in shaders/records/weight.glsl and on the CPU
+LEAST_ERROR = 1e-3  # lower bound of the error e, so that w = 1/e stays finite
+IN_FRONT = 0.05  # of R: greatest distance of a record from the tangent plane of a pixel, on either side
 
-WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
+WIDE = 3.0  # times R_k: greatest radius of a record; dark, narrow places must not cover distant surfaces
 
 
 @dataclass(frozen=True)
 class Declaration:
     """Description of one setting, without its value.
 
-    word: what may be given in place of a number, if anything.
+    word: a legal value that is no number, such as ``auto``; empty for none.
     """
 
     name: str
@@ -56,7 +55,7 @@ class Declaration:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The words that are legal values, such as ``auto``; all there are but numbers."""
+        """The legal values that are words, such as ``auto``."""
         return ("on", "off") if self.kind == "bool" else self.choices or ((self.word,) if self.word else ())
 
     @property
@@ -70,7 +69,7 @@ class Declaration:
         return f"{span} or {self.word}" if self.word else span
 
     def parse(self, text: str) -> Value:
-        """The value that `text` stands for; raises InputError with the legal range where it stands for none."""
+        """Return the value of `text`. Raises InputError with the legal range for a text without a value."""
         word = text.strip().lower()
         if self.word and word == self.word:
             return word
@@ -89,7 +88,7 @@ class Declaration:
         raise InputError(f"{self.flag} takes {self.range}, not '{text}'{hint}")
 
     def check(self, value: object) -> Value:
-        """`value` as this setting's type; raises InputError where it is of another type or out of range."""
+        """Return `value` in the type of this setting. Raises InputError for another type, and for a value out of range."""
         if isinstance(value, str):
             if self.word and value == self.word:
                 return value
@@ -117,94 +116,104 @@ def _declare(default: Any, kind: Kind, stage: str, help: str, **rest: Any) -> An
 
 @dataclass(frozen=True)
 class Settings:
-    """One complete, checked set of parameters; `replace` or `with_values` makes another."""
+    """A complete set of valid parameters. `replace` and `with_values` return changed copies."""
 
     # the order of the stages is the order of the frame
     shadow_size: int = _declare(
         1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
-    seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
+    seed: int = _declare(0, "int", "gather", "seed of all random numbers; equal seeds give equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
         "all",
         "int",
         "gather",
-        "indirect bounces; 0 is direct light only, all as many as are worth it",
+        "indirect bounces; 0: direct light alone; all: until further bounces add almost nothing",
         low=0,
         high=64,
         word="all",
     )
     gather: str = _declare(
-        "auto", "choice", "gather", "how a record samples its hemisphere: one 150° plane, or rays traced by shaders or by "
-        "Embree; auto: rays, by Embree where OpenGL is software",
+        "auto", "choice", "gather", "sampling of a record's hemisphere: one plane of 150°, or rays traced by shaders or by "
+        "Embree; auto: rays, by Embree with software OpenGL",
         choices=("auto", "plane", "trace", "embree"),
     )  # fmt: skip
     gather_size: int = _declare(
         64,
         "int",
         "gather",
-        "side of a record's plane, or as many rays squared; 128 is near exact",
+        "side of a record's plane in pixels, or square root of its number of rays; 128 is nearly exact",
         low=4,
         high=256,
         unit="pixels",
     )
     light_samples: int = _declare(
-        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to places that lights close "
-        "by light, in addition to its hemisphere samples; 0: off", low=0, high=4096,
+        512, "int", "gather", "next-event estimation: shadow rays of a record to emissive surfaces, and at most as many to "
+        "virtual point lights near lights; 0: off", low=0, high=4096,
     )  # fmt: skip
-    gradients: bool = _declare(True, "bool", "splat", "records store how irradiance changes with place and normal")
+    gradients: bool = _declare(True, "bool", "splat", "records store the derivatives of irradiance by position and normal")
     weights: str = _declare(
-        "hessian", "choice", "splat", "weights and radii of records: the paper's, by distance, cut off at 1/a; or radii along "
-        "and across by the second derivatives of light, and weights that fall to 0 at the rim", choices=("paper", "hessian"),
+        "hessian", "choice", "splat", "weights and radii of records. paper: by distance, cut off at 1/a. hessian: "
+        "anisotropic radii by the second derivatives of light, and weights that fall to 0 at the rim",
+        choices=("paper", "hessian"),
     )  # fmt: skip
-    a: float = _declare(0.6, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
+    a: float = _declare(
+        0.6,
+        "float",
+        "splat",
+        "a record reaches as far as a·R; a smaller value gives more records and less error",
+        low=0.01,
+        high=2,
+    )
     adapt: float = _declare(
-        0.6, "float", "splat", "greatest relative difference between neighbouring records before their radii shrink; 0: off",
+        0.6, "float", "splat", "relative difference between neighbouring records above which their radii shrink; 0: off",
         low=0, high=10,
     )  # fmt: skip
     radius_min: float = _declare(
-        0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height; of a strip, "
-        "of that of a square with as many pixels", low=0, high=50, unit="%",
+        0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height; for a strip, in "
+        "percent of the side of a square with as many pixels", low=0, high=50, unit="%",
     )  # fmt: skip
     radius_max: float = _declare(
-        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; of a strip, "
-        "as the least; 0 is no limit",
+        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in the unit of radius_min; 0: no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
-        "auto", "float", "examine", "a pixel requests a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
+        "auto", "float", "examine", "Σw below which a pixel requests a record; auto: 1/a", low=0, high=1e6, word="auto"
     )
     spread: float = _declare(
-        0.05, "float", "examine", "a pixel also requests a record where inter-record variance is greater: standard deviation "
-        "over mean; 0: off", low=0, high=10,
+        0.05, "float", "examine", "inter-record variance above which a pixel requests a record, as standard deviation over "
+        "mean; 0: off", low=0, high=10,
     )  # fmt: skip
     placement: str = _declare(
-        "tiles", "choice", "examine", "where records go: tiles, coarse to fine, or the paper's random warm-up and scan order",
+        "tiles", "choice", "examine", "placement of records. tiles: coarse to fine. scan: the paper's random warm-up "
+        "and scan order",
         choices=("tiles", "scan"),
     )  # fmt: skip
-    warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
+    warmup: int = _declare(
+        1000, "int", "examine", "number of random records before the scan; placement scan only", low=0, high=100_000
+    )
     max_records: int = _declare(
-        200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
+        200_000, "int", "examine", "greatest number of records; a full cache drops the records that were out of view for longest",
         low=100, high=4_000_000,
     )  # fmt: skip
     blend: float = _declare(
-        0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
+        0.5, "float", "composite", "0: direct light alone; 0.5: the physical sum; 1: indirect light alone", low=0, high=1
     )
     fill_holes: bool = _declare(
-        True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them"
+        True, "bool", "composite", "pixels without a record show the light around them until a record covers them"
     )
     samples: int = _declare(
-        1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
+        1, "int", "composite", "subpixel samples of each pixel of a render; 1: the centre of the pixel alone",
         low=1, high=65536,
     )  # fmt: skip
     quality: float = _declare(
-        0.0, "float", "composite", "a render goes on until its estimated error is at most this, in percent of the mean indirect "
-        "light; 0: until every pixel is covered", low=0, high=100, unit="%",
+        0.0, "float", "composite", "estimated error at which a render ends, in percent of the mean indirect light; 0: it ends "
+        "when records cover every pixel", low=0, high=100, unit="%",
     )  # fmt: skip
     exposure: float | Auto = _declare(
         "auto",
         "float",
         "composite",
-        "brightness of the picture; auto meters the light, so that white rooms are white",
+        "brightness of the picture; auto: measured, so that white rooms are white",
         low=-64,
         high=64,
         unit="stops",
@@ -212,20 +221,20 @@ class Settings:
     )
 
     backdrop: str = _declare(
-        "auto", "choice", "composite", "what stands behind everything, no light unless it is the sky; auto: the sky where the "
-        "scene's file has one, else grey; clear: nothing, the picture has alpha",
+        "auto", "choice", "composite", "background of the picture, without effect on light. auto: the sky of the scene's "
+        "file, or grey without one. clear: transparent",
         choices=("auto", "sky", "grey", "black", "white", "clear"),
     )  # fmt: skip
     budget: float = _declare(
-        80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
+        80.0, "float", "view", "frame budget of the viewer, for gathering and drawing together; no effect on renders",
         low=1, high=10_000, unit="ms",
     )  # fmt: skip
     viewer_samples: int = _declare(
-        64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536,
+        64, "int", "view", "subpixel samples that the viewer accumulates in a still view; 0: off", low=0, high=65536,
     )  # fmt: skip
     viewer_quality: float = _declare(
-        1.0, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
-        "indirect light; 0: off", low=0, high=100, unit="%",
+        1.0, "float", "view", "estimated error at which refinement of a still view ends in the viewer, in percent of the "
+        "mean indirect light; 0: off", low=0, high=100, unit="%",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -239,7 +248,7 @@ class Settings:
 
     @property
     def threshold(self) -> float:
-        """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
+        """The Σw below which a pixel requests a record: `tolerance`, with auto resolved."""
         return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)
 
     @property
@@ -249,7 +258,7 @@ class Settings:
 
     @property
     def most_bounces(self) -> int:
-        """The indirect bounces that are made at most (`bounces`, all resolved)."""
+        """The greatest number of indirect bounces: `bounces`, with all resolved."""
         return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
 
     @property
@@ -263,7 +272,7 @@ class Settings:
         return WIDE if self.gradients and self.hessian else 1.0
 
     def of(self, *stages: str) -> tuple[Value, ...]:
-        """The values of all the settings of these stages."""
+        """Return the values of the settings of these stages."""
         return tuple(getattr(self, name) for name, d in SETTINGS.items() if d.stage in stages)
 
     def with_values(self, values: Mapping[str, object]) -> Settings:
@@ -276,20 +285,20 @@ class Settings:
 SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, **f.metadata) for f in fields(Settings)}
 
 
-REMOVED = {  # settings of earlier versions: why they are gone
-    "borrow": "every pixel gets a record where it needs one",
+REMOVED = {  # settings of earlier versions, and the reason for their removal
+    "borrow": "each pixel without enough records requests one",
     "coarse": "views begin with every other pixel, except in the paper's order of placement",
-    "fade": "frames of the viewer accumulate, except in the paper's order of placement",
-    "in_front": "weights chooses it, hessian for on and paper for off",
-    "kernel": "weights chooses it, hessian for smooth and paper for cut",
+    "fade": "the viewer accumulates frames, except in the paper's order of placement",
+    "in_front": "the setting weights replaces it, hessian for on and paper for off",
+    "kernel": "the setting weights replaces it, hessian for smooth and paper for cut",
     "max_rounds": f"a render stops after {MOST_ROUNDS} rounds",
-    "overture": "it is called fill_holes",
+    "overture": "its name is fill_holes now",
     "neighbours": "adaptive radii do better with fewer records",
-    "pixel_light_samples": "records hold the light of emissive surfaces with less error in the same time",
-    "radius": "weights chooses it, hessian for hessian and paper for harmonic",
-    "ray_noise": "4 % is the limit of noise up to which a record has a quarter of the rays, and gather_size 128 has them all",
-    "rest": "it is called viewer_samples",
-    "second_order": "weights chooses it, hessian for on and paper for off",
+    "pixel_light_samples": "records hold the light of emissive surfaces with less error in equal time",
+    "radius": "the setting weights replaces it, hessian for hessian and paper for harmonic",
+    "ray_noise": "a record has a quarter of the rays where their noise is below 4 %; gather_size 128 always has all rays",
+    "rest": "its name is viewer_samples now",
+    "second_order": "the setting weights replaces it, hessian for on and paper for off",
     "smooth": "it raised the error",
     "texture_memory": "images of surfaces have at most 1024 MiB",
     "walls": "inter-record variance finds the same pixels",
@@ -320,7 +329,7 @@ def check_name(name: str) -> None:
 
 
 class SettingValues(TypedDict, total=False):
-    """Some settings by name: what `render`, `Renderer` and `preset` take as keywords."""
+    """Some settings by name: keywords of `render`, `Renderer` and `preset`."""
 
     shadow_size: int
     seed: int
@@ -378,7 +387,7 @@ PRESETS: dict[str, SettingValues] = {
 
 
 def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Settings:
-    """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
+    """Return the settings of the preset `name` with `overrides`. Raises InputError for an unknown name or value."""
     if not isinstance(name, str):
         raise InputError(f"a preset is given by its name, not by {type(name).__name__}; the presets are {', '.join(PRESETS)}")
     if name not in PRESETS:
@@ -389,5 +398,5 @@ def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Setting
 
 @cache
 def _plain_preset(name: str) -> Settings:
-    """Without overrides: the viewer's panel asks for it some thirty times a frame."""
+    """Return a preset without overrides. The panel of the viewer reads it some thirty times a frame."""
     return Settings(**PRESETS[name])

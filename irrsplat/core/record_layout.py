@@ -72,7 +72,7 @@ COLUMNS: dict[str, Column] = {
             ("vector_r.w", "vector_g.w", "vector_b.w"),
             "1",
             "gather",
-            "unit vector in the tangent plane along which the light curves least; 0 where it is not known",
+            "unit vector in the tangent plane along which the second derivative of light is least; 0: unknown",
         ),
         Column(
             "curvature",
@@ -80,7 +80,7 @@ COLUMNS: dict[str, Column] = {
             ("gradient_r.w", "gradient_g.w"),
             "1/m²",
             "gather",
-            "second derivatives of luminance along the axis and across it, over the luminance itself",
+            "second derivatives of luminance along the axis and across it, divided by the luminance",
         ),
         Column(
             "max_radius",
@@ -88,8 +88,8 @@ COLUMNS: dict[str, Column] = {
             ("gradient_b.w",),
             "m",
             "gather",
-            "the greatest radius that the curvature may lead to, at most settings.WIDE·R_k; 0 in the dark within a closed mesh, "
-            "where the record says nothing of light",
+            "upper bound of the radius by the curvature, at most settings.WIDE·R_k; 0 for a record in the dark within a closed "
+            "mesh, which covers no pixel but its own",
         ),
         Column(
             "noise",
@@ -97,9 +97,9 @@ COLUMNS: dict[str, Column] = {
             ("noise.x",),
             "1",
             "gather",
-            "standard error of the luminance of E by the number of rays, over the luminance itself, at most 1; 0 if not known",
+            "standard error of the luminance of E by the number of rays, divided by the luminance, at most 1; 0: unknown",
         ),
-        Column("limit", "float", ("limit.x",), "1", "adaptation", "share of its radii that a record may reach at most"),
+        Column("limit", "float", ("limit.x",), "1", "adaptation", "greatest share of its radii that a record covers"),
     )
 }
 

@@ -28,7 +28,7 @@ PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
 @dataclass(frozen=True)
 class _Column:
-    """A CPU array with a row for each record: shape and type of a row; saved: files have it, by the same name."""
+    """A CPU array with a row for each record. shape, dtype: of a row. saved: True if files contain it, by its name."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -40,22 +40,22 @@ _COLUMNS: dict[str, _Column] = {
     "position": _Column((4,), "f4", "xyz, world space"),
     "normal": _Column((4,), "f4", "xyz, unit shading normal"),
     "geometric": _Column((4,), "f4", "xyz, unit geometric normal"),
-    "triangle": _Column((), "i8", "number of the triangle that it lies on, -1: not known"),
-    "epoch": _Column((), "i8", "the invalidation epoch that it was gathered in"),
-    "last_view": _Column((), "i8", "number of the last view that had it in sight"),
-    "id": _Column((), "i8", "what it is known by, whatever number it has"),
-    "frame_rotation": _Column((), "i8", "what the rotation of its frame is drawn from: see Sites"),
-    "gather_size": _Column((), "i8", "side of the gather that it comes from; 0: it is as the settings have it", saved=False),
-    "screen": _Column((), "f4", "metres that the image is high there, in the view that asked for it; 0: not known"),
+    "triangle": _Column((), "i8", "number of the triangle below the record; -1: unknown"),
+    "epoch": _Column((), "i8", "invalidation epoch of its last gather"),
+    "last_view": _Column((), "i8", "number of the last view that contained it"),
+    "id": _Column((), "i8", "identity of the record, constant while its number changes"),
+    "frame_rotation": _Column((), "i8", "random seed of the rotation of its frame, see Sites"),
+    "gather_size": _Column((), "i8", "side of its gather; 0: the settings' side", saved=False),
+    "screen": _Column((), "f4", "height of the image at its distance in the view that requested it, metres; 0: unknown"),
     "probe": _Column(
-        (PROBED,), "f4", "E in W/m², R in metres, M and ∇E from few directions: see change_probe.py; R = 0: no probe yet"
+        (PROBED,), "f4", "E in W/m², R in metres, M and ∇E of its last probe, see change_probe.py; R = 0: no probe yet"
     ),
-    "drift": _Column((), "f4", "change of `probe` since the record was gathered, 0..1; 1 where it is not known"),
+    "drift": _Column((), "f4", "change of its probes since its gather, 0..1; 1: unknown"),
     "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
 }
-_COUNTED = 1 << 53  # more than any counter of records reaches
+_COUNTED = 1 << 53  # upper bound of all counters of records
 _SAVED = [name for name, column in _COLUMNS.items() if column.saved]
-_ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.source != "site"]  # and in files, by the same names
+_ON_GPU = [name for name, column in record_layout.COLUMNS.items() if column.source != "site"]  # files have the same names
 
 
 class RecordCache(Owner):
@@ -72,7 +72,7 @@ class RecordCache(Owner):
         self.count = 0
         self.invalidation_epoch = 0  # number of invalidations
         self.refresh_count = 0  # number of refreshes
-        self.revision = 0  # rises when existing records change or go: their splats are void
+        self.revision = 0  # rises when existing records change or are dropped: their splats are void
         self.evicted = 0  # records dropped by `keep_only` so far
         self.luminance_floor = 0.0  # W/m², see `update_luminance_floor`
         self._columns = {name: np.zeros((_ROWS * TABLE_COLUMNS, *c.shape), c.dtype) for name, c in _COLUMNS.items()}
@@ -234,7 +234,7 @@ class RecordCache(Owner):
         return age
 
     def invalidate(self, numbers: np.ndarray | None = None) -> None:
-        """Make the records of these numbers stale; None: all of them, and then their probes are void as well."""
+        """Make the records of these numbers stale; None: all records, whose probes become void."""
         columns, later = dict(self._columns), self.invalidation_epoch + 1
         if numbers is None:
             columns |= {name: np.zeros_like(columns[name]) for name in ("probe", "due")}

@@ -78,9 +78,9 @@ def test_the_keywords_for_type_checkers_are_the_settings() -> None:
 def test_unknown_names() -> None:
     with pytest.raises(InputError, match=r"setting 'walls' was removed: .*; leave it out"):
         Settings().with_values({"walls": True})
-    with pytest.raises(InputError, match="setting 'kernel' was removed: weights chooses it, hessian for smooth"):
+    with pytest.raises(InputError, match="setting 'kernel' was removed: the setting weights replaces it, hessian for smooth"):
         Settings().with_values({"kernel": "cut"})
-    with pytest.raises(InputError, match="setting 'overture' was removed: it is called fill_holes"):
+    with pytest.raises(InputError, match="setting 'overture' was removed: its name is fill_holes now"):
         preset(overture=False)  # type: ignore[call-arg]
     with pytest.raises(InputError, match=r"takes auto\|plane\|trace\|embree, not 'raster'; 'raster' was removed: rays see"):
         preset(gather="raster")
