@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.core.color import LUMINANCE
 from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
@@ -31,6 +32,8 @@ from irrsplat.scene.model import Camera, Part, measure
 from irrsplat.settings import Settings
 
 _ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
+_PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
+_AROUND = 8  # records around a place that measure the noise there: a record without light has no measure of its own
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -227,7 +230,7 @@ class RecordScheduler(Owner):
             roomy = self.room > _ROOMY * self.settings.max_records
             if not (spots and roomy and self.settings.spread and gatherer.may_probe):
                 return replace(view, checked=True)
-            left = self._checked.left(screen.spots())
+            left = self._resolved(self._checked.left(screen.spots()))
             check = SpotCheck(left, left)
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
@@ -242,6 +245,17 @@ class RecordScheduler(Owner):
         sites = check.significant.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
         return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
+
+    def _resolved(self, spots: Spots) -> Spots:
+        """Return the places where a probe resolves the differences that count: the records around have little noise."""
+        from scipy.spatial import KDTree
+
+        if not (self.settings.gradients and self.cache.count and len(spots)):  # no record's noise is known
+            return spots
+        _, near = KDTree(self.cache.positions).query(spots.sites.position, k=range(1, min(_AROUND, self.cache.count) + 1))
+        luminance = (self.cache.values[:, :3] @ LUMINANCE)[near]
+        noise = self.cache.records.read("noise")["noise"][near] * luminance
+        return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]
 
     def _room(self, requested: int, camera: Camera, size: tuple[int, int]) -> int:
         """Evict records to make room for new records where eviction is allowed; return the free number of records."""

@@ -36,3 +36,12 @@ def test_dark_places_are_found_in_renders_tiles_and_ticks() -> None:
     assert between.sum() > 5
     for irradiance in (whole.irradiance, ticks):
         assert np.median(irradiance[between]) < 0.3 * np.pi  # the formula: 0.25
+
+
+def test_noise_adds_no_records() -> None:
+    """A probe hits a source of 2e-4 of the hemisphere by chance: its luminance is a multiple of the record's, or 0."""
+    source = worlds.quad((-0.02, 1.0, -0.02), (0.04, 0, 0), (0, 0, 0.04), worlds.material(0.0, 100.0))
+    scene = worlds.scene(worlds.floor(1.0), source, camera=CAMERA)
+    noisy: Any = {"bounces": 1, "gather": "trace", "light_samples": 0, "adapt": 0.0}
+    checked, unchecked = (irrsplat.render(scene, SIZE, **noisy, spread=spread).stats["records"] for spread in (0.05, 0.0))
+    assert checked < 1.5 * unchecked  # each false difference adds one: without a limit of noise, four times as many
