@@ -42,9 +42,9 @@ LABELLED = (
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Tasks in the viewer
 
-The number in each heading counts the actions: keys, clicks, drags and typed texts. Some tasks start from the state that the task before
-leaves. `python docs/programs/viewer/walk.py` performs all tasks by xdotool in a window of {width}×{height} pixels on a virtual display,
-checks their results, and writes this page.
+The number in each heading counts the actions: keys, clicks, drags and typed texts. Some tasks start from the state that the
+task before leaves. `python docs/programs/viewer/walk.py` performs all tasks by xdotool in a window of {width}×{height} pixels
+on a virtual display, checks their results, and writes this page.
 
 {rows}
 """
