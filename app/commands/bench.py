@@ -16,34 +16,38 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat bench`."""
     parser = commands.add_parser(
         "bench",
-        help="time it against the algorithm as published, and against others",
-        description="Time scenes: from an empty cache, from a kept one, turned, relit, and in flight; and print the errors.",
-        epilog="References for the errors are gathered once and kept in the user's cache folder, or in the one that\n"
-        "IRRSPLAT_CACHE names. --peers needs the extra: pip install 'irrsplat[peers]'.",
+        help="measure times, also of the published method and of other renderers",
+        description="Measure times and errors with an empty and a full cache, after turns and changes of light, and in flight.",
+        epilog="References for the errors are gathered once and kept in the cache folder of the user, or in the folder of\n"
+        "IRRSPLAT_CACHE. --peers requires the extra: pip install 'irrsplat[peers]'.",
     )
     add = parser.add_argument
     add("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper; --peers: cornell)")
     words = "image size in pixels, may be repeated (default: 800 800; --peers and --profile: 400 400)"
     flags.add_size(parser, None, words, action="append")
-    words = "may be repeated (default: default; for cornell-paper, paper as well)"
+    words = "may be repeated (default: default; for cornell-paper also paper)"
     flags.add_preset(parser, None, words, action="append")
     flags.add_loading(parser)
-    add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as the paper has it)")
-    add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
-    add("--flicker", action="store_true", help="how far light changes from frame to frame in flight instead, all bounces")
-    add("--json", metavar="FILE", help="write the results to this file as well")
-    add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
-    add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")
-    add("--profile", action="store_true", help="processor time by stage instead, beside that of its rays alone")
-    add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
-    add("--moving", action="store_true", help="errors while meshes and lights are carried through cornell and atrium instead")
+    add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as in the paper)")
+    add("--flight", choices=("on", "off"), default="on", help="also measure a flight in the viewer (default: on)")
+    add(
+        "--flicker",
+        action="store_true",
+        help="only measure flicker between the frames of a flight, with all bounces",
+    )
+    add("--json", metavar="FILE", help="also write the results to this file")
+    add("--compare", metavar="FILE", help="print ratios of time to an earlier --json")
+    add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")
+    add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
+    add("--growth", action="store_true", help="only measure time and memory against triangles and pixels; takes some minutes")
+    add("--moving", action="store_true", help="only measure errors while meshes and lights move through cornell and atrium")
     add(
         "--counted",
         action="store_true",
-        help="with --moving: ticks of so many rays, not of so many seconds, on any machine",
+        help="with --moving: frames with a fixed number of rays instead of a time, equal on all machines",
     )
-    add("--quick", action="store_true", help="with --growth: a short series of small ones")
-    add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: the plot")
+    add("--quick", action="store_true", help="with --growth: a short series of small scenes")
+    add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: write the plot")
 
 
 def _peers() -> str:

@@ -15,33 +15,33 @@ if TYPE_CHECKING:
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat cache`."""
-    words = "what is in files of records, several of them as one, and one with fewer records"
+    words = "list, merge and prune cache files"
     parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
     tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
     info = tools.add_parser(
-        "info", help="what is in them", description="Say what record caches were made for, and what they hold."
+        "info", help="print the content of caches", description="Print the scene, the settings and the content of caches."
     )
-    info.add_argument("files", nargs="+", metavar="FILE", help="record caches")
-    info.add_argument("--json", dest="as_json", action="store_true", help="as JSON, with all settings")
+    info.add_argument("files", nargs="+", metavar="FILE", help="cache files")
+    info.add_argument("--json", dest="as_json", action="store_true", help="print JSON with all settings")
     merge = tools.add_parser(
         "merge",
-        help="several as one",
-        description="Write one cache with the records of several that were made apart, for one scene with one set of settings.",
-        epilog="All records of the first stay; of each further one those whose places no others serve. Limits of radii,\n"
-        "where records disagree, are found by whoever draws with the cache first.",
+        help="merge several caches",
+        description="Merge caches of one scene and one set of settings.",
+        epilog="All records of the first cache remain, and those records of the others whose place is not covered. The next\n"
+        "renderer that loads the file limits the radii of records that disagree.",
     )
-    merge.add_argument("files", nargs="+", metavar="FILE", help="record caches")
+    merge.add_argument("files", nargs="+", metavar="FILE", help="cache files")
     prune = tools.add_parser(
         "prune",
-        help="one with fewer records",
-        description="Write a cache without records whose places others serve.",
-        epilog="With --most those go first that the others serve best, as many as must, and no more.",
+        help="remove redundant records",
+        description="Write a cache without records whose place other records cover.",
+        epilog="--most removes the best covered records first, until the limit is met.",
     )
-    prune.add_argument("file", metavar="FILE", help="a record cache")
-    words = "so many records at most, or so large a file, such as 20MB (default: only what others serve goes)"
+    prune.add_argument("file", metavar="FILE", help="a cache file")
+    words = "limit of records, or of the file size, such as 20MB (default: remove covered records only)"
     prune.add_argument("--most", type=values.most, metavar="N", help=words)
     for tool in (merge, prune):
-        tool.add_argument("-o", "--output", required=True, metavar="OUT", help="the cache to write; may be one of those read")
+        tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
 
 
 def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:

@@ -20,12 +20,12 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat completion`."""
     parser = commands.add_parser(
         "completion",
-        help="the script that makes Tab complete these commands",
-        description="Print the script that makes a shell complete commands, flags, scenes, presets and cameras at Tab.",
+        help="print the script for Tab completion",
+        description="Print the script for Tab completion of commands, flags, scenes, presets and cameras.",
         epilog='bash and zsh: eval "$(irrsplat completion bash)" in ~/.bashrc, or zsh in ~/.zshrc, after compinit.\n'
         "fish: irrsplat completion fish > ~/.config/fish/completions/irrsplat.fish",
     )
-    parser.add_argument("shell", choices=SHELLS, help="for which shell")
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,11 +13,11 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat desktop`."""
     parser = commands.add_parser(
         "desktop",
-        help="irrsplat in the desktop's menu, with its icon",
-        description="Put irrsplat into the menu of this user's desktop, or take it out again.",
-        epilog="For desktops that follow freedesktop.org; files go below $XDG_DATA_HOME, or ~/.local/share.",
+        help="add irrsplat to the desktop menu, or remove it",
+        description="Add irrsplat and its icon to the desktop menu of this user, or remove it.",
+        epilog="For desktops that follow freedesktop.org. The files are in $XDG_DATA_HOME or ~/.local/share.",
     )
-    parser.add_argument("what", choices=("install", "remove"), help="put it there, or take it away")
+    parser.add_argument("what", choices=("install", "remove"), help="add or remove the menu entry")
 
 
 def run(args: argparse.Namespace) -> int:

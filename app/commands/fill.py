@@ -25,17 +25,17 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "fill",
         help="gather the records of a flight, for render --cache-mode frozen",
-        description="Gather all records that the frames of a flight ask for into a cache file; no picture is written.",
-        epilog="Give the size, preset and settings that the frames are to have. Exit status as for render; Ctrl-C keeps what is\n"
-        "there, and the same command goes on from it.",
+        description="Gather all records that the frames of a flight request, and write them to a cache file. Write no picture.",
+        epilog="Use the size, preset and settings of the frames. Exit status as for render. Ctrl-C keeps the records; run the\n"
+        "same command again to continue.",
     )
     flags.add_scene(parser)
-    words = "the file that the records are kept in; where it is there, they are added to its own"
+    words = "cache file; new records are added to those of an existing file"
     parser.add_argument("--cache", metavar="FILE", required=True, help=words)
     flags.add_cache_mode(parser)
     flags.add_size(parser, 800)
     flags.add_preset(parser, "default")
-    parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
+    parser.add_argument("--stats", metavar="FILE.json", help="write records and coverage per frame to this file")
     flags.add_flight(parser, "the flight; one of --path and --turntable")
     flags.add_camera(parser)
     flags.add_settings(parser, stages=flags.STAGES[:-1])  # picture settings too, so that a film's flags are valid here

@@ -11,8 +11,10 @@ from irrsplat.app.commands.shared.command import Command
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat info`."""
-    parser = commands.add_parser("info", help="what is in a scene", description="Print the contents of a scene.")
-    parser.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
+    parser = commands.add_parser("info", help="print the content of a scene", description="Print the content of a scene.")
+    parser.add_argument(
+        "scene", nargs="?", metavar="SCENE", help="a path or the name of a bundled scene (default: list the bundled scenes)"
+    )
     flags.add_loading(parser)
 
 
@@ -26,8 +28,9 @@ def run(args: argparse.Namespace) -> int:
 
 def add_doctor(commands: Any) -> None:
     """Add `irrsplat doctor`, which has no flags."""
-    words = "the OpenGL of this machine, and remedies for its faults"
-    commands.add_parser("doctor", help=words, description="Print the OpenGL of this machine, and remedies for its faults.")
+    words = "check OpenGL on this machine"
+    description = "Print the OpenGL version of this machine, the result of the self-test, and remedies."
+    commands.add_parser("doctor", help=words, description=description)
 
 
 def run_doctor(args: argparse.Namespace) -> int:

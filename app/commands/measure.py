@@ -13,38 +13,36 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat measure`."""
     parser = commands.add_parser(
         "measure",
-        help="irradiance or illuminance on a plane, without a camera",
-        description="Measure the light that falls on a plane, or on single points: of lights with shadows, of emitters and\n"
-        "sky, and by all bounces. Nothing is interpolated, and no camera is needed.",
-        epilog="Points within solids, and points that a surface lies on, are marked, and do not count in mean, minimum,\n"
-        "maximum and uniformity.",
+        help="measure irradiance or illuminance on a plane, along a line or at points",
+        description="Measure the light that falls on a plane, along a line or at single points: from lights with shadows,\n"
+        "emitters, sky and all bounces. Each point is gathered separately, without interpolation. No camera is needed.",
+        epilog="Points within solids and points covered by a surface are marked. Mean, minimum, maximum and uniformity\n"
+        "ignore them.",
     )
     flags.add_scene(parser)
     add = parser.add_argument
     where = parser.add_argument_group("where", "one of --plane, --height, --line and --point")
     axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
-    words = "a corner and two edges, metres; measured from the side to which u × v points"
+    words = "a corner and two edges u and v in metres; measured from the side of u × v"
     where.add_argument("--plane", nargs=9, type=values.number, metavar=axes, help=words)
-    words = "level, so many metres above the lowest point of the scene, over all of it; measured from above"
+    words = "a horizontal plane, M metres above the lowest point of the scene, over its whole extent; measured from above"
     where.add_argument("--height", type=values.number, metavar="M", help=words)
-    words = "points along a line between two places, both among them; metres"
+    words = "points along a line, including both ends; metres"
     where.add_argument("--line", nargs=6, type=values.number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
-    words = "the direction that the points of a line face (default: up)"
+    words = "direction of the meter along a line (default: up)"
     where.add_argument("--facing", nargs=3, type=values.number, metavar=("NX", "NY", "NZ"), help=words)
-    words = "a point and the direction that it faces; may be repeated"
+    words = "a point and the direction of the meter; may be repeated"
     where.add_argument(
         "--point", nargs=6, type=values.number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words
     )
-    words = (
-        "side of the plane's cells, with a point in the middle of each, or step along the line; at most (default: EN 12464-1's)"
-    )
+    words = "largest side of the cells of a plane, or largest step on a line (default: the spacing of EN 12464-1)"
     where.add_argument("--grid", type=values.number, metavar="M", help=words)
     where.add_argument(
-        "--margin", type=values.number, metavar="M", help="leave out that much along the plane's edges (default: 0)"
+        "--margin", type=values.number, metavar="M", help="leave out a margin along the edges of a plane (default: 0)"
     )
     add(
         "-o", "--output", metavar="OUT",
-        help="a table in a .csv, or arrays in a .npz; - is CSV on stdout (default: a table to read on stdout)",
+        help="a table in a .csv, or arrays in a .npz; -: CSV on stdout (default: a table on stdout)",
     )  # fmt: skip
     add(
         "--unit",
@@ -52,7 +50,7 @@ def add(commands: Any) -> None:
         default="W/m2",
         help="irradiance of red, green and blue, or illuminance (default: W/m2)",
     )
-    add("--lux", dest="unit", action="store_const", const="lux", help="the same as --unit lux")
+    add("--lux", dest="unit", action="store_const", const="lux", help="short for --unit lux")
     add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
     flags.add_preset(parser, "reference")
     flags.add_settings(parser, stages=("shadow", "gather"))

@@ -36,67 +36,73 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "render",
         help="render a scene to files",
-        description="Render a scene, without a window, until no pixel asks for more records.",
-        epilog="A flag wins over the preset. Exit status: 0 done; 2 the command line or a file is wrong; 1 anything else; "
-        "130 interrupted\n(the last completed round is written; of a path, the frames that were done).",
+        description="Render a scene to files until no pixel requests more records.",
+        epilog="A flag overrides the preset. Exit status: 0 success; 2 error in the command line or a file; 1 any other error;\n"
+        "130 interrupted (the last completed round, or the completed frames of a path, are written).",
     )
     add = parser.add_argument
     flags.add_scene(parser)
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
-        help="may be repeated: .png (the picture, 16 samples a pixel unless --samples is given),"
-        ".exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
-        "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
-        ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
+        help="output, may be repeated: .png (the picture, 16 samples per pixel by default), .exr (a float32 layer per buffer), "
+        ".npz (all buffers, records and stats), or a folder (a PNG per buffer, and the figures of the paper). For a flight: "
+        "{frame} or {frame:04d} is the frame number; .mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     flags.add_size(parser, 800)
     add(
         "--tile-size", type=values.tile, metavar="N",
-        help=f"draw the picture in tiles of NxN pixels ({LEAST_TILE}..{MOST_TILE}): the same picture, in less memory and more "
-        "time; 0: never (default: tiles of 1024 where memory, or OpenGL's largest texture, is too small)",
+        help=f"render in tiles of NxN pixels ({LEAST_TILE}..{MOST_TILE}), with less memory and more time; 0: never "
+        "(default: tiles of 1024 if memory or OpenGL's largest texture is too small)",
     )  # fmt: skip
     flags.add_preset(parser, "default")
-    add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
+    add("--buffers", metavar="NAME,…", help="buffers in .exr, .npz and folders (default: all)")
     flags.add_cache(parser)
     add(
         "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
-        help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
-        "is the same, whichever are rendered before it and by whom; update: as keep, and where the file is of another state "
-        "of the scene, what that concerns is gathered again (default: keep)",
+        help="keep: add records to those of --cache; frozen: change no records and no file, so that a frame does not depend on "
+        "other frames; update: as keep, but accept a file of another state of the scene, and gather affected records again "
+        "(default: keep)",
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     flags.add_camera(parser)
     _add_files(parser)
     _add_false_colours(parser)
-    group = flags.add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
-    words = "keep frames that are written already, and render the others; of a film, what was stopped"
+    group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
+    words = "keep existing frames and render the others; continue an interrupted film"
     group.add_argument("--resume", action="store_true", help=words)
     group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
-    words = f"{', '.join(QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    words = f"quality of a film: {', '.join(QUALITIES)} (default: good)"
     group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
     flags.add_settings(parser)
 
 
 def _add_files(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument_group("files", "what they hold").add_argument
-    words = "a .png shows all buffers side by side, with names and scales"
+    add = parser.add_argument_group("files", "content of the outputs").add_argument
+    words = "show all buffers in a .png, side by side with names and scales"
     add("--contact-sheet", action="store_true", help=words)
-    add("--png-bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a channel, in .png and folders (default: 8)")
-    words = "of the layers in an .exr: irrsplat, the buffers' names; blender, as ViewLayer.Combined.R (default: irrsplat)"
+    add(
+        "--png-bits",
+        type=int,
+        choices=(8, 16),
+        default=8,
+        metavar="8|16",
+        help="bits per channel of a .png (default: 8)",
+    )
+    words = "names of .exr layers: of the buffers, or as in Blender, such as ViewLayer.Combined.R (default: irrsplat)"
     add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
-        "false colours", "of a .png, with isolines and a legend; all but the first with --falsecolor"
+        "false colours", "in a .png, with isolines and a legend; the other flags require --falsecolor"
     )
-    words = f"{', '.join(FALSE_COLOURED)} (default: light, all that falls on surfaces)"
+    words = f"{', '.join(FALSE_COLOURED)} (default: light, the irradiance of all light on surfaces)"
     group.add_argument("--falsecolor", nargs="?", const="light", choices=FALSE_COLOURED, metavar="BUFFER", help=words)
-    words = "upper end of the scale (default: a round number above nearly all that is seen)"
+    words = "upper end of the scale (default: a round number above nearly all visible values)"
     group.add_argument("--scale", type=values.number, metavar="X", help=words)
-    words = "logarithmic, over so many powers of ten (default: linear)"
+    words = "logarithmic scale over this number of decades (default: linear)"
     group.add_argument("--log", type=values.decades, metavar="DECADES", help=words)
-    words = "lux (of radiance: cd/m²), or W/m² (W/(m² sr)) weighted as luminance is (default: lux)"
+    words = "lux (radiance: cd/m²), or W/m² (radiance: W/(m² sr)) weighted by luminance (default: lux)"
     group.add_argument("--unit", choices=("lux", "W/m2"), help=words)
     group.add_argument("--lines", choices=("on", "off"), help="isolines between the ten steps of the scale (default: on)")
 

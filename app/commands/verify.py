@@ -17,25 +17,31 @@ def add(commands: Any) -> None:
     """Add the flags of `irrsplat verify`."""
     parser = commands.add_parser(
         "verify",
-        help="compare a rendering with a path tracer",
+        help="measure errors against a path tracer",
         description="Render a scene and print the error of its indirect light against a path tracer.",
-        epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
-        "cache folder, or in the one that IRRSPLAT_CACHE names.",
+        epilog="Requires the extra: pip install 'irrsplat[reference]'. The reference of a view is traced once and kept in the\n"
+        "cache folder of the user, or in the folder of IRRSPLAT_CACHE.",
     )
     flags.add_scene(parser)
     add = parser.add_argument
     flags.add_size(parser, 200)
-    add("--samples", type=values.samples, default=2048, metavar="N", help="rays of each kind a pixel, at least (default: 2048)")
+    add(
+        "--samples",
+        type=values.samples,
+        default=2048,
+        metavar="N",
+        help="least rays of each kind per pixel (default: 2048)",
+    )
     add(
         "--truth", choices=("trace", "gather"), default="trace",
-        help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
+        help="reference. trace: by Mitsuba; gather: by a fine gather at 1000 pixels, without the extra (default: trace)",
     )  # fmt: skip
-    add("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
-    add("--techniques", action="store_true", help="error with each technique switched off, and as published")
+    add("--curve", action="store_true", help="measure error against the number of records, for several a, and for preset paper")
+    add("--techniques", action="store_true", help="measure the error without each technique, and of the published method")
     flags.add_preset(parser, "default")
     add(
         "-o", "--output", metavar="OUT",
-        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
+        help="reference, picture and error: side by side in a .png, or as files in a folder; with --curve, its plot",
     )  # fmt: skip
     flags.add_camera(parser)
     flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here

@@ -22,8 +22,9 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "view",
         help="fly through a scene in a window",
-        description="Open a window on a scene and fly through it; F1 there shows all keys.",
-        epilog="Window size, preset and settings are remembered from the last time; a flag wins, and --preset begins anew.",
+        description="Open a scene in a window and fly through it. F1 lists all keys.",
+        epilog="The viewer restores window size, preset and settings of its last run. A flag overrides a setting, and --preset\n"
+        "resets all settings.",
     )
     flags.add_scene(parser)
     flags.add_size(parser, None, "window size (default: the last one, at first 1280 720)")

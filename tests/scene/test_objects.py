@@ -119,7 +119,7 @@ def test_a_sky_that_stands_in_is_not_written_and_a_map_by_its_mean(tmp_path: Pat
     assert write_scene(replace(scene(floor(), sky=1.0), own_sky=False), tmp_path / "a.scene") == ""
     assert "\nsky " not in (tmp_path / "a.scene").read_text() and load(tmp_path / "a.scene").sky == (1.0, 1.0, 1.0)
     mapped = irrsplat.make_scene(floor(), sky=np.ones((8, 16, 3)) * [1.0, 2.0, 3.0])
-    assert "a .scene does not hold the sky's map (its mean stands in" in write_scene(mapped, tmp_path / "b.scene")
+    assert "a .scene does not hold the sky's map (its mean replaces it" in write_scene(mapped, tmp_path / "b.scene")
     assert load(tmp_path / "b.scene").sky == pytest.approx((1.0, 2.0, 3.0))
 
 

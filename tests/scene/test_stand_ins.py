@@ -103,9 +103,9 @@ def test_an_object_on_a_vast_ground_fills_the_picture() -> None:
 
 
 def has_own_light(scene: Scene) -> bool:
-    """True if no light stands in."""
+    """True if the scene gets no default light."""
     own = not any(light.name == "key" for light in scene.lights)
-    assert own == (not any(scene.sky)) == (not any("stand in" in notice for notice in scene.notices))
+    assert own == (not any(scene.sky)) == (not any("added a sky" in notice for notice in scene.notices))
     assert not scene.own_sky
     return own
 
@@ -136,7 +136,7 @@ def test_lights_that_are_off_do_not_count() -> None:
 
 
 def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
-    """Irradiance on the far side is 0.3 of that on the near side, at any strength; with a point light no sky stands in."""
+    """Irradiance on the far side is 0.3 of that on the near side, at any strength; with a point light no sky is added."""
     suns = Light((0.0, 2.0, 1.0), (1e5,) * 3, directional=True, name="key"), Light((1.0, 2.0, 0.0), (2e5,) * 3, directional=True)
     for lights, strength in (suns, 3e5), (suns[:1], 1e5):
         scene = finished(sphere((0, 0, 0), 1.0), lights=lights)

@@ -17,7 +17,7 @@ STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add SCENE and the options of its loading."""
-    words = "a path, or a bundled scene's name (default: cornell)"
+    words = "a path or the name of a bundled scene (default: cornell)"
     parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
     add_loading(parser)
 
@@ -25,11 +25,11 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def add_loading(parser: argparse.ArgumentParser) -> None:
     """Add the options of loading, which `grammar.read` collects in `args.loading`."""
     group = parser.add_argument_group(
-        "reading the scene", "of files that say nothing about it; a .scene heeds --sky and --allow alone"
+        "reading the scene", "values that a file does not define; a .scene uses only --sky and --allow"
     )
     add = group.add_argument
-    add("--up-axis", choices=UP_AXES, default="auto", help="which axis points up (default: auto, by format and exporter)")
-    words = "edges between triangles that meet at less are smooth, where a file has no normals"
+    add("--up-axis", choices=UP_AXES, default="auto", help="up axis (default: auto, by format and exporter)")
+    words = "greatest angle between triangles at smooth edges, for files without normals"
     add(
         "--crease-angle",
         type=values.number,
@@ -37,12 +37,12 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help=f"{words} (0..180; default: {CREASE_ANGLE:g})",
     )
-    add("--time", type=values.number, metavar="S", help="pose the animation at so many seconds (default: the stored pose)")
-    words = "a folder from which the scene may read files, beside its own and those in it; may be repeated"
+    add("--time", type=values.number, metavar="S", help="time of the animation in seconds (default: the stored pose)")
+    words = "let the scene read files from this folder, in addition to its own folder; may be repeated"
     add("--allow", metavar="FOLDER", action="append", default=[], help=words)
     add(
         "--sky", metavar="TEXT",
-        help="what lights it from all around, as in a .scene, in quotes: 'R G B', 'FILE.hdr rotate 90', 'cie clear sun 40 180'",
+        help="sky, as in a .scene, in quotes: 'R G B', 'FILE.hdr rotate 90', 'cie clear sun 40 180'",
     )  # fmt: skip
 
 
@@ -51,10 +51,10 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 
     The checks need path, turntable and frames too, from `add_flight` or as None.
     """
-    group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
-    group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
-    for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
-        group.add_argument(f"--{flag}", nargs=3, type=values.number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
+    group = parser.add_argument_group("camera", "--eye requires --target; --up and --fov default to those of the scene")
+    group.add_argument("--camera", metavar="NAME", help="name of a camera of the scene (default: the first)")
+    for flag, text in (("eye", "position"), ("target", "target point"), ("up", "up direction")):
+        group.add_argument(f"--{flag}", nargs=3, type=values.number, metavar=("X", "Y", "Z"), help=f"{text} in world space")
     group.add_argument("--fov", type=values.number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
 
 
@@ -92,14 +92,14 @@ def add_preset(parser: argparse.ArgumentParser, default: str | None, words: str 
 
 def add_cache(parser: argparse.ArgumentParser, when: str = "") -> None:
     """Add --cache. when: time of the write, for the help."""
-    words = f"the records are kept in this file: taken from it where it is there, and written to it{when}"
+    words = f"load records from this file if it exists, and save them{when or ' at the end'}"
     parser.add_argument("--cache", metavar="FILE", help=words)
 
 
 def add_cache_mode(parser: argparse.ArgumentParser) -> None:
     """Add --cache-mode, for commands that always extend the file of --cache."""
     words = (
-        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+        "keep: require a file of the same scene; update: accept a file of another state of the scene, and gather affected records"
     )
     parser.add_argument(
         "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
@@ -109,13 +109,13 @@ def add_cache_mode(parser: argparse.ArgumentParser) -> None:
 def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     """Add the flags of a flight and its workers; return their group. words: the group's description."""
     group = parser.add_argument_group("path", words)
-    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
-    words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
+    group.add_argument("--path", metavar="FILE", help="path file, in the current folder or the folder of the scene")
+    words = "a seamless circle of N frames around the target of the camera, instead of a path"
     group.add_argument("--turntable", type=values.turns, metavar="N", help=words)
     group.add_argument(
-        "--frames", type=values.frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)"
+        "--frames", type=values.frames, metavar="A:B", help="render frames A to B - 1; A or B may be omitted (default: all)"
     )
-    words = "have it done by the workers of the Dask scheduler at this address; needs the extra: pip install 'irrsplat[cluster]'"
+    words = "run on the workers of the Dask scheduler at this address; extra: pip install 'irrsplat[cluster]'"
     group.add_argument("--on", type=values.address, metavar="tcp://HOST:PORT", help=words)
     return group
 

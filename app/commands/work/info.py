@@ -43,10 +43,10 @@ def scene(source: str, options: LoadOptions) -> None:
         + (f", and {_count(len(emissive), 'emissive mesh', 'emissive meshes')}" if emissive else "")
     )
     for light in it.lights:
-        out(f"    {_light(light)}" + (", stands in" if key and light is it.lights[-1] else ""))
+        out(f"    {_light(light)}" + (", added by default" if key and light is it.lights[-1] else ""))
     above = f", brighter above by {_point(it.sky_gradient)}" if any(it.sky_gradient) else ""
     sky = _environment(it.environment) if it.environment is not None else _point(it.sky) + above if any(it.sky) else "black"
-    out(f"  sky        {sky}" + (", stands in" if stand_in else ""))
+    out(f"  sky        {sky}" + (", added by default" if stand_in else ""))
     out(f"  cameras    {len(it.cameras)}")
     for i, camera in enumerate(it.cameras):
         name = (f"'{camera.name}'" if camera.name else "(no name)") + (" default" if i == 0 else "")

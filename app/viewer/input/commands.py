@@ -53,10 +53,10 @@ _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  #
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
     Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene or a path"),
-    Command("File", "Reload", "reload", "F5", help="the scene from its files"),
+    Command("File", "Reload", "reload", "F5", help="read the scene from its files again"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_as", "S", ctrl=True, shift=True),
-    Command("File", "Save picture", "screenshot", "F12", help="a PNG in the pictures folder", section=True),
+    Command("File", "Save picture", "screenshot", "F12", help="write a PNG to the pictures folder", section=True),
     Command("File", "Save film", "save_film", help="of the path, in the videos folder", enabled="film_possible", extra="video"),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
@@ -70,57 +70,55 @@ _EDIT = (
         "Delete",
         "delete",
         "DELETE",
-        help="the selected light; a selected object is hidden",
+        help="remove the selected light, or hide the selected object",
         enabled="selected",
         section=True,
     ),
     Command("Edit", "Add a point light", "add_light", argument="point", section=True),
     Command("Edit", "Add a spot light", "add_light", argument="spot"),
     Command("Edit", "Add a directional light", "add_light", argument="directional"),
-    Command("Edit", "Deselect", "escape", "ESCAPE", help="closes menus, dialogs and messages, stops a path", section=True),
+    Command("Edit", "Deselect", "escape", "ESCAPE", help="also close menus, dialogs and messages, and stop a path", section=True),
 )
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
     Command("View/Camera", "First camera", "home", "HOME"),
-    Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene, in the same direction"),
+    Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene; keeps the direction"),
     Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", section=True),
-    Command("View/Camera", "Record flight", "record", "R", help="to a path file; again: end it", section=True),
-    Command("View/Camera", "Play path", "play", "P", help="again: stop it", enabled="has_path"),
+    Command("View/Camera", "Record flight", "record", "R", help="to a path file; press again to end", section=True),
+    Command("View/Camera", "Play path", "play", "P", help="press again to stop", enabled="has_path"),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
-    Command("View", "Record discs", "toggle", "X", "discs", help="the radius of each"),
+    Command("View", "Record discs", "toggle", "X", "discs", help="with the radius of each record"),
     Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor", section=True),
-    Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag it over surfaces"),
-    Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky of a clicked point"),
+    Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag a line over surfaces"),
+    Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky at a clicked point"),
     Command("View", "Measuring plane", "toggle", "M", "plane", ctrl=True, help="horizontal, in lux with isolines"),
 )
 _RENDER = (
     *(Command("Render", f"Preset {name}", "use_preset", argument=name) for name in PRESETS),
-    Command("Render", "Refine further", "refine_further", help="halves the error at which refinement ends", section=True),
-    Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to see it from elsewhere"),
+    Command("Render", "Refine further", "refine_further", help="halve the target error", section=True),
+    Command("Render", "Freeze cache", "toggle", "F", "frozen", shift=True, help="to look at its records from another place"),
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
     *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
     Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
-    Command("Compare", "Other side", "flip", "SPACE", help="alone, in the place of both"),
-    Command(
-        "Compare", "Path-trace the reference", "trace", "Y", help="of this view; again: stop", extra="reference", section=True
-    ),
+    Command("Compare", "Other side", "flip", "SPACE", help="show one side alone, then the other"),
+    Command("Compare", "Path-trace the reference", "trace", "Y", help="press again to stop", extra="reference", section=True),
 )
 _WINDOW = (
-    Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side, with the picture beside it"),
+    Command("Window", "Controls", "toggle", argument="controls", help="the panel at the side of the picture"),
     Command("Window", "All settings", "toggle", "F3", "settings"),
     Command("Window", "Lights", "toggle", "F4", "lights"),
-    Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="all of it; again: show it"),
-    Command("Window", "Objects", "toggle", argument="outliner", help="a list; a click selects one"),
+    Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="press again to show it"),
+    Command("Window", "Objects", "toggle", argument="outliner", help="list the objects; click to select one"),
     Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
     Command("Window", "Larger text", "enlarge", "EQUAL", 0.25, ctrl=True),
     Command("Window", "Smaller text", "enlarge", "MINUS", -0.25, ctrl=True),
 )
 _HELP = (
-    Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by words"),
-    Command("Help", "Keys", "list_keys", "F1", help="of mouse and keyboard; any key by words"),
+    Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by name"),
+    Command("Help", "Keys", "list_keys", "F1", help="list all keys of mouse and keyboard"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)
@@ -129,11 +127,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
 }
 
 FLYING = (  # mouse buttons and keys that the user holds or drags, and their effects
-    ("right mouse", "hold and move to look"),
-    ("W A S D, E Q", "fly; up and down"),
-    ("Shift, Alt", "fast, slow; no shortcut works in flight"),
-    ("wheel", "nearer to the cursor; right mouse held: speed"),
-    ("left mouse", "drag to orbit about a point; or the divider"),
+    ("right mouse", "hold and move to look around"),
+    ("W A S D, E Q", "fly; move up and down"),
+    ("Shift, Alt", "fly fast, slowly; shortcuts are off in flight"),
+    ("wheel", "move toward the cursor; with right mouse held: change speed"),
+    ("left mouse", "drag to orbit about a point, or to move the divider"),
     ("left click", "select an object, or a light while F4 is open"),
 )
 

@@ -1,6 +1,6 @@
-"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: ten-tasks.md and its pictures.
+"""Writes ten-tasks.md and its pictures: common tasks in the viewer, by real keys and mouse in a real window.
 
-It needs a virtual display's tools: `apt-get install xvfb xdotool`. What is clicked is found by its label, as an eye finds it.
+It needs a virtual display: `apt-get install xvfb xdotool`. It finds the things to click by their labels.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ LABELLED = (
     *("slider_float", "slider_int", "drag_float3", "drag_float", "drag_int", "color_edit3", "input_text", "collapsing_header"),
 )
 TASKS: list[tuple[str, Callable[[Walker], None]]] = []
-PAGE = """# Ten tasks in the viewer
+PAGE = """# Tasks in the viewer
 
-Each task has the number of actions that it takes. A key, a click, a drag and a typed text are one action each.
-`python docs/programs/viewer/walk.py` does each task by xdotool in a window of {width}×{height} pixels on a virtual display,
-checks the result, and writes this page.
+The number in each heading counts the actions: keys, clicks, drags and typed texts. Some tasks start from the state that the
+task before leaves. `python docs/programs/viewer/walk.py` performs all tasks by xdotool in a window of {width}×{height} pixels
+on a virtual display, checks their results, and writes this page.
 
 {rows}
 """
@@ -223,14 +223,14 @@ def fly(walker: Walker) -> None:
     before = walker.viewer.actions.session.camera
     walker.hold("w", 0.8)
     x, y = 0.7 * SIZE[0], 0.5 * SIZE[1]
-    walker.drag((x, y), (x + 60.0, y + 20.0), "drag with the right button: look", button=3)
+    walker.drag((x, y), (x + 60.0, y + 20.0), "drag with the right button", button=3)
     assert walker.viewer.actions.session.camera != before
     walker.key("Home")
     walker.rest()
     assert walker.viewer.actions.session.camera == before
 
 
-@task("Find why a corner is dark")
+@task("Find the cause of a dark corner")
 def dark_corner(walker: Walker) -> None:
     walker.key("ctrl+d")
     walker.click_at((2.78, 0.02, 1.0), "the floor before the short box")
@@ -238,7 +238,7 @@ def dark_corner(walker: Walker) -> None:
     assert walker.viewer.actions.session.options.surface is not None
 
 
-@task("Give a wall another colour, and take it back")
+@task("Change the colour of a wall and undo it")
 def repaint(walker: Walker) -> None:
     walker.key("ctrl+d")
     walker.click_at((0.0, 3.5, 2.8), "the wall")
@@ -253,7 +253,7 @@ def repaint(walker: Walker) -> None:
     walker.rest()
 
 
-@task("Dim the lamp and make it warmer")
+@task("Dim a light and make it warmer")
 def dim(walker: Walker) -> None:
     walker.key("F4")
     walker.click(next(label for label in walker.labels.now if "(" in label and ")" in label))
@@ -264,7 +264,7 @@ def dim(walker: Walker) -> None:
     walker.rest()
 
 
-@task("Move the lamp")
+@task("Move a light")
 def move(walker: Walker) -> None:
     (lamp,) = walker.viewer.actions.editor.lights
     before = lamp.light.position
@@ -274,7 +274,7 @@ def move(walker: Walker) -> None:
     assert walker.viewer.actions.editor.lights[0].light.position != before
 
 
-@task("Measure light on the floor, in lux")
+@task("Measure illuminance along a line")
 def measure(walker: Walker) -> None:
     walker.key("F4")
     walker.click("buffer", "light (false colours)")
@@ -305,14 +305,14 @@ def truth(walker: Walker) -> None:
     assert session.tracing.traced is None and session.options.buffers[0] == "error"
 
 
-@task("Save what was made of the scene")
+@task("Save the edited scene")
 def save(walker: Walker) -> None:
     walker.key("1", "ctrl+s")
     walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
 
 
-@task("Find a command by words")
+@task("Find a command by name")
 def palette(walker: Walker) -> None:
     walker.key("ctrl+p")
     walker.type("wireframe")
@@ -323,7 +323,7 @@ def palette(walker: Walker) -> None:
     assert walker.viewer.actions.session.options.wire
 
 
-@task("Drop a file")
+@task("Open a file by drag and drop")
 def drop(walker: Walker) -> None:
     walker.key("t")
     walker.done.clear()
@@ -336,7 +336,7 @@ def drop(walker: Walker) -> None:
     walker.rest()
 
 
-@task("Is there enough light on the desks?")
+@task("Measure illuminance at desk height")
 def plane(walker: Walker) -> None:
     walker.key("ctrl+m")
     session = walker.viewer.actions.session

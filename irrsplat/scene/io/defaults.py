@@ -1,4 +1,4 @@
-"""Completion of loaded scenes: stand-in light and camera, and notices about them."""
+"""Completion of loaded scenes: default light and camera, and notices about them."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def finish(
     """Return the Scene of these parts; meshes are relative to `origin`. `sky` None: none was requested.
 
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: read apart from `path`. up: the up vector.
-    None: that of the first camera, and a plain sky stands in where there is no light, as for a `.scene`. Otherwise a sky with a
-    gradient and a key light stand in where there is too little light; next to directional light only the sky does. invent: False
-    leaves existing light alone, however weak. Raises FarAway where the meshes are far from 0 0 0 and `origin` is not set, and
+    None: that of the first camera, and a uniform sky for a scene without light, as for a `.scene`. Otherwise a scene with too
+    little light gets a sky with a gradient and a key light, and a scene with directional light alone gets only the sky. invent:
+    False leaves existing light alone, however weak. Raises FarAway if the meshes are far from 0 0 0 and `origin` is not set, and
     InputError for a file with an `up` and no triangle with an area.
     """
     notices = [*remarks]
@@ -74,15 +74,13 @@ def finish(
     if not cameras:
         stand = camera.default_camera(main_part, points, world, room_places)
         inside = stand.inside
-        where = (
-            "one in the room" if inside else "one that sees the whole scene" if main_part is scene else "one that sees most of it"
-        )
-        notices.append(f"{path}: no camera; {where} stands in")
+        where = "in the room" if inside else "that sees the whole scene" if main_part is scene else "that sees most of the scene"
+        notices.append(f"{path}: no camera; added a camera {where}")
         scene, main_part = replace(scene, cameras=(stand.camera,)), replace(main_part, cameras=(stand.camera,))
     if up is None:
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
-            notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
+            notices.append(f"{path}: no light, no emission and no sky; added a sky of radiance 1 1 1")
     elif sky is None and (invent or not (lights or any(any(mesh.material.emission) for mesh in meshes))):
         around = camera.enclosure_of_camera(main_part, points, world, room_places)
         inside = inside or around is not None
@@ -91,17 +89,17 @@ def finish(
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
             what = "a sky and a point light" if inside else "a sky that is brighter above and a key light"
-            notices.append(f"{path}: {few}; {what} stand in")
+            notices.append(f"{path}: {few}; added {what}")
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
         elif own == "sun":
-            notices.append(f"{path}: there is only directional light; a sky that is brighter above is added")
+            notices.append(f"{path}: only directional light; added a sky that is brighter above")
             mean, gradient = light.fill_sky(scene)
             scene = replace(scene, sky=mean, sky_gradient=gradient)
     if sky is not None:
         scene = with_sky(sky, scene, world)
         notices += sky.notices
     if meshes and not face_counts(scene).lit:
-        notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
+        notices.append(f"{path}: all materials transmit most of the light; only their tints are shown")
     return replace(scene, notices=tuple(notices)).placed(origin)
 
 

@@ -24,8 +24,8 @@ class Scene:
 
     sky: (3,) mean radiance of the environment. sky_gradient: (3,) additional radiance straight up: the radiance from the unit
     direction d is sky + sky_gradient·dot(d, up), or that of `environment`, if there is one. Its suns are among the lights.
-    up: (3,) unit, world space. own_sky: True for a sky from the file; a stand-in sky is not shown as background.
-    notices: one-line remarks of the loader for users, for example on dropped triangles or a stand-in sky.
+    up: (3,) unit, world space. own_sky: True for a sky from the file; a default sky is not shown as background.
+    notices: one-line remarks of the loader for users, for example on dropped triangles or a default sky.
     files: the paths of all files that were read.
     origin: (3,) world space, float64: positions of meshes are relative to it. It is not 0 0 0 for a scene far from there, where
     float32 would be too coarse; lights and cameras are in world space.

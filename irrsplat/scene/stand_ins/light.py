@@ -19,7 +19,7 @@ GRADIENT: Vector = (0.6, 0.6, 0.6)  # the zenith is four times as bright as the 
 KEY: Vector = (1.5, 1.5, 1.5)  # of the key light; perpendicular irradiance is π times as much
 FILL = 0.3  # irradiance by the sky, relative to that of a lone sun; about a clear sky's share
 _KEY_DIRECTION = np.array([-0.55, 0.75, 0.5])  # direction of the key light: the camera's right, up and back
-# Shares of the stand-in sky's power below which emission does not light a scene. The sky still adds to a faintly glowing object;
+# Shares of the default sky's power below which emission does not light a scene. The sky still adds to a faintly glowing object;
 # little of it enters a room that lacks a wall or has windows, and none a closed room.
 _MINOR_SHARE: dict[Enclosure, float] = {"none": 0.25, "half": 0.01, "closed": 0.002}
 _OFF_SHARE = 1e-6  # the same share, of all lights together, below which they count as switched off
@@ -45,7 +45,7 @@ def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Lig
 def own_light(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own"]:
     """Return the kind of the scene's own light: "nothing", "sun" (directional light only), or "own" (any other).
 
-    Lights count unless they are almost off. Emission counts if its power exceeds a small share of the power of the stand-in sky
+    Lights count unless they are almost off. Emission counts if its power exceeds a small share of the power of the default sky
     on the bounding sphere: 4π²·L·R² W. enclosure: how far it is a room.
     """
     radius = 0.5 * scene.diagonal

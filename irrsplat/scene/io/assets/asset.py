@@ -25,7 +25,7 @@ _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".o
 def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
     """Load the geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
 
-    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and stand-ins. origin: of the scene.
+    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and defaults. origin: of the scene.
     Raises FarAway for another origin, and InputError, one line with the file's path, for a missing or damaged file.
     """
     notices: list[str] = []

@@ -334,12 +334,12 @@ def _texture(path: Path, notices: list[str], images: list[str]) -> tuple[Texture
         notices.append(f"{path}: only the first of its {len(images)} textures is shown; save it with one, or as OBJ")
     file = find_file(path.parent, images[0])
     if file is None:
-        notices.append(f"{path}: there is no image {quote(images[0])}; grey 0.5 stands in")
+        notices.append(f"{path}: there is no image {quote(images[0])}; using grey 0.5")
         return None, ()
     try:
         return Texture(read_image(read_bytes(file, MOST_IMAGE), file.name)), (file,)
     except InputError as error:
-        notices.append(f"{path}: {error}; grey 0.5 stands in")
+        notices.append(f"{path}: {error}; using grey 0.5")
         return None, (file,)
 
 

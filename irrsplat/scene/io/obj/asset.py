@@ -101,7 +101,7 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
     unknown = [shape.names[i] for i, material in known.items() if material is None]
     if unknown and found:
         others = f" and {len(unknown) - 1} more" * (len(unknown) > 1)
-        notices.append(f"{path}: no material file defines {quote(unknown[0])}{others}; grey 0.5 stands in")
+        notices.append(f"{path}: no material file defines {quote(unknown[0])}{others}; using grey 0.5")
     return {i: material for i, material in known.items() if material is not None}, tuple(reader.files)
 
 

@@ -1,4 +1,4 @@
-"""Meshes and scenes from NumPy arrays, with the same stand-ins as those from files."""
+"""Meshes and scenes from NumPy arrays, with the same defaults as those from files."""
 
 from __future__ import annotations
 
@@ -83,9 +83,9 @@ def make_scene(
     """Return a Scene of `meshes`, as `irrsplat.load` does for a file.
 
     sky: (3,) uniform radiance; (H, W, 3) radiance of an equirectangular map, top row first, with north in its middle; or a text
-    as the option `sky` of `irrsplat.load`. up: the vertical axis. A sky and a key light stand in for missing light, and a camera
-    that sees the scene for a missing camera, with Scene.notices. Existing light is never supplemented. Raises InputError for
-    meshes without a triangle, and for values of another kind.
+    as the option `sky` of `irrsplat.load`. up: the vertical axis. A scene without light gets a sky and a key light, and a
+    scene without camera gets one that sees the scene; Scene.notices report both. Existing light is never supplemented. Raises
+    InputError for meshes without a triangle, and for values of another kind.
     """
     meshes = (meshes,) if isinstance(meshes, Mesh) else meshes
     given = Scene(cast(tuple[Mesh, ...], meshes), cast(tuple[Light, ...], lights), cast(tuple[Camera, ...], cameras))
@@ -103,7 +103,7 @@ def completed(
     dropped: int = 0,
     origin: Vector = (0.0, 0.0, 0.0),
 ) -> Scene:
-    """Return the Scene of these parts, with meshes relative to `origin`, and stand-ins for missing light or camera.
+    """Return the Scene of these parts, with meshes relative to `origin`, and defaults for missing light or camera.
 
     Raises InputError for a scene without triangles. Meshes far from 0 0 0 become relative to a nearby origin.
     """

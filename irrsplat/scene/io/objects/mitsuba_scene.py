@@ -34,7 +34,7 @@ def from_mitsuba(
     """Return the Scene of a Mitsuba 3 scene: a mitsuba.Scene, an argument of `mitsuba.load_dict`, or the path of an XML file.
 
     Supported are meshes, rectangles, disks, spheres and cylinders; diffuse BSDFs, also two-sided, with bitmaps and checkerboards,
-    and the diffuse part of others or a stand-in; emitters area, point, spot, directional, constant and envmap; perspective
+    and the diffuse part of others or a default; emitters area, point, spot, directional, constant and envmap; perspective
     cameras. An area emitter emits from its front only, as in Mitsuba. Unsupported parts are left out or replaced, with
     Scene.notices. A file may refer to any other files. up: the vertical axis, as for `make_scene`. Needs the extra: pip install
     'irrsplat[reference]'. Raises InputError for a variant without RGB, and for a scene that Mitsuba cannot load; IrrsplatError
@@ -189,7 +189,7 @@ class _Reader:
     def _strength(self, values: Mapping[str, Any], key: str) -> tuple[float, float, float]:
         found = color(values, key)
         if found is None:
-            self.remarks.add(f"an emitter's {key} is no colour; 1 1 1 stands in")
+            self.remarks.add(f"an emitter's {key} is no colour; using 1 1 1")
             return 1.0, 1.0, 1.0
         return found
 

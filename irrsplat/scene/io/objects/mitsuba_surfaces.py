@@ -160,7 +160,7 @@ class Surfaces:
             brightest = float(picture.max()) or 1.0
             texture = self._texture(picture / brightest, values.get("radiance.to_uv"))
             return replace(material, emission=(brightest,) * 3, emission_texture=texture)
-        self.remarks.add("the radiance of an area emitter is neither a colour nor a bitmap; 1 1 1 stands in")
+        self.remarks.add("the radiance of an area emitter is neither a colour nor a bitmap; using 1 1 1")
         return replace(material, emission=(1.0, 1.0, 1.0))
 
     def _reflection(self, bsdf: Any) -> Material:
@@ -218,7 +218,7 @@ class Surfaces:
                 picture = np.array([[first, second], [second, first]])
                 texture = self._texture(np.clip(picture, 0.0, 1.0), values.get(f"{board}to_uv"), nearest=True)
                 return Material((1.0, 1.0, 1.0), albedo_texture=texture)
-        self.remarks.add(f"the BSDF {kind} has no diffuse colour that is read; a reflectance of 0.5 stands in")
+        self.remarks.add(f"the BSDF {kind} has no readable diffuse colour; using a reflectance of 0.5")
         return Material()
 
     def _texture(self, picture: np.ndarray, to_uv: Any, nearest: bool = False) -> Texture:

@@ -43,7 +43,7 @@ def from_trimesh(
 
     Materials: base colour or diffuse colour with its texture, emission, alpha; vertex and face colours are sRGB. Lengths are
     converted from `units` to metres. Missing normals are computed by `crease_angle` (degrees). The camera of a trimesh.Scene
-    follows those in `cameras`. Other arguments, stand-ins and errors are those of `make_scene`; omissions are in Scene.notices.
+    follows those in `cameras`. Other arguments, defaults and errors are those of `make_scene`; omissions are in Scene.notices.
     """
     LoadOptions(crease_angle=crease_angle)  # for its check
     reader = _Reader(name)

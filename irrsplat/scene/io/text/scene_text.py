@@ -47,7 +47,7 @@ def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector =
     """Load the scene in the `.scene` file at `path`; raise InputError with file and line for an invalid file.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
-    `cam`, else the first named one, else a camera that sees everything. Notices list omissions and stand-ins.
+    `cam`, else the first named one, else a camera that sees everything. Notices list omissions and defaults.
     options: only the sky applies, in place of the file's. origin: of the scene; raises FarAway for another one.
     """
     reader = _Reader(other_sky=sky_text.sky_of(options.sky), origin=origin)

@@ -88,13 +88,13 @@ class _Writer:
         return [*lines, f"proj {_numbers((fov, 1.0, _NEAR, _FAR))}"]
 
     def sky(self, scene: Scene) -> list[str]:
-        """Return the line of the sky, if there is one; none for a stand-in that the reader restores."""
+        """Return the line of the sky, if there is one; none for a default sky, which the reader restores."""
         if any(scene.sky_gradient):
             self._lose("a sky that is brighter above", 0)
         if scene.environment is not None and self._can_write_sky(scene):
             return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
-            self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
+            self._lose("the sky's map (its mean replaces it, its suns are kept)", 0)
             return [f"sky {_numbers(scene.environment.mean)}"]
         lit = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
         if not lit and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
