@@ -121,90 +121,93 @@ class Settings:
 
     # the order of the stages is the order of the frame
     shadow_size: int = _declare(
-        1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
+        1024, "int", "shadow", "resolution of a shadow map tile; a point light has six tiles", low=16, high=4096, unit="texels"
     )
-    seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
+    seed: int = _declare(0, "int", "gather", "random seed; equal seeds give equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
         "all",
         "int",
         "gather",
-        "indirect bounces; 0 is direct light only, all as many as are worth it",
+        "indirect bounces; 0: direct light only; all: until further bounces add less than 1 %",
         low=0,
         high=64,
         word="all",
     )
     gather: str = _declare(
-        "auto", "choice", "gather", "how a record samples its hemisphere: one 150° plane, or rays traced by shaders or by "
-        "Embree; auto: rays, by Embree where OpenGL is software",
+        "auto", "choice", "gather", "method to sample a hemisphere: one 150° plane, or rays by shaders (trace) "
+        "or Embree; auto: Embree if OpenGL is software, else trace",
         choices=("auto", "plane", "trace", "embree"),
     )  # fmt: skip
     gather_size: int = _declare(
         64,
         "int",
         "gather",
-        "side of a record's plane, or as many rays squared; 128 is near exact",
+        "resolution of a record's plane, or root of its number of rays; 128 is almost exact",
         low=4,
         high=256,
         unit="pixels",
     )
     light_samples: int = _declare(
-        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to places that lights close "
-        "by light, in addition to its hemisphere samples; 0: off", low=0, high=4096,
+        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to virtual point lights, "
+        "in addition to its hemisphere samples; 0: off", low=0, high=4096,
     )  # fmt: skip
-    gradients: bool = _declare(True, "bool", "splat", "records store how irradiance changes with place and normal")
+    gradients: bool = _declare(True, "bool", "splat", "records store derivatives of irradiance by position and normal")
     weights: str = _declare(
-        "hessian", "choice", "splat", "weights and radii of records: the paper's, by distance, cut off at 1/a; or radii along "
-        "and across by the second derivatives of light, and weights that fall to 0 at the rim", choices=("paper", "hessian"),
+        "hessian", "choice", "splat", "weights and radii of records; paper: radii from distances, weights cut off at 1/a; "
+        "hessian: two radii from the second derivatives of light, weights that fall to 0 at the rim",
+        choices=("paper", "hessian"),
     )  # fmt: skip
-    a: float = _declare(0.6, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
+    a: float = _declare(
+        0.6, "float", "splat", "reach of a record, a·R; smaller values give more records and less error", low=0.01, high=2
+    )
     adapt: float = _declare(
-        0.6, "float", "splat", "greatest relative difference between neighbouring records before their radii shrink; 0: off",
+        0.6, "float", "splat", "relative difference between neighbouring records above which their radii shrink; 0: off",
         low=0, high=10,
     )  # fmt: skip
     radius_min: float = _declare(
-        0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height; of a strip, "
-        "of that of a square with as many pixels", low=0, high=50, unit="%",
+        0.5, "float", "splat", "least radius of a splat on screen, in percent of the image height, or for strips of "
+        "the side of a square with as many pixels", low=0, high=50, unit="%",
     )  # fmt: skip
     radius_max: float = _declare(
-        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; of a strip, "
-        "as the least; 0 is no limit",
+        7.0, "float", "splat", "greatest radius of a splat on screen, in percent of the same height as the least "
+        "radius; 0: no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
-        "auto", "float", "examine", "a pixel requests a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
+        "auto", "float", "examine", "a pixel requests a record if Σw is below this value; auto: 1/a", low=0, high=1e6, word="auto"
     )
     spread: float = _declare(
-        0.05, "float", "examine", "a pixel also requests a record where inter-record variance is greater: standard deviation "
-        "over mean; 0: off", low=0, high=10,
+        0.05, "float", "examine", "a pixel also requests a record if the standard deviation of its records, relative to "
+        "their mean, is above this value; 0: off", low=0, high=10,
     )  # fmt: skip
     placement: str = _declare(
-        "tiles", "choice", "examine", "where records go: tiles, coarse to fine, or the paper's random warm-up and scan order",
+        "tiles", "choice", "examine", "placement of records; tiles: coarse to fine; scan: the paper's warm-up and scan order",
         choices=("tiles", "scan"),
     )  # fmt: skip
-    warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
+    warmup: int = _declare(1000, "int", "examine", "number of random first records with --placement scan", low=0, high=100_000)
     max_records: int = _declare(
-        200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
+        200_000, "int", "examine", "greatest number of records; beyond it, records that were out of view for longest are removed",
         low=100, high=4_000_000,
     )  # fmt: skip
     blend: float = _declare(
-        0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
+        0.5, "float", "composite", "0: direct light only; ½: the physical sum; 1: indirect light only", low=0, high=1
     )
     fill_holes: bool = _declare(
-        True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them"
+        True, "bool", "composite", "fill pixels without records from the light around them while a view fills"
     )
     samples: int = _declare(
-        1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
+        1, "int", "composite", "samples per pixel for antialiasing; 1: the pixel centre",
         low=1, high=65536,
     )  # fmt: skip
     quality: float = _declare(
-        0.0, "float", "composite", "a render goes on until its estimated error is at most this, in percent of the mean indirect "
-        "light; 0: until every pixel is covered", low=0, high=100, unit="%",
+        0.0, "float", "composite", "refine a render down to this estimated error, in percent of the mean indirect light; "
+        "0: stop when every pixel is covered", low=0, high=100, unit="%",
     )  # fmt: skip
     exposure: float | Auto = _declare(
         "auto",
         "float",
         "composite",
-        "brightness of the picture; auto meters the light, so that white rooms are white",
+        "brightness of the picture; auto: meter the light, so that white rooms look white",
         low=-64,
         high=64,
         unit="stops",
@@ -212,19 +215,19 @@ class Settings:
     )
 
     backdrop: str = _declare(
-        "auto", "choice", "composite", "what stands behind everything, no light unless it is the sky; auto: the sky where the "
-        "scene's file has one, else grey; clear: nothing, the picture has alpha",
+        "auto", "choice", "composite", "background of the picture, without light unless it is the sky; auto: the sky if the "
+        "scene file has one, else grey; clear: none, the picture has alpha",
         choices=("auto", "sky", "grey", "black", "white", "clear"),
     )  # fmt: skip
     budget: float = _declare(
-        80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
+        80.0, "float", "view", "frame budget of the viewer, for gathers and draws; renders have no budget",
         low=1, high=10_000, unit="ms",
     )  # fmt: skip
     viewer_samples: int = _declare(
-        64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536,
+        64, "int", "view", "samples per pixel that the viewer accumulates in a still view; 0: off", low=0, high=65536,
     )  # fmt: skip
     viewer_quality: float = _declare(
-        1.0, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
+        1.0, "float", "view", "estimated error down to which the viewer refines a still view, in percent of the mean "
         "indirect light; 0: off", low=0, high=100, unit="%",
     )  # fmt: skip
 

@@ -38,19 +38,21 @@ class Channel:
 CHANNELS: dict[str, Channel] = {
     c.name: c
     for c in (
-        Channel("image", 3, "W/(m² sr)", "radiance", "direct and indirect light, emission and the sky behind, not exposed"),
-        Channel("direct", 3, "W/(m² sr)", "radiance", "direct outgoing radiance from the scene's lights, ρ/π·E_direct"),
-        Channel("indirect", 3, "W/(m² sr)", "radiance", "indirect outgoing radiance, ρ/π·E"),
-        Channel("irradiance", 3, "W/m²", "radiance", "indirect irradiance E at the pixel, that of emissive surfaces included"),
-        Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or of a sky that is seen"),
-        Channel("weight", 1, "1", "heat", "Σ of raw w over the records that speak for the pixel"),
-        Channel("position", 3, "m", "range", "world space, at the pixel's centre"),
-        Channel("normal", 3, "1", "signed", "world space shading normal, bent by the normal map, turned to the camera"),
-        Channel("smooth_normal", 3, "1", "signed", "the same without the normal map"),
+        Channel("image", 3, "W/(m² sr)", "radiance", "direct and indirect light, emission and the visible sky, without exposure"),
+        Channel("direct", 3, "W/(m² sr)", "radiance", "outgoing radiance by direct light, ρ/π·E_direct"),
+        Channel("indirect", 3, "W/(m² sr)", "radiance", "outgoing radiance by indirect light, ρ/π·E"),
+        Channel("irradiance", 3, "W/m²", "radiance", "indirect irradiance E, including light of emissive surfaces"),
+        Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface or the visible sky"),
+        Channel("weight", 1, "1", "heat", "Σw, the sum of the raw weights of records that cover the pixel"),
+        Channel("position", 3, "m", "range", "position in world space at the pixel centre"),
+        Channel("normal", 3, "1", "signed", "shading normal with normal map, in world space, on the side of the camera"),
+        Channel("smooth_normal", 3, "1", "signed", "shading normal without normal map"),
         Channel("albedo", 3, "1", "unit", "diffuse reflectance ρ, linear"),
-        Channel("opacity", 1, "1", "unit", "of the nearest surface: 1, or less of a filter, which tints what is behind it"),
-        Channel("depth", 1, "m", "heat", "distance along the view axis; +inf where the camera sees nothing"),
-        Channel("alpha", 1, "1", "unit", "share of the pixel where the camera sees a surface, 0..1"),
+        Channel(
+            "opacity", 1, "1", "unit", "opacity of the nearest surface; below 1 for filters, which tint the light behind them"
+        ),
+        Channel("depth", 1, "m", "heat", "distance along the view axis; +inf without a surface"),
+        Channel("alpha", 1, "1", "unit", "share of the pixel that surfaces cover, 0..1"),
     )
 }
 
