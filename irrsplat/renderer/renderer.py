@@ -136,6 +136,7 @@ class Renderer(Tenant):
         """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
             *self._tiling.notices(self._state),
+            *gl_limits.shadow_notices(self.ctx, self._state.scene, self.settings.shadow_size),
             *self.stages.texture_maps(self._state).notices(self.world.runs),
             *self.world.materials.notices,
         )
