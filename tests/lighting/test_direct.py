@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.errors import InputError
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass

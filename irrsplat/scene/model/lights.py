@@ -137,6 +137,7 @@ class Light:
             raise InputError(f"the position {light} that is directional is the direction towards it, and cannot be 0 0 0")
         if not self.physical and not any(self.attenuation):
             raise InputError(f"the attenuation {light} is 0 0 0, a division by zero; give at least one number above 0")
+        check_type("a light's name", self.name, str)
         check_type(f"the photometry {light}", self.photometry, Photometry, None)
 
     @property
