@@ -11,6 +11,7 @@ from weakref import finalize
 import moderngl
 
 from irrsplat.gpu import context
+from irrsplat.scene.model.checks import check_type
 
 
 class Resource(Protocol):
@@ -66,6 +67,7 @@ class Tenant(Owner):
     @contextmanager
     def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[ExitStack]:
         """Enter the resources made in `ctx` (None: a new context) into a stack; all are freed if the block fails."""
+        check_type("ctx", ctx, moderngl.Context, None)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self._native = context.current()

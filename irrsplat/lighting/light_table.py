@@ -13,7 +13,6 @@ import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
-from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import ROUNDING
 from irrsplat.lighting.luminaire_table import halvings, photometries
 from irrsplat.scene.model import Light, Scene
@@ -142,20 +141,31 @@ def light_table(scene: Scene, side: int) -> LightTable:
     return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(parallel, bool), depth_range(scene))
 
 
-def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
-    """Return columns and rows of `count` tiles of `side` texels in one texture; InputError beyond `limit`, texels a side."""
-    count, most = max(count, 1), max(limit // side, 1)
+def _cubes(scene: Scene) -> list[bool]:
+    """Return True for each light with six tiles, False for each with one."""
+    return [not light.directional and _single(light, scene) is None for light in scene.lights]
+
+
+def tile_count(scene: Scene) -> int:
+    """Return the number of shadow tiles of the scene's lights."""
+    return sum(6 if cube else 1 for cube in _cubes(scene))
+
+
+def sheet(count: int, side: int, limit: int) -> tuple[int, int, int]:
+    """Return the side of `count` tiles, columns and rows in one texture of at most `limit` texels a side.
+
+    The side is `side`, or the greatest that fits.
+    """
+    count = max(count, 1)
+    side = min(side, limit // (math.isqrt(count - 1) + 1))
+    most = limit // side
     columns = max(min(count, 8, most), -(-count // most))  # more than 8 only where so many rows would not fit
-    if columns > most:
-        fits = limit // (math.isqrt(count - 1) + 1)
-        raise InputError(f"the lights need {count} shadow tiles of {side} texels; {fits} fit here: lower --shadow-size to that")
-    return columns, -(-count // columns)
+    return side, columns, -(-count // columns)
 
 
 def light_defines(scene: Scene) -> dict[str, int]:
     """Return the defines of shaders/lighting/lights.glsl: number and kinds of the lights."""
-    different = photometries(scene.lights)
-    cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
+    different, cubes = photometries(scene.lights), _cubes(scene)
     return {
         "LIGHTS": len(scene.lights),
         "LIGHTS_WITH_CUBE": int(any(cubes)),

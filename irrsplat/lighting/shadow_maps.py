@@ -10,7 +10,7 @@ from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_table, near_plane, sheet
+from irrsplat.lighting.light_table import light_table, near_plane, sheet, tile_count
 from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
 
 _PARTS = "closed", "open", "cut_out"
@@ -51,12 +51,9 @@ class ShadowPass(Owner):
         return self._tables.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
-        """Return the shadow maps of all lights in tiles of `side` texels square, and the light table.
-
-        Raises InputError for too many lights.
-        """
+        """Return the shadow maps of all lights in tiles of `side` texels square, or as many as fit, and the light table."""
+        side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         lights = light_table(world.scene, side)
-        columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:
             self.target.release()
         self.target = Target(self.ctx, (side * columns, side * lines), depth=True)

@@ -80,7 +80,7 @@ class VirtualLights(Owner):
         rows = np.array([_row(scene.lights[i], scene, self._windows.rectangles[i]) for i in lights])
         parallel, sides = rows[:, 0, 3] > 0.5, 2.0 * self._windows.rectangles[lights, 2:]
         density = each / np.where(parallel, sides.prod(1), 2.0 * np.pi * rows[:, 1, 3])
-        sets = int(np.clip(_ENDS // samples, *_SETS))
+        sets = int(np.clip(_ENDS // max(samples, len(lights)), *_SETS))
         place, normal, share = _passes(self.world).find(rows, each, sets, _find_uniforms(self.world, each))
         far, triangle, spread = place[..., 3].copy(), normal[..., 3].copy(), share[..., 3].copy()
         lit = spread > 0.0

@@ -28,7 +28,7 @@ from irrsplat.meter.lit_scene import LitScene
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.meter.solids import inside_solids
 from irrsplat.scene.model import Scene
-from irrsplat.scene.model.checks import check_type
+from irrsplat.scene.model.checks import check_callback, check_type
 from irrsplat.settings import Settings, SettingValues, preset
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ class LightMeter(Tenant):
         called repeatedly. Raises InputError for arrays of other shapes and non-finite numbers; IrrsplatError for a non-finite
         reading.
         """
+        check_callback("on_progress", on_progress)
         places, sites = _sites(points, normals, self._origin)
         self._use()
         count = len(sites)

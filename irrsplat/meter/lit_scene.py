@@ -28,7 +28,7 @@ class LitScene(Owner):
 
     def __init__(self, ctx: moderngl.Context, about: Mapping[str, object], scene: Scene, settings: Settings) -> None:
         self_test.check(ctx)
-        gl_limits.check(ctx, (1, 1), scene, settings.shadow_size)
+        gl_limits.check(ctx, (1, 1), scene)
         with ExitStack() as made:
             self.world = made.enter_context(World(ctx, scene))
             self.cache = made.enter_context(RecordCache(ctx))
@@ -41,6 +41,12 @@ class LitScene(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self.cache, self.shadow_pass, self.world)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """One-line remarks for a user on parts of the scene that are not as they should be."""
+        small = gl_limits.shadow_notices(self.shadow_pass.ctx, self.world.scene, self._shadow_size)
+        return (*small, *self.world.materials.notices)
 
     @property
     def shadows(self) -> ShadowMaps:

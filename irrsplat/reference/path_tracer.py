@@ -251,8 +251,8 @@ class Tracer:
         toward = mi.Vector3f(*light.position) if light.directional else mi.Point3f(*light.position) - p
         distance = dr.norm(toward)
         w = toward / (distance + TINY)
-        strength: Lanes = pi
-        if light.physical:
+        strength: Lanes = light.strength(1.0)
+        if light.physical and not light.directional:
             strength = dr.rcp(dr.square(distance) + TINY)
         elif not light.directional:
             k_c, k_l, k_q = light.attenuation

@@ -174,7 +174,8 @@ def _light(light: Light) -> dict[str, Any]:
     strength = {"type": "rgb", "value": [float(c) for c in light.color]}
     if light.directional:
         toward = [-float(x) for x in light.position]
-        return {"type": "directional", "direction": toward, "irradiance": {**strength, "value": [np.pi * c for c in light.color]}}
+        irradiance = [light.strength(1.0) * c for c in light.color]
+        return {"type": "directional", "direction": toward, "irradiance": {**strength, "value": irradiance}}
     if light.photometry is not None:
         raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     if not light.physical or light.spot_exponent > 0.0:

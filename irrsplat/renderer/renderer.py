@@ -39,7 +39,7 @@ from irrsplat.renderer.state import State
 from irrsplat.renderer.tiling import Tiling, check_whole
 from irrsplat.renderer.whole_renders import RenderRequest, WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
-from irrsplat.scene.model.checks import check_type, checked_number
+from irrsplat.scene.model.checks import check_callback, check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
@@ -136,6 +136,7 @@ class Renderer(Tenant):
         """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
             *self._tiling.notices(self._state),
+            *gl_limits.shadow_notices(self.ctx, self._state.scene, self.settings.shadow_size),
             *self.stages.texture_maps(self._state).notices(self.world.runs),
             *self.world.materials.notices,
         )
@@ -147,6 +148,7 @@ class Renderer(Tenant):
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that composites pictures of the size of a `view`."""
+        check_type("a view", view, View)
         return self._frames.composite_pass(view)
 
     def draw_shadows(self) -> ShadowMaps:
@@ -155,6 +157,7 @@ class Renderer(Tenant):
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
         """Return the g-buffer of `camera`."""
+        check_type("a camera", camera, Camera)
         return self.stages.draw_gbuffer(self._state, camera)
 
     def read_direct_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
@@ -169,6 +172,7 @@ class Renderer(Tenant):
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """Return the direct irradiance at every pixel of the present `view`, W/m²: a texture."""
+        check_type("a view", view, View)
         return self.stages.direct_irradiance(self._state, view.gbuffer)
 
     def _use_whole(self) -> None:
@@ -235,6 +239,7 @@ class Renderer(Tenant):
         """
         self._use()
         self._frames.check_present(view)
+        check_callback("on_progress", on_progress)
         samples = int(checked_number("samples", samples, 0.0))
         return self._frames.accumulate(view, samples, seconds, on_progress)
 
@@ -246,6 +251,8 @@ class Renderer(Tenant):
         InputError for a framebuffer of another size.
         """
         self._use()
+        check_type("a view", view, View)
+        check_type("a framebuffer", framebuffer, moderngl.Framebuffer)
         if tuple(framebuffer.size) != view.image.size:
             raise InputError(f"the framebuffer has {framebuffer.size} pixels and the view {view.image.size}; resize the renderer")
         if exposure is None:
@@ -254,10 +261,12 @@ class Renderer(Tenant):
 
     def automatic_stops(self, view: View) -> float:
         """Return the automatic exposure of a view in stops, also with another exposure in the settings."""
+        check_type("a view", view, View)
         return self._frames.automatic_stops(view)
 
     def stops(self, view: View) -> float:
         """Return the exposure of a view in stops by the settings."""
+        check_type("a view", view, View)
         return self._frames.stops(view)
 
     # ---- changes ---------------------------------------------------------------------------------------------------
@@ -383,6 +392,7 @@ class Renderer(Tenant):
         alpha of the view are read, so that the memory of other buffers can be freed early.
         """
         self._use_whole()
+        check_callback("progress", progress)
         return self._whole.converge(self._seen_by(camera), progress, sparing)
 
     def render(
@@ -419,6 +429,7 @@ class Renderer(Tenant):
 
     def stats(self, view: View) -> Statistics:
         """Return the statistics that describe a frame's scene, settings and OpenGL renderer; `converge` adds its counts."""
+        check_type("a view", view, View)
         return self._whole.described(view.samples, self.stops(view))
 
 

@@ -48,7 +48,7 @@ class Tiling:
         """
         state = self.fitting(replace(state, tile=0), ctx) if again else state
         at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
-        gl_limits.check(ctx, at_once, state.scene, state.settings.shadow_size)
+        gl_limits.check(ctx, at_once, state.scene)
         return state
 
     def notices(self, state: State) -> tuple[str, ...]:

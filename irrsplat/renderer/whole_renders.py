@@ -26,6 +26,7 @@ from irrsplat.renderer.state import Round
 from irrsplat.renderer.tiles import TiledPictures
 from irrsplat.renderer.tiling import Tiling, check_tiled
 from irrsplat.scene.model import Camera
+from irrsplat.scene.model.checks import check_callback
 from irrsplat.settings import MOST_ROUNDS
 
 OnRound = Callable[[Progress], None]
@@ -45,6 +46,7 @@ class RenderRequest:
     def check(self, quality: float) -> None:
         """Raise InputError for a request that is impossible with this `quality` among the settings."""
         check_names(self.buffers)
+        check_callback("progress", self.progress)
         if not self.gather and (self.figures or quality):
             raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
 

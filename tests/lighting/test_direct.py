@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.errors import InputError
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
@@ -246,12 +245,9 @@ def wall(axis: int, side: float) -> Mesh:
 
 
 def test_shadow_tiles_use_the_whole_texture() -> None:
-    """All counts up to the square of the tiles along a side fit; the side that the error names fits as well."""
-    for count in range(1, 257):
-        columns, rows = sheet(count, 1024, 16384)
-        assert columns * rows >= count and max(columns, rows) <= 16
-    with pytest.raises(InputError, match="360 shadow tiles of 1024 texels; 862 fit") as raised:
-        sheet(360, 1024, 16384)
-    assert "--shadow-size" in str(raised.value) and max(sheet(360, 862, 16384)) * 862 <= 16384
-    with pytest.raises(InputError):
-        sheet(360, 863, 16384)
+    """All counts up to the square of the tiles along a side fit in full size; more of them have the greatest side that fits."""
+    for count in (*range(1, 257), 360, 2400):
+        side, columns, rows = sheet(count, 1024, 16384)
+        assert columns * rows >= count and max(columns, rows) * side <= 16384
+        assert side == 1024 or (16384 // (side + 1)) ** 2 < count
+        assert side == 1024 or count > 256

@@ -106,7 +106,7 @@ def test_shadows_fall_through_the_holes_of_a_mask(mitsuba: Any) -> None:
     stripes = Texture(image(255, 255, 255, [[0, 255]]), wrap=("repeat", "clamp"), nearest=True)
     paint = Material(albedo_texture=stripes, alpha_mode="mask")
     sheets = [worn(floor(1.0, height, paint), 2.0) for height in (1.0, 1.001)]
-    sun = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), directional=True)
+    sun = Light((0.0, 2.0, 0.0), (1.0, 1.0, 1.0), directional=True, physical=True)
     world = scene(floor(3.0), *sheets, lights=(point_light((0.0, 4.0, 0.0)), sun))
     tracer = mitsuba.Tracer(world)
     x = np.linspace(-0.99, 0.98, 40)
@@ -118,6 +118,7 @@ def test_shadows_fall_through_the_holes_of_a_mask(mitsuba: Any) -> None:
         E = np.array(tracer.lit(light, hit)[0])[0]
         open_ = np.floor((at + 1.0) * 2.0) % 2 == 0
         assert np.array_equal(E > 0.0, open_) and 10 < open_.sum() < 30
+    assert E.max() == pytest.approx(1.0), "the colour of a physical sun is its irradiance"
 
 
 @pytest.mark.parametrize("gradient", [0.0, 0.8])

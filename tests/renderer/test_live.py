@@ -336,15 +336,18 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
     assert not left, f"{len(left)} of {len(made)}: {left[:5]}"
 
 
-def test_too_many_shadow_tiles_are_refused_before_anything_changes(renderer: Renderer) -> None:
-    room_for = (int(renderer.ctx.info["GL_MAX_TEXTURE_SIZE"]) // 4096) ** 2  # tiles; a point light takes six
-    many = tuple(point_light((0.05 * i, 0.6, 0.2)) for i in range(room_for // 6 + 1))
-    before = renderer.settings
-    renderer.relight(many)
-    with pytest.raises(InputError, match=rf"{6 * len(many)} shadow tiles of 4096 .*--shadow-size"):
-        renderer.change(replace(before, shadow_size=4096))
-    assert renderer.settings == before and renderer.frame()[1].records > 0
-    renderer.change(replace(before, shadow_size=16))
+def test_many_lights_have_smaller_shadow_tiles_and_too_many_are_refused(renderer: Renderer) -> None:
+    """300 equal lights illuminate as one of 300 times the intensity does, but for the resolution of their shadows."""
+    one, before = point_light((0.3, 0.6, 0.2)), renderer.settings
+    renderer.relight([replace(one, color=tuple(300.0 * c for c in one.color))])
+    whole = renderer.read_direct_irradiance()
+    renderer.relight([one] * 300)
+    assert not renderer.notices
+    renderer.change(replace(before, shadow_size=4096))
+    assert len(renderer.notices) == 1 and "1800 shadow tiles" in renderer.notices[0]
+    renderer.change(before)
+    assert np.median(np.abs(renderer.read_direct_irradiance() - whole)) < 1e-3 * whole.mean()
+    assert renderer.frame()[1].records > 0
     with pytest.raises(InputError, match="lights"):
-        renderer.relight(many * 1000)
-    assert len(renderer.scene.lights) == len(many)
+        renderer.relight([one] * 10000)
+    assert len(renderer.scene.lights) == 300

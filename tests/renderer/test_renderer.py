@@ -224,6 +224,12 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
     for names in ("image", 5):
         with pytest.raises(irrsplat.InputError, match="a sequence of names"):
             check_names(names)  # type: ignore[arg-type]
+    with Renderer(room(), SIZE, **FAST) as renderer:
+        for call in ("stats", "stops", "automatic_stops", "composite_pass", "direct_irradiance", "draw_gbuffer"):
+            with pytest.raises(irrsplat.InputError, match="not NoneType"):
+                getattr(renderer, call)(None)
+        with pytest.raises(irrsplat.InputError, match="progress is a function"):
+            renderer.render(progress=5)  # type: ignore[arg-type]
 
 
 def test_a_view_is_shown_in_a_framebuffer_of_its_size_alone(ctx: moderngl.Context) -> None:

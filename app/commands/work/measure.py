@@ -70,7 +70,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         grid = _grid(horizontal(scene, args.height) if args.plane is None else _plane(args.plane), args)
         points, normals = grid.points, grid.normals
     with LightMeter(scene, args.preset, **args.values) as meter:
-        for notice in (*scene.notices, *meter.world.materials.notices):
+        for notice in (*scene.notices, *meter.lit.notices):
             say(f"notice: {notice}")
         with progress() as line:
             on_points = None if line is None else lambda share: line(share, f"{len(points)} points")

@@ -112,7 +112,7 @@ def light_units(light: Light) -> dict[str, float]:
     if light.photometry is not None:
         return dict(zip(("lumen", "candela"), light.output, strict=True))
     if light.directional:
-        return {"lux": math.pi * shine}
+        return {"lux": light.strength(1.0) * shine}
     constant, linear, quadratic = light.attenuation
     if not light.physical and (constant or linear):
         return {"lux at 1 m": light.strength(1.0) * shine}

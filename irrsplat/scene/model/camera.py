@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.model.checks import checked, checked_number, moved, put
+from irrsplat.scene.model.checks import check_type, checked, checked_number, moved, put
 
 _GREATEST_COORDINATE = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
 _WIDEST_RATIO = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
@@ -47,6 +47,7 @@ class Camera:
                 self, **{name: checked(f"a camera's {name}", getattr(self, name), 3, -_GREATEST_COORDINATE, _GREATEST_COORDINATE)}
             )
         put(self, fov=checked_number("a camera's field of view", self.fov))
+        check_type("a camera's name", self.name, str)
         if not 0.0 < self.fov < 180.0:
             raise InputError(f"field of view must lie between 0 and 180 degrees, not {self.fov:g}")
         distance = math.dist(self.eye, self.target)

@@ -29,6 +29,12 @@ def check_type(what: str, value: object, kind: type, *others: None) -> None:
         raise InputError(f"{what} is a {kind.__name__}, not {type(value).__name__}")
 
 
+def check_callback(what: str, value: object) -> None:
+    """Raise InputError, with the name `what`, for a value that is neither None nor can be called."""
+    if value is not None and not callable(value):
+        raise InputError(f"{what} is a function or None, not {type(value).__name__}")
+
+
 def checked(what: str, values: object, count: int, low: float = -GREATEST, high: float = GREATEST) -> tuple[float, ...]:
     """Return `count` numbers from `low` to `high`; raise InputError, with the name `what`, for other values."""
     if isinstance(values, tuple) and len(values) == count and all(type(v) is float and low <= v <= high for v in values):

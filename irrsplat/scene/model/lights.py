@@ -103,12 +103,13 @@ class Light:
     """A delta light: a point, a spot, a directional one or a luminaire.
 
     position: (3,) world space; for a directional light the direction *towards* the light (need not be unit). color: (3,) OpenGL's
-    `diffuse`, or the radiant intensity in W/sr where `physical`. attenuation: OpenGL's (constant, linear, quadratic); not used
-    where `physical` (then 1/d²). spot_target: the point that a spot is aimed at, or None (no cone). spot_cutoff, spot_inner: half
-    angles in degrees; full intensity inside spot_inner, falling linearly in the angle to 0 at spot_cutoff; equal: a hard edge.
-    spot_exponent: OpenGL's cos^exponent inside the cone. photometry: of a luminaire, which is `physical` and has no cone. Its
-    radiant intensity in W/sr is color times candela divided by LUMINOUS_EFFICACY. It is aimed at spot_target (None: along −z).
-    Its horizontal angle 0 lies towards the component of `across`, (3,) world space, any length, that is perpendicular to the aim.
+    `diffuse`; where `physical`, the radiant intensity in W/sr, or the irradiance of a surface that faces a directional light in
+    W/m². attenuation: OpenGL's (constant, linear, quadratic); not used where `physical` (then 1/d²). spot_target: the point that
+    a spot is aimed at, or None (no cone). spot_cutoff, spot_inner: half angles in degrees; full intensity inside spot_inner,
+    falling linearly in the angle to 0 at spot_cutoff; equal: a hard edge. spot_exponent: OpenGL's cos^exponent inside the cone.
+    photometry: of a luminaire, which is `physical` and has no cone. Its radiant intensity in W/sr is color times candela divided
+    by LUMINOUS_EFFICACY. It is aimed at spot_target (None: along −z). Its horizontal angle 0 lies towards the component of
+    `across`, (3,) world space, any length, that is perpendicular to the aim.
     Raises InputError for invalid numbers.
     """
 
@@ -137,6 +138,7 @@ class Light:
             raise InputError(f"the position {light} that is directional is the direction towards it, and cannot be 0 0 0")
         if not self.physical and not any(self.attenuation):
             raise InputError(f"the attenuation {light} is 0 0 0, a division by zero; give at least one number above 0")
+        check_type("a light's name", self.name, str)
         check_type(f"the photometry {light}", self.photometry, Photometry, None)
 
     @property
@@ -159,7 +161,7 @@ class Light:
         Cone and photometry are left out.
         """
         if self.directional:
-            return math.pi
+            return 1.0 if self.physical else math.pi
         if self.physical:
             return 1.0 / max(distance * distance, 1e-30)
         constant, linear, quadratic = self.attenuation

@@ -162,6 +162,7 @@ class Mesh:
             raise InputError(f"the faces {mesh} are whole numbers, not of {self.faces.dtype}")
         if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < count:
             raise InputError(f"the faces {mesh} refer to vertices that do not exist; expected 0 to {count - 1}")
+        check_type("a mesh's name", self.name, str)
         check_type(f"the material {mesh}", self.material, Material)
 
     @cached_property

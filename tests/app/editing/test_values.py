@@ -61,8 +61,9 @@ def test_hotter_is_bluer_at_the_same_luminance() -> None:
         (Light((0, 1, 0), (3, 2, 1), physical=True, spot_target=(0, 0, 0), spot_cutoff=30, spot_inner=20), "candela"),
         (Light((0, 1, 0), (3, 2, 1), attenuation=(1, 0.5, 0)), "lux at 1 m"),
         (Light((0, 1, 0), (3, 2, 1), directional=True), "lux"),
+        (Light((0, 2, 0), (3, 2, 1), directional=True, physical=True), "lux"),
     ],
-    ids=["point", "quadratic", "spot", "attenuated", "sun"],
+    ids=["point", "quadratic", "spot", "attenuated", "sun", "physical sun"],
 )
 def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Light, unit: str) -> None:
     """At 1 m, facing the light, candela are lux; a point sends 4π times as many lumens in all directions as candela in each."""
