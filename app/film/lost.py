@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.app.common.terminal import say
 from irrsplat.core.vectors import sphere
-from irrsplat.reference.caster import camera_rays
+from irrsplat.reference.camera_view import camera_rays
 from irrsplat.scene import ray_caster
 from irrsplat.scene.model import Camera, Scene
 

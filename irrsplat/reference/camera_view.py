@@ -1,22 +1,23 @@
 """The surfaces that a camera sees, with cut-outs and culled sides removed and filters applied.
 
-NumPy alone. `seen` accepts any source of hits; `cast` finds hits without OpenGL and without a path tracer, as an independent
-reference for a g-buffer.
+NumPy alone; `seen` takes any source of hits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Protocol
 
 import numpy as np
 
-from irrsplat.reference.caster import Hits, camera_rays
 from irrsplat.reference.surfaces import Surfaces
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera
 
 EPSILON = 2e-5  # of the scene's diagonal: offset behind a surface before the search for the next one
 _LAYERS = 1000  # surfaces along a ray, at most
+
+# Returns (found, triangle, u, v, distance), (N,) each, of the nearest hits of rays by number (N,) beyond distances (N,)
+Nearest = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,22 @@ class Visible:
         return Visible(**{name: a.reshape(height, width, *a.shape[1:]) for name, a in arrays.items()})
 
 
-class HitSource(Protocol):
-    """A source of ray hits."""
+def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5) -> np.ndarray:
+    """Return (W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
 
-    def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return (found, triangle, u, v, distance) of the nearest hits of rays by number (N,) beyond the distances `beyond`
-        (N,)."""
+    size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
+    """
+    width, height = size
+    row, column = np.indices((height, width))
+    slope = np.tan(np.radians(camera.fov) / 2.0)
+    x = ((column + dx) / width * 2.0 - 1.0) * slope * (width / height)
+    y = (1.0 - (row + dy) / height * 2.0) * slope
+    world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
+    directions: np.ndarray = world / np.linalg.norm(world, axis=1, keepdims=True)
+    return directions
 
 
-def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: float) -> Visible:
+def seen(surfaces: Surfaces, directions: np.ndarray, nearest_hits: Nearest, epsilon: float) -> Visible:
     """Return the surfaces along rays (N, 3) of a camera; epsilon: offset behind a surface before the next one, in metres."""
     count, table = len(directions), surfaces.materials
     p, n, smooth, g, albedo, emission, glow = np.zeros((7, count, 3))
@@ -66,7 +74,7 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
     for _ in range(_LAYERS):
         if not len(active):
             break
-        found, triangle, u, v, distance = hits.nearest(active, beyond[active])
+        found, triangle, u, v, distance = nearest_hits(active, beyond[active])
         active, triangle, u, v, distance = (x[found] for x in (active, triangle, u, v, distance))
         beyond[active] = distance + epsilon
         points = surfaces.at(triangle, u, v)
@@ -88,15 +96,3 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
         it.albedo[at], it.emission[at] = points.albedo[stops], points.emission[stops]
         active = active[~stops]
     return it
-
-
-def cast(
-    scene: Scene, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
-) -> Visible:
-    """Return the surfaces at the point (dx, dy) of every pixel (0.5: its centre), as (H, W, …) arrays, size: (W, H).
-
-    Textures are sampled at full resolution, bilinearly. For pixels that cover many texels, average several points.
-    """
-    surfaces, directions = Surfaces.of(scene), camera_rays(camera, size, dx, dy)
-    hits = Hits(surfaces.positions, surfaces.faces, camera, size, directions)
-    return seen(surfaces, directions, hits, EPSILON * scene.diagonal).image(size)

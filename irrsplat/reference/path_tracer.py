@@ -27,8 +27,7 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.camera_view import EPSILON, Visible, seen
-from irrsplat.reference.caster import camera_rays
+from irrsplat.reference.camera_view import EPSILON, Visible, camera_rays, seen
 from irrsplat.reference.emitters import Emitters
 from irrsplat.reference.lanes import (
     TINY,
@@ -449,7 +448,7 @@ def _world(positions: np.ndarray, faces: np.ndarray) -> Any:
 
 
 class _LaneHits:
-    """Hits of a camera's rays (N, 3) on all triangles, for camera_view.seen."""
+    """Hits of a camera's rays (N, 3) on all triangles; `nearest` is a camera_view.Nearest."""
 
     def __init__(self, tracer: Tracer, camera: Camera, directions: np.ndarray) -> None:
         self.world, self.epsilon, self.directions = tracer.camera_world, tracer.epsilon, directions
@@ -459,8 +458,7 @@ class _LaneHits:
         self.entry = directions @ (middle - self.eye) - 0.51 * tracer.scene.diagonal
 
     def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return (found, triangle, u, v, distance) of the nearest hits of rays by number (N,) beyond the distances `beyond`
-        (N,)."""
+        """Return the nearest hits of rays by number (N,) beyond these distances (N,)."""
         start = np.maximum(np.maximum(beyond, self.epsilon), self.entry[pixel])
         d = self.directions[pixel]
         ray = mi.Ray3f(mi.Point3f((self.eye + start[:, None] * d).T), mi.Vector3f(d.T))
@@ -475,7 +473,7 @@ def view(
 ) -> Visible:
     """Return the surfaces at one point of every pixel, see camera_rays; one ray per pixel, row by row."""
     directions = camera_rays(camera, size, dx, dy)
-    return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions), tracer.epsilon)
+    return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions).nearest, tracer.epsilon)
 
 
 def visible_hits(

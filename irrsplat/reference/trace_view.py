@@ -13,8 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.timing.other_process import Report
-from irrsplat.reference.camera_view import Visible
-from irrsplat.reference.caster import camera_rays
+from irrsplat.reference.camera_view import Visible, camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
 from irrsplat.reference.worker import Pass, serve

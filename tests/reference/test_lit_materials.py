@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from irrsplat.core.color import LUMINOUS_EFFICACY
-from irrsplat.reference.camera_view import cast
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
 from irrsplat.sky.cie import CieSky
 from irrsplat.sky.sphere import texel_directions
 from tests.support.skies import cie, irradiance, mapped
+from tests.support.truth import cast
 from tests.support.worlds import box, floor, material, point_light, polygon_vector, quad, scene
 
 UP = np.array([[0.0, 1.0, 0.0]], "f4")

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat.reference import camera_view
+from irrsplat.reference.surfaces import Surfaces
 from irrsplat.scene.model import Camera, Light, Scene
 
 SIZE = 400  # pixels; references are square images of this side
@@ -138,3 +140,22 @@ def compare(frame: Any, reference: Reference, bounces: int | str = 1) -> dict[st
         "direct_off": float(np.mean(np.abs(off).max(axis=1) > 0.02 * L_mean)) if clear.any() else 0.0,
         "misplaced": float(np.mean(moved > 0.002 * reference.diagonal)),
     }
+
+
+def cast(scene: Scene, camera: Camera, size: tuple[int, int]) -> camera_view.Visible:
+    """Return the surfaces at the centres of the pixels of a picture of this size (W, H), found by Embree."""
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore import EmbreeDevice
+    from embreex.rtcore_scene import EmbreeScene
+
+    surfaces, directions = Surfaces.of(scene), camera_view.camera_rays(camera, size)
+    tree = EmbreeScene(EmbreeDevice(), robust=True)
+    TriangleMesh(tree, surfaces.positions, surfaces.faces)
+
+    def nearest(pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, ...]:
+        starts = np.asarray(camera.eye) + beyond[:, None] * directions[pixel]
+        hit = tree.run(starts.astype("f4"), directions[pixel].astype("f4"), output=True)
+        triangle, u, v, way = (hit[name] for name in ("primID", "u", "v", "tfar"))
+        return triangle >= 0, triangle.astype(np.int64), u.astype(float), v.astype(float), beyond + way
+
+    return camera_view.seen(surfaces, directions, nearest, camera_view.EPSILON * scene.diagonal).image(size)
