@@ -48,11 +48,10 @@ def run(args: Namespace) -> int:
 
         written = {"profiles": stage_profile.run([scene for _, scene in loaded], args, bounces)}
     elif args.flicker:
-        from irrsplat.app.bench import film_flicker, flicker
+        from irrsplat.app.bench import flicker
 
         width, height = (args.size or [flicker.SIZE])[0]
-        shown = [scene for _, scene in loaded], (width, height), (args.preset or ["default"])[0]
-        written = {"flicker": [*flicker.run(*shown), *film_flicker.run(*shown)]}
+        written = {"flicker": flicker.run([scene for _, scene in loaded], (width, height), (args.preset or ["default"])[0])}
     else:
         about, runs = _timed(loaded, args, bounces)
         written = {"machine": about, "runs": [asdict(run) for run in runs]}

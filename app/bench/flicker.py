@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -83,57 +83,39 @@ class _Seen:
                 off = np.abs(((q[:, :3] - p) * n).sum(-1))
                 same &= (q[:, 3] > 0.0) & (off < tolerance) & ((m * n).sum(-1) > _ALIKE)
                 then += np.abs(1 - i - (x - left)) * np.abs(1 - j - (y - top)) * before.luminance[row, column]
-        return change(now, then, float(self.luminance[seen].mean(dtype=float)))[same]
+        floor = _DARK * float(self.luminance[seen].mean(dtype=float)) + 1e-20
+        change: np.ndarray = np.abs(now - then) / np.maximum(0.5 * (now + then), floor)
+        return change[same]
 
 
 def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
     """Measure every scene, print a table, and return its rows for JSON."""
     out(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
     out(LEGEND)
-    found = [flicker for scene in scenes for flicker in measure(scene, size, preset, notify=doing)]
-    out("\n".join(table(found)))
+    found = [flicker for scene in scenes for flicker in measure(scene, size, preset)]
+    rows = [("scene", "flight", "rms", "above 5 %", "median ms", "records")]
+    rows += [(f.scene, f.case, f"{f.rms:.2%}", f"{f.jumps:.3%}", f"{f.median_ms:.0f}", str(f.records)) for f in found]
+    out("\n".join(columns(rows, left=2)))
     return [asdict(flicker) for flicker in found]
 
 
-def table(found: Sequence[Flicker]) -> list[str]:
-    """Return the lines of a table of flights."""
-    rows = [("scene", "flight", "rms", "above 5 %", "median ms", "records")]
-    rows += [(f.scene, f.case, f"{f.rms:.2%}", f"{f.jumps:.3%}", f"{f.median_ms:.0f}", str(f.records)) for f in found]
-    return list(columns(rows, left=2))
-
-
-def change(now: np.ndarray, then: np.ndarray, mean: float) -> np.ndarray:
-    """Return the relative change (N,) of luminance, in a frame with the mean luminance `mean`."""
-    found: np.ndarray = np.abs(now - then) / np.maximum(0.5 * (now + then), _DARK * mean + 1e-20)
-    return found
-
-
-def measure(
-    scene: Scene,
-    size: tuple[int, int],
-    preset: str = "default",
-    frames: int | None = None,
-    notify: Callable[[str], object] = lambda words: None,
-) -> Iterator[Flicker]:
-    """Yield the flights "first", "second" and "settled" through `scene` in views of `size`.
-
-    notify: called with progress messages.
-    """
+def measure(scene: Scene, size: tuple[int, int], preset: str) -> Iterator[Flicker]:
+    """Yield the flights "first", "second" and "settled" through `scene` in views of `size`."""
     path = route(scene)
-    cameras = [path.camera(t) for t in np.linspace(0.0, path.frames - 1, frames or FRAMES)]
+    cameras = [path.camera(t) for t in np.linspace(0.0, path.frames - 1, FRAMES)]
     with Renderer(scene, size, preset, tile_size=0) as renderer:
-        notify(f"{scene.name}: compiling, and the surface cache")
+        doing(f"{scene.name}: compiling, and the surface cache")
         renderer.converge(cameras[0])
         renderer.forget(lights=False)
         for case in ("first", "second"):
-            notify(f"{scene.name}: {case} flight")
+            doing(f"{scene.name}: {case} flight")
             yield _flight(case, renderer, cameras, TICK)
-        notify(f"{scene.name}: gathering along the way")
+        doing(f"{scene.name}: gathering along the way")
         for camera in cameras:
             renderer.converge(camera)
-        notify(f"{scene.name}: settled flight")
+        doing(f"{scene.name}: settled flight")
         yield _flight("settled", renderer, cameras, None)
-    notify("")
+    doing("")
 
 
 def _flight(case: str, renderer: Renderer, cameras: Sequence[Camera], seconds: float | None) -> Flicker:

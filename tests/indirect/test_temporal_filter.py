@@ -88,12 +88,13 @@ def test_holes_take_the_light_of_the_surface_cache_and_at_rest_the_picture_is_th
 @pytest.mark.few_sites
 def test_accumulation_reduces_flicker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames have few new records; a flight with all records present is the lower limit of flicker."""
-    scene, frames = room(), 4
+    scene = room()
     monkeypatch.setattr(flicker, "TICK", TICK)
+    monkeypatch.setattr(flicker, "FRAMES", 4)
     monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | more)))
-    first, second, settled = flicker.measure(scene, (48, 36), frames=frames)
+    first, second, settled = flicker.measure(scene, (48, 36), "default")
     assert [f.case for f in (first, second, settled)] == ["first", "second", "settled"]
     assert settled.rms < 0.05 and first.records <= second.records <= settled.records
     draw = Stages.draw_picture
     monkeypatch.setattr(Stages, "draw_picture", lambda stages, state, done, *_, **__: draw(stages, state, done))
-    assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), frames=frames)).rms
+    assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), "default")).rms

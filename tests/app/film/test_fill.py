@@ -12,7 +12,6 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench.film_flicker import film_flicker
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import write_room
 
@@ -74,22 +73,6 @@ def test_frozen_frames_are_the_same_in_whatever_order(place: Path) -> None:
         exposures = [renderer.render(path.camera(number), gather=False).exposure for number in (0, 6)]
     told = json.loads((place / "g.json").read_text())["frames"]
     assert told[1]["exposure"] == pytest.approx(exposures[0], abs=1e-3) and abs(exposures[0] - exposures[1]) > 1e-2
-
-
-@pytest.mark.long
-def test_a_frozen_film_flickers_less(place: Path) -> None:
-    """From frame to frame at the same places, only the view's bounds of the radii differ; without a frozen cache, new records do.
-
-    Six seeds: 0.0013 to 0.0029, 0.12 to 0.38 times the film's."""
-    scene = irrsplat.load("room.scene")
-    cameras = list(load_path("a.path", scene.camera().fov))
-    assert cli.main(["fill", "room.scene", *FLIGHT[:-1], "flicker.cache", "--size", "48", "48"]) == 0
-    with irrsplat.Renderer(scene, (48, 48), **SETTINGS) as renderer:
-        film = film_flicker(renderer, cameras, frozen=False)
-        renderer.load_cache("flicker.cache")
-        frozen = film_flicker(renderer, cameras, frozen=True)
-    assert 0.0 < frozen.rms < 0.004 and frozen.rms < 0.5 * film.rms
-    assert frozen.jumps <= 0.2 * film.jumps
 
 
 def test_ctrl_c_keeps_what_is_there(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
