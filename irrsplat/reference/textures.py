@@ -1,14 +1,14 @@
 """All images of a scene as one table of texels, and texture colours at points, at full resolution.
 
 Written independently of the shaders, as their reference. `color_at` runs on NumPy's arrays and on a path tracer's lanes; a
-`Backend` holds the differences.
+backend holds the differences.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,27 +22,8 @@ _NUMBERS = 12  # per texture: width, height, wrap u and v, nearest, the set of c
 _FARTHEST = 1e9  # texture coordinates beyond, and NaN, count as 0
 
 
-class Backend(Protocol):
-    """Operations that differ between NumPy's arrays and lanes."""
-
-    def array(self, values: np.ndarray) -> Values:
-        """Return a table for `gather`: float32 or uint32, one dimension."""
-
-    def gather(self, table: Values, index: Values) -> Values:
-        """Return the table's entries."""
-
-    def select(self, condition: Values, yes: Values, no: Values) -> Values:
-        """Return `yes` for entries with `condition`, else `no`."""
-
-    def floor(self, x: Values) -> Values:
-        """Return the greatest whole numbers up to x, as floats."""
-
-    def whole(self, x: Values) -> Values:
-        """Return whole floats, not negative, as unsigned integers."""
-
-
 class NumpyBackend:
-    """NumPy's arrays, in float64."""
+    """Operations on NumPy's arrays, in float64; lanes.LaneBackend has the same on lanes."""
 
     def array(self, values: np.ndarray) -> Values:
         """Return the values, floats as float64."""
@@ -73,14 +54,14 @@ class TextureTable:
     texture's first texel. numbers: (T · _NUMBERS,). decode: (256,) linear values of sRGB-encoded bytes.
     """
 
-    backend: Backend
+    backend: Any
     texels: Values
     first: Values
     numbers: Values
     decode: Values
 
     @staticmethod
-    def of(textures: Iterable[Texture], backend: Backend) -> TextureTable:
+    def of(textures: Iterable[Texture], backend: Any) -> TextureTable:
         """Return the table of these textures, numbered in order."""
         textures = list(textures)
         images: dict[int, Image] = {id(t.image): t.image for t in textures}

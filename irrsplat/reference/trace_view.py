@@ -36,44 +36,41 @@ def trace(
     """
     width, height = size
     tracer = Tracer(scene)
-    middle = view(tracer, camera, size)
-    hit, centre = surface(middle, camera), middle.image(size)
-    seen, smooth = centre.seen, valid_pixels(centre.position, centre.smooth, centre.seen, scene.diagonal)
+    places, centre, hit, albedo = _places(tracer, camera, size)
     direct, changes = direct_light(tracer, camera, hit, size)
-    valid = smooth & ~image(hit.ambiguous, size)  # the side turned to the camera is ambiguous there
     if any(mesh.material.textures for mesh in scene.meshes):
-        albedo, normal = over_pixels(tracer, camera, size, centre)
-        hit = replace(hit, n=mi.Vector3f(normal.reshape(-1, 3).T), albedo=mi.Color3f(albedo.reshape(-1, 3).T))
+        hit = replace(hit, n=mi.Vector3f(places.normal.reshape(-1, 3).T), albedo=mi.Color3f(albedo.reshape(-1, 3).T))
         direct = sum((image(hit.albedo * tracer.lit(light, hit)[0] / np.pi, size) for light in scene.lights), 0.0 * albedo)
-    else:
-        albedo, normal = centre.albedo, centre.normal
-
-    valid &= reflects(albedo)
-    halves = _halves(tracer, _Places(seen, centre.position, normal, centre.geometric), side, bounces, 0, report)
+    seen, smooth = centre.seen, valid_pixels(centre.position, centre.smooth, centre.seen, scene.diagonal)
+    halves = _halves(tracer, places, side, bounces, 0, report)
     sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
     return {
         "halves": halves,
         "direct": np.where(seen[..., None], direct, 0.0).astype(np.float32),
         "albedo": albedo.astype(np.float32),
         "emission": np.where(seen[..., None], centre.emission, sky).astype(np.float32),
-        "normal": normal.astype(np.float32),
+        "normal": places.normal.astype(np.float32),
         "tint": centre.tint.astype(np.float32),
         "glow": centre.glow.astype(np.float32),
         "opacity": centre.opacity.astype(np.float32),
         "seen": seen,
-        "valid": valid,
-        "clear": valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
+        "valid": places.valid,
+        "clear": places.valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
     }
 
 
 @dataclass(frozen=True)
 class _Places:
-    """Sites of irradiance, (H, W, …): the `seen` pixels, with positions, shading and geometric normals."""
+    """Sites of irradiance, (H, W, …): the `seen` pixels, with positions, shading and geometric normals.
+
+    valid: the pixels for the comparison of irradiance.
+    """
 
     seen: np.ndarray
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
+    valid: np.ndarray
 
 
 def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
@@ -99,15 +96,15 @@ def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -
     report: called with the finished share of all samples, and after each pass with `halves`, `seen` and `valid`, see `Traced`.
     """
     tracer, done, whole = Tracer(scene), 0.0, sum(one.samples * one.pixels for one in passes)
-    before, places, valid = None, None, np.zeros(0, bool)
+    before, places = None, None
     for one in passes:
         if places is None or before != (one.camera, one.size):
             before = one.camera, one.size
-            places, valid = _places(tracer, one.camera, one.size)
+            places = _places(tracer, one.camera, one.size)[0]
         share = one.samples * one.pixels / whole
         halves = _halves(tracer, places, one.side, bounces, one.number * _SEEDS, partial(_report_part, report, done, share))
         done += share
-        report(done, {"halves": halves, "seen": places.seen, "valid": valid})
+        report(done, {"halves": halves, "seen": places.seen, "valid": places.valid})
 
 
 def _report_part(report: Report, done: float, share: float, part: float) -> None:
@@ -115,16 +112,17 @@ def _report_part(report: Report, done: float, share: float, part: float) -> None
     report(done + share * part)
 
 
-def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, np.ndarray]:
-    """Return the sites at the pixels' centres, and (H, W) the pixels for the comparison of irradiance."""
+def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, Visible, Hit, np.ndarray]:
+    """Return the sites at the pixels' centres, the surfaces there (H, W, …), the same in lanes, and the mean albedo (H, W, 3)."""
     middle = view(tracer, camera, size)
-    centre, hit = middle.image(size), surface(middle, camera)
+    hit, centre = surface(middle, camera), middle.image(size)
     albedo, normal = centre.albedo, centre.normal
     if any(mesh.material.textures for mesh in tracer.scene.meshes):
         albedo, normal = over_pixels(tracer, camera, size, centre)
-    valid = valid_pixels(centre.position, centre.smooth, centre.seen, tracer.scene.diagonal) & ~image(hit.ambiguous, size)
-    valid &= reflects(albedo)
-    return _Places(centre.seen, centre.position, normal, centre.geometric), valid
+    valid = valid_pixels(centre.position, centre.smooth, centre.seen, tracer.scene.diagonal)
+    valid &= ~image(hit.ambiguous, size)  # the side turned to the camera is ambiguous there
+    valid &= np.any(albedo > 0.0, axis=-1)  # a black emitter shows only its own light
+    return _Places(centre.seen, centre.position, normal, centre.geometric, valid), centre, hit, albedo
 
 
 def at_points(
@@ -141,7 +139,8 @@ def at_points(
     directly from the lights at the points `shadowed`, M of each kind. report: called with the finished share.
     """
     tracer, p = Tracer(scene), points[0]
-    where = _Places(np.ones((1, len(p)), bool), *(np.asarray(a, np.float64)[None] for a in points))
+    everywhere = np.ones((1, len(p)), bool)
+    where = _Places(everywhere, *(np.asarray(a, np.float64)[None] for a in points), everywhere)
     halves = _halves(tracer, where, side, bounces, 0, report)[:, 0]
     q, n, g = (np.asarray(a, np.float64) for a in shadowed)
     direct = np.zeros((len(q), 3), np.float32)
@@ -189,12 +188,6 @@ def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, dia
     valid: np.ndarray = np.logical_and.reduce(turned & flat & neighbours(seen), axis=0)
     valid[[0, -1]] = valid[:, [0, -1]] = False
     return valid
-
-
-def reflects(albedo: np.ndarray) -> np.ndarray:
-    """Return (H, W) pixels with visible reflection; a black emitter shows only its own light."""
-    some: np.ndarray = np.any(albedo > 0.0, axis=-1)
-    return some
 
 
 def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
