@@ -10,5 +10,10 @@ setup(
         *(f"irrsplat.{name}" for folder in INSIDE for name in find_packages(include=[folder, f"{folder}.*"])),
     ],
     package_dir={"irrsplat": "irrsplat", **{f"irrsplat.{folder}": folder for folder in INSIDE}},
-    package_data={"irrsplat": ["py.typed"], "irrsplat.shaders": ["**/*"], "irrsplat.scenes": ["**/*"]},
+    package_data={
+        "irrsplat": ["py.typed"],
+        "irrsplat.app.common": ["*.svg"],
+        "irrsplat.shaders": ["**/*"],
+        "irrsplat.scenes": ["**/*"],
+    },
 )

@@ -19,6 +19,7 @@ from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
@@ -177,7 +178,7 @@ class _Found:
         # An equal share would be too far on a large triangle
         share = np.minimum(_INWARD, 10.0 * offset_of(scene) / np.maximum(size, 1e-30))[:, None]
         shares = corner + share * (1.0 / 3.0 - corner)
-        order = _along_a_curve((corners * shares[..., None]).sum(1))
+        order = np.argsort(along_a_way((corners * shares[..., None]).sum(1)), kind="stable")
         index = _tiles(len(root))
         triangle = np.append(root[order], -1)[index]  # index -1 selects the appended entry
         u, v = (np.append(shares[order, k], 0.0)[index] for k in (1, 2))
@@ -209,19 +210,6 @@ def _tiles(count: int) -> np.ndarray:
     picture = np.full((rows, _COLUMNS * _TILE), -1)
     picture[_places_of(count)] = np.arange(count)
     return picture
-
-
-def _along_a_curve(points: np.ndarray) -> np.ndarray:
-    """Return the order of points (N, 3) along a Morton curve: successive points are close in space."""
-    if not len(points):
-        return np.zeros(0, np.intp)
-    low, extent = points.min(0), max(float(np.ptp(points, axis=0).max()), 1e-30)
-    cells = ((points - low) / extent * 1023.0).astype(np.uint64)
-    code = np.zeros(len(points), np.uint64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
-    return np.argsort(code, kind="stable")
 
 
 # ---- the file ----------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Desktop menu entry and icons of irrsplat, at one user's places by freedesktop.org's specifications.
+"""Desktop menu entry and icon of irrsplat, at one user's places by freedesktop.org's specifications.
 
 A wheel's data files do not suffice: pip and pipx put them into the environment, outside the desktop's search path.
 """
@@ -10,9 +10,8 @@ import shutil
 import sys
 from pathlib import Path
 
-from irrsplat.app.common.icon import SIZES, icon, svg
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.core.files import write_picture, write_text
+from irrsplat.core.files import write_text
 
 NAME = "irrsplat"
 KINDS = "model/gltf-binary;model/gltf+json;model/obj;model/stl;application/x-ply;"
@@ -27,24 +26,20 @@ def data_home() -> Path:
     return Path(named) if os.path.isabs(named) else Path("~/.local/share").expanduser()
 
 
-def files(home: Path) -> dict[Path, int | None]:
-    """Return the files of `install` below `home`: icons with their side in pixels, None for other files."""
-    icons = home / "icons/hicolor"
-    found: dict[Path, int | None] = {icons / f"{side}x{side}/apps/{NAME}.png": side for side in SIZES}
-    return {home / f"applications/{NAME}.desktop": None, icons / f"scalable/apps/{NAME}.svg": None, **found}
+def files(home: Path) -> tuple[Path, Path]:
+    """Return the entry and the icon of `install` below `home`."""
+    return home / f"applications/{NAME}.desktop", home / f"icons/hicolor/scalable/apps/{NAME}.svg"
 
 
 def install(home: Path) -> list[Path]:
-    """Write the entry and the icons; return the written files."""
-    for path, side in files(home).items():
+    """Write the entry and the icon; return the written files."""
+    picture = Path(__file__).with_name(f"{NAME}.svg").read_text(encoding="utf-8")
+    for path, text in zip(files(home), (entry(command()), picture), strict=True):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise IrrsplatError(f"{path.parent}: cannot be made: {error.strerror}") from error
-        if side is not None:
-            write_picture(path, icon(side))
-        else:
-            write_text(path, svg() if path.suffix == ".svg" else entry(command()))
+        write_text(path, text)
     _notice(home)
     return list(files(home))
 

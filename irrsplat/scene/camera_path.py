@@ -101,12 +101,6 @@ def path_text(path: Path) -> str:
     return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key)[:3])}\n" for key in path.keys)])
 
 
-def camera_line(camera: Camera) -> str:
-    """Return the `cam` line of a camera for a `.scene` or a path, with six digits or to the millimetre, without name and line
-    end."""
-    return f"cam {'  '.join(_camera_words(camera, _short_number)[:3])}"
-
-
 def camera_flags(camera: Camera) -> str:
     """Return the flags --eye, --target, --up and --fov of a camera, with six digits or to the millimetre."""
     eye, target, up, fov = _camera_words(camera, _short_number)
