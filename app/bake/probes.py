@@ -1,6 +1,6 @@
 """Irradiance probes on a grid, as spherical harmonics of second order (nine coefficients per colour).
 
-E(n) = Σ c_i·Y_i(n), with the real basis Y of `basis` (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for
+E(n) = Σ c_i·Y_i(n), with the real basis Y of `harmonics` (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for
 Irradiance Environment Maps"). Files hold irradiance: the cosine convolution is already applied.
 """
 
@@ -26,6 +26,7 @@ from irrsplat.meter.readings import Status
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues
+from irrsplat.sky.cube import harmonics
 
 ENDINGS = (".json", ".npz")
 MOST = 1_000_000  # probes
@@ -38,21 +39,6 @@ BASIS = (
     "Y = (0.282095, 0.488603 y, 0.488603 z, 0.488603 x, 1.092548 x y, 1.092548 y z, 0.315392 (3 z^2 - 1), 1.092548 x z, "
     "0.546274 (x^2 - y^2)) of a unit vector (x, y, z) in world space"
 )
-
-
-def basis(directions: np.ndarray) -> np.ndarray:
-    """Return the real spherical harmonics (N, 9) up to second order of unit vectors (N, 3), in the order of BASIS."""
-    x, y, z = np.asarray(directions, float).T
-    one = np.ones_like(x)
-    rows = [
-        math.sqrt(1.0 / math.pi) / 2.0 * one,
-        *(math.sqrt(3.0 / math.pi) / 2.0 * v for v in (y, z, x)),
-        *(math.sqrt(15.0 / math.pi) / 2.0 * v for v in (x * y, y * z)),
-        math.sqrt(5.0 / math.pi) / 4.0 * (3.0 * z * z - 1.0),
-        math.sqrt(15.0 / math.pi) / 2.0 * x * z,
-        math.sqrt(15.0 / math.pi) / 4.0 * (x * x - y * y),
-    ]
-    return np.stack(rows, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +69,7 @@ class Probes:
             weight = np.where(corner, share, 1.0 - share).prod(1)
             x, y, z = np.minimum(low + corner, last).T
             found += weight[:, None, None] * self.coefficients[z, y, x]
-        light: np.ndarray = np.maximum(np.einsum("nk,nkc->nc", basis(normals), found), 0.0)
+        light: np.ndarray = np.maximum(np.einsum("nk,nkc->nc", harmonics(normals), found), 0.0)
         return light
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -144,7 +130,7 @@ def bake_probes(
     iz, iy, ix = (v.ravel() for v in np.indices((z, y, x)))
     places = low + (np.stack([ix, iy, iz], axis=1) + 0.5) * step
     directions = sphere(_DIRECTIONS)
-    solve = np.linalg.pinv(basis(directions))  # least squares
+    solve = np.linalg.pinv(harmonics(directions))  # least squares
     found, valid = np.zeros((len(places), 9, 3)), np.ones(len(places), bool)
     values: SettingValues = {"gather_size": 16, **settings}
     with LightMeter(scene, preset, ctx, **values) as meter:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -156,40 +155,19 @@ def _pose(frames: Sequence[float], matrices: np.ndarray, centre: np.ndarray, fra
 
     The centre follows a curve; the linear part is a rotation, by unit quaternions, times a stretch (polar decomposition).
     """
+    from scipy.spatial.transform import Rotation  # slow to import, and few paths need it
+
     u, s, v = np.linalg.svd(matrices[:, :, :3])
     sign = np.where(np.linalg.det(u @ v) < 0.0, -1.0, 1.0)[:, None, None]  # a mirrored one has a negative stretch
     turns, stretches = sign * (u @ v), sign * (np.swapaxes(v, 1, 2) * s[:, None] @ v)
-    quaternions = np.array([_quaternion(turn) for turn in turns])
+    quaternions = Rotation.from_matrix(turns).as_quat()
     for i in range(1, len(quaternions)):
         if quaternions[i] @ quaternions[i - 1] < 0.0:
             quaternions[i] *= -1.0  # the shorter way
-    q = curve(frames, quaternions, frame)
-    linear = _rotation(q / np.linalg.norm(q)) @ curve(frames, stretches, frame)
+    turn = Rotation.from_quat(curve(frames, quaternions, frame)).as_matrix()
+    linear = turn @ curve(frames, stretches, frame)
     middle = curve(frames, matrices[:, :, :3] @ centre + matrices[:, :, 3], frame)
     return np.column_stack([linear, middle - linear @ centre])
-
-
-def _quaternion(turn: np.ndarray) -> np.ndarray:
-    """Return (4,) unit quaternion w x y z of a rotation (3, 3): the eigenvector of Bar-Itzhack's matrix (2000), for any angle."""
-    (a, b, c), (d, e, f), (g, h, i) = turn
-    K = np.array(
-        [
-            [a + e + i, h - f, c - g, d - b],
-            [h - f, a - e - i, b + d, c + g],
-            [c - g, b + d, e - a - i, f + h],
-            [d - b, c + g, f + h, i - a - e],
-        ]
-    )
-    found: np.ndarray = np.linalg.eigh(K)[1][:, -1]
-    return found
-
-
-def _rotation(q: np.ndarray) -> np.ndarray:
-    """Return (3, 3) the rotation of a unit quaternion w x y z."""
-    w, x, y, z = q
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: np.ndarray = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
-    return turn
 
 
 # ---- the text ------------------------------------------------------------------------------------------------------------
@@ -207,9 +185,10 @@ def mesh_key(line: Line) -> MeshKey:
         axis = np.array(given[4:])
         if not axis.any():
             raise line.error(f"the axis of the rotation is 0 0 0; expected: {MESH}")
-        half = 0.5 * math.radians(given[3])
-        q = np.array([math.cos(half), *(math.sin(half) * axis / np.linalg.norm(axis))])
-        return MeshKey(name, frame, given[:3], tuple(_rotation(q).ravel()), line=line)
+        from scipy.spatial.transform import Rotation
+
+        turn = Rotation.from_rotvec(given[3] * axis / np.linalg.norm(axis), degrees=True).as_matrix()
+        return MeshKey(name, frame, given[:3], tuple(turn.ravel().tolist()), line=line)
     try:
         affine(np.reshape(given, (3, 4)))
     except InputError as error:

@@ -18,9 +18,10 @@ from irrsplat.app import cli
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.places import Receivers
-from irrsplat.app.bake.probes import Probes, bake_probes, basis
+from irrsplat.app.bake.probes import Probes, bake_probes
 from irrsplat.core.vectors import sphere
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
+from irrsplat.sky.cube import harmonics
 
 SKY = (1.0, 2.0, 3.0)
 FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "light_samples": 0, "shadow_size": 256}
@@ -190,7 +191,7 @@ def test_probes_between_two_are_a_mean_and_files_hold_them(tmp_path: Path) -> No
     probes = Probes(np.zeros(3), np.ones(3), (3, 1, 2), values, np.ones((2, 1, 3), bool))
     n = sphere(8)
     middle = probes.irradiance(np.tile([1.5, 7.0, 0.0], (8, 1)), n)
-    ends = [basis(n) @ values[0, 0, x] for x in (1, 2)]
+    ends = [harmonics(n) @ values[0, 0, x] for x in (1, 2)]
     assert np.allclose(middle, 0.5 * (ends[0] + ends[1]))
     probes.save(tmp_path / "a.json")
     probes.save(tmp_path / "a.npz")
