@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from irrsplat.app.bake.lightmap import Lightmap
+from irrsplat.app.bake.unwrap import Chartist
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
+from irrsplat.gpu import context
 from irrsplat.reference import worker
 from irrsplat.reference.truth import errors, noise, side_of, vertices
 
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
 
 SAMPLES = 2048  # rays per point and kind, as in `irrsplat verify`
 _WITHIN = 16  # points per texel for shadow sampling
-_PAIRS = 20_000_000  # texel-triangle pairs tested at once
 
 
 @dataclass(frozen=True)
@@ -127,47 +128,23 @@ def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sa
 def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, mapped and geometric normals, (N·16, 3) each, on a regular grid in the texels `at` (rows, columns).
 
-    The points lie on the surface itself: next to a curved surface, its own shadow would count.
+    The points lie on the surface itself: next to a curved surface, its own shadow would count. Points beside the surface count
+    as the texel's centre.
     """
     side = math.isqrt(_WITHIN)
-    steps = (np.arange(side) + 0.5) / side
-    x, y = (v.ravel() for v in np.meshgrid(steps, steps))
-    corner = np.stack([at[1], at[0]], axis=1)  # top left corner of each texel
-    points = corner[:, None] + np.stack([x, y], axis=1)
-    flat = made.charts.corners
-    texel, triangle = _candidates(flat.min(1), flat.max(1), corner)
-    a, b, c = (flat[triangle, None, k] for k in range(3))
-    p, second, third = points[texel] - a, b - a, c - a
-    area = _cross(second, third)
-    area = np.where(np.abs(area) > 1e-12, area, np.inf)
-    u, v = _cross(p, third) / area, _cross(second, p) / area
-    within = np.where(np.isinf(area), -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))  # at least 0 inside the triangle
-    number = texel[:, None] * _WITHIN + np.arange(_WITHIN)
-    order = np.lexsort((within.ravel(), number.ravel()))
-    chosen = order[np.flatnonzero(np.diff(number.ravel()[order], append=-1))]  # the best triangle for each point
-    u, v = (np.maximum(share.ravel()[chosen], 0.0) for share in (u, v))
-    whole = np.maximum(u + v, 1.0)
-    found = made.receivers.surfaces.at(triangle[chosen // _WITHIN], u / whole, v / whole)
+    steps = (np.arange(side) + 0.5) / side - 0.5
+    ctx = context.create()
+    try:
+        chartist = Chartist(ctx, made.charts)
+        offsets = [*((x, y) for y in steps for x in steps), (0.0, 0.0)]
+        places = [tuple(values[at] for values in chartist.at(x, y)) for x, y in offsets]
+        chartist.release()
+    finally:
+        ctx.release()
+    triangle, u, v = (np.stack(values, axis=1) for values in zip(*places, strict=True))
+    triangle, u, v = (np.where(triangle < 0, values[:, -1:], values)[:, :-1] for values in (triangle, u, v))
+    found = made.receivers.surfaces.at(triangle.ravel(), u.ravel(), v.ravel())
     return found.position, found.mapped, found.front
-
-
-def _candidates(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return candidate pairs: indices of texels `corner` (N, 2) and of triangles with bounds `low` to `high` (F, 2) that may
-    overlap.
-    """
-    step = max(_PAIRS // max(len(low), 1), 1)
-    found = []
-    for first in range(0, len(corner), step):
-        some = corner[first : first + step, None]
-        texel, triangle = np.nonzero(((low <= some + 1) & (high >= some)).all(2))
-        found.append((first + texel, triangle))
-    return tuple(np.concatenate(numbers) for numbers in zip(*found, strict=True))  # type: ignore[return-value]
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the areas (...) spanned by vectors (..., 2)."""
-    found: np.ndarray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return found
 
 
 def _net(rmse: float | None, own: float | None) -> float | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from irrsplat import settings
+from irrsplat.app import bake
 from irrsplat.app.common.outputs import Outputs, twins
 from irrsplat.app.common.terminal import out, progress, say, wrote
 from irrsplat.core import files
@@ -18,7 +19,6 @@ from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:
     from irrsplat.app.bake.check import Checked
-    from irrsplat.app.bake.light import OnBake
     from irrsplat.app.bake.lightmap import Lightmap
     from irrsplat.app.bake.probes import Probes
     from irrsplat.app.bake.vertices import VertexLight
@@ -61,9 +61,14 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         say(f"notice: {notice}")
     start = time.perf_counter()
     own = {handed: getattr(args, name) for name, handed in _OWN[args.to].items() if getattr(args, name) is not None}
-    form = own.pop("form", "radiance")
+    form, values = own.pop("form", "radiance"), args.values
+    if args.to == "probes":
+        values = {name: value for name, value in values.items() if settings.SETTINGS[name].stage in ("shadow", "gather")}
+    else:
+        own["light"] = args.light
     with progress("baking") as line:
-        made: Any = _BAKES[args.to](scene, args, own, None if line is None else partial(_show, line))
+        make, on_bake = getattr(bake, f"bake_{args.to}"), None if line is None else partial(_show, line)
+        made: Any = make(scene, preset=args.preset, on_bake=on_bake, **own, **values)
         seconds = time.perf_counter() - start
         checked = None if args.check is None else _checked(made, args, line)
     outputs = Outputs()
@@ -98,25 +103,6 @@ def _show(line: Callable[..., None], share: float, words: str) -> None:
 # ---- the three kinds -----------------------------------------------------------------------------------------------------
 
 
-def _lightmap(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> Lightmap:
-    from irrsplat.app.bake.lightmap import bake_lightmap
-
-    return bake_lightmap(scene, light=args.light, preset=args.preset, on_bake=on_bake, **own, **args.values)
-
-
-def _vertices(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> VertexLight:
-    from irrsplat.app.bake.vertices import bake_vertices
-
-    return bake_vertices(scene, light=args.light, preset=args.preset, on_bake=on_bake, **own, **args.values)
-
-
-def _probes(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> Probes:
-    from irrsplat.app.bake.probes import bake_probes
-
-    values = {k: v for k, v in args.values.items() if settings.SETTINGS[k].stage in ("shadow", "gather")}
-    return bake_probes(scene, preset=args.preset, on_bake=on_bake, **own, **values)
-
-
 def _lightmap_summary(made: Lightmap) -> dict[str, Any]:
     share = float((made.owner >= 0).mean())
     return {"texels": made.charts.size, "used": share, "texel_metres": made.texel, "charts": int(made.charts.chart.max()) + 1,
@@ -132,7 +118,6 @@ def _probes_summary(made: Probes) -> dict[str, Any]:
     return {"probes": list(made.counts), "valid": int(made.valid.sum())}
 
 
-_BAKES = {"lightmap": _lightmap, "vertices": _vertices, "probes": _probes}
 _SUMMARIES: dict[str, Callable[[Any], dict[str, Any]]] = {
     "lightmap": _lightmap_summary,
     "vertices": _vertices_summary,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import re
+from collections.abc import Callable
 
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
@@ -23,31 +24,28 @@ def number(text: str) -> float:
     return value
 
 
-def pixels(text: str) -> int:
-    """Parse an image side in pixels."""
-    return _whole(text, 1, 999_999_999, "a whole number of pixels, at least 1")
+def _whole(low: int, high: int, expected: str) -> Callable[[str], int]:
+    """Return a parser of whole numbers from `low` to `high`; expected: these in words."""
+
+    def parse(text: str) -> int:
+        if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
+        return int(text)
+
+    return parse
+
+
+pixels = _whole(1, 999_999_999, "a whole number of pixels, at least 1")
+samples = _whole(2, 999_999_999, "a whole number of samples, at least 2")
+count = _whole(1, 999_999_999, "a whole number, at least 1")
+decades = _whole(1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
+turns = _whole(2, 999_999, "a whole number of frames, 2 to 999999")
+_tile = _whole(LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
 
 
 def tile(text: str) -> int:
     """Parse a tile side in pixels; 0: no tiles."""
-    if text == "0":
-        return 0
-    return _whole(text, LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
-
-
-def samples(text: str) -> int:
-    """Parse a number of samples."""
-    return _whole(text, 2, 999_999_999, "a whole number of samples, at least 2")
-
-
-def count(text: str) -> int:
-    """Parse a positive whole number."""
-    return _whole(text, 1, 999_999_999, "a whole number, at least 1")
-
-
-def decades(text: str) -> int:
-    """Parse a number of powers of ten."""
-    return _whole(text, 1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
+    return 0 if text == "0" else _tile(text)
 
 
 def rate(text: str) -> float:
@@ -56,11 +54,6 @@ def rate(text: str) -> float:
     if not 0.1 <= value <= 240.0:
         raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
     return value
-
-
-def turns(text: str) -> int:
-    """Parse a number of frames of a full circle."""
-    return _whole(text, 2, 999_999, "a whole number of frames, 2 to 999999")
 
 
 def frames(text: str) -> tuple[int, int | None]:
@@ -87,9 +80,3 @@ def most(text: str) -> tuple[int, bool]:
     if match is None or float(match[1]) <= 0.0:
         raise argparse.ArgumentTypeError(f"expected a number of records, or a size such as 20MB, not '{text}'")
     return int(float(match[1]) * _BYTES[match[2]]), bool(match[2])
-
-
-def _whole(text: str, low: int, high: int, expected: str) -> int:
-    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
-        raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
-    return int(text)
