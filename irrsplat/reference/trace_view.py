@@ -140,7 +140,8 @@ def at_points(
     """
     tracer, p = Tracer(scene), points[0]
     everywhere = np.ones((1, len(p)), bool)
-    where = _Places(everywhere, *(np.asarray(a, np.float64)[None] for a in points), everywhere)
+    position, normal, geometric = (np.asarray(a, np.float64)[None] for a in points)
+    where = _Places(everywhere, position, normal, geometric, everywhere)
     halves = _halves(tracer, where, side, bounces, 0, report)[:, 0]
     q, n, g = (np.asarray(a, np.float64) for a in shadowed)
     direct = np.zeros((len(q), 3), np.float32)

@@ -152,7 +152,7 @@ def cast(scene: Scene, camera: Camera, size: tuple[int, int]) -> camera_view.Vis
     tree = EmbreeScene(EmbreeDevice(), robust=True)
     TriangleMesh(tree, surfaces.positions, surfaces.faces)
 
-    def nearest(pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, ...]:
+    def nearest(pixel: np.ndarray, beyond: np.ndarray) -> Any:
         starts = np.asarray(camera.eye) + beyond[:, None] * directions[pixel]
         hit = tree.run(starts.astype("f4"), directions[pixel].astype("f4"), output=True)
         triangle, u, v, way = (hit[name] for name in ("primID", "u", "v", "tfar"))
