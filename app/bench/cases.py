@@ -26,7 +26,7 @@ LEGEND = """\
 seconds: wall clock from the loaded scene and compiled shaders to full coverage (every pixel has its records); median of up to 3
 picture: the same to the finished picture on the GPU, with direct light and the final pass; not read back
 cases: empty, nothing is known; warm, the same view drawn anew with the records kept; moved, the camera turned by 5° with them;
-light, a lamp moved by a twentieth of the scene's diagonal: until all records are gathered again and nothing more is asked for
+light, a light moved by a twentieth of the scene's diagonal: until all records are gathered again and no pixel requests one
 rmse: of irradiance, relative to its mean, at 2000 smooth pixels with a fine gather of their own each; of more bounces than one
 against what `irrsplat verify` of this view has path-traced and kept
 MiB: the greatest resident set of the process, and all textures and buffers together on the GPU\

@@ -36,7 +36,7 @@ something is carried at {SPEED:g} m/s, {RATE} frames a second, each one tick of 
 with --counted a tick is {1e-3 * TICK * PACE:.0f} thousand rays instead, so that results do not hang on the machine
 off: RMSE of irradiance against a fresh render of that frame's scene, relative to its mean, in % all over the picture
 near: the same within {NEAR:g} m of where the mesh is or was a frame before, relative to the mean there
-bare: share of the pixels that no record speaks for, in %; they show what the surface cache says
+bare: share of the pixels that no record covers, in %; they show the surface cache
 stale: records that wait to be gathered again at the end of the frame; ms: wall clock of a frame, the move included\
 """
 

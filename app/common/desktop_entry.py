@@ -21,7 +21,7 @@ _QUOTED = '"`$\\'  # characters escaped within quotes in an Exec line
 def data_home() -> Path:
     """Return the user's data folder, $XDG_DATA_HOME or ~/.local/share; raise IrrsplatError on systems without it."""
     if sys.platform in ("win32", "darwin"):
-        raise IrrsplatError("menus of this system know no desktop entries; make a shortcut to the command irrsplat yourself")
+        raise IrrsplatError("this system has no desktop entries; make a shortcut to the command irrsplat")
     named = os.environ.get("XDG_DATA_HOME", "")
     return Path(named) if os.path.isabs(named) else Path("~/.local/share").expanduser()
 

@@ -68,7 +68,7 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
         if len(parts) == 1:
             return whole, parts[0].done
         try:
-            doing("merged; gathering what the whole flight still lacks")
+            doing("merged; gathering the remaining records of the flight")
             (last,) = crew.collected([_task(client, work.fill, _sender(client, whole), job, flight.numbers)])
         except KeyboardInterrupt:
             return whole, _summed(parts, interrupted=True)

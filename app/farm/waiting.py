@@ -172,7 +172,7 @@ class Crew:
                 _drop(self._client, {one: queries[worker] for one, worker in awaited.items()})
             if found:
                 return found
-        raise failed or IrrsplatError("--on: workers die as soon as they are to draw; their logs say more")
+        raise failed or IrrsplatError("--on: workers end as soon as they draw; see their logs")
 
     def _silent(self) -> set[str]:
         """Leave out the workers without a heartbeat, and return the new ones among them."""
@@ -215,7 +215,7 @@ def _outcome(done: threads.Future[Any]) -> Outcome:
     try:
         worker, result, failure = done.result()
     except KilledWorker as error:
-        words = "several workers have died at one task, of too little memory perhaps; their logs say more"
+        words = "several workers have ended at one task, perhaps for lack of memory; see their logs"
         raise IrrsplatError(f"--on: {words}") from error
     except threads.CancelledError as error:  # Dask's own, for tasks of a scheduler with a lost connection
         raise _lost() from error

@@ -70,7 +70,7 @@ def check(args: Namespace) -> None:
     if bounces == 0:
         raise InputError("--bounces 0: there is no indirect light to verify; leave it out")
     if args.truth == "gather" and bounces != 1:
-        raise InputError(f"--truth gather knows one bounce only, not {bounces}; add --bounces 1, or take --truth trace")
+        raise InputError(f"--truth gather supports one bounce, not {bounces}; add --bounces 1, or take --truth trace")
     if args.curve and "a" in args.values:
         raise InputError("--curve goes through several a by itself; leave --a out")
     side_of(args.samples)
@@ -79,7 +79,7 @@ def check(args: Namespace) -> None:
     if args.techniques:
         raise InputError("--techniques prints a table and makes no picture; leave -o out")
     if args.truth == "gather" and not args.curve:
-        raise InputError("--truth gather knows some pixels only, which make no picture; leave -o out, or take --truth trace")
+        raise InputError("--truth gather computes single pixels, not a picture; leave -o out, or take --truth trace")
     ending = os.path.splitext(args.output)[1].lower()
     if args.curve and ending != ".png":
         raise InputError("the plot of --curve is a .png", args.output)

@@ -58,7 +58,7 @@ def folder() -> Path:
         return Path(named)
     found = platformdirs.user_config_path("irrsplat", appauthor=False)
     if not found.is_absolute():
-        raise IrrsplatError("there is no home folder to remember things in; name a folder in IRRSPLAT_CONFIG")
+        raise IrrsplatError("there is no home folder for the preferences; name a folder in IRRSPLAT_CONFIG")
     return found
 
 

@@ -48,7 +48,7 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
             warnings.simplefilter("ignore")  # glfw repeats each error as a warning
             wnd = window(title=TITLE, size=size, gl_version=(3, 3), aspect_ratio=None, vsync=True, cursor=True, **options)
     except ValueError as error:  # moderngl-window raises it for errors of glfw
-        raise GLError(_NO_DISPLAY if "initialize" in str(error) else f"{error}; irrsplat doctor says more") from None
+        raise GLError(_NO_DISPLAY if "initialize" in str(error) else f"{error}; details: irrsplat doctor") from None
     except Exception as error:  # moderngl raises bare Exceptions
         raise GLError(context.advice(" ".join(str(error).split()))) from None
     wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and the viewer has its own key for fullscreen

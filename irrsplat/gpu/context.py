@@ -227,7 +227,7 @@ def check_errors(ctx: moderngl.Context) -> None:
     if error == "GL_OUT_OF_MEMORY":
         raise GLError("OpenGL is out of memory; take a smaller size")
     if error != "GL_NO_ERROR":
-        raise GLError(f"OpenGL reports {error}; the picture would be wrong. IRRSPLAT_DEBUG=1 and irrsplat doctor tell more")
+        raise GLError(f"OpenGL reports {error}; the picture would be wrong. Details: irrsplat doctor, or IRRSPLAT_DEBUG=1")
 
 
 def advice(message: str) -> str:

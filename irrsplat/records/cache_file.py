@@ -158,7 +158,7 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise InputError("this is not a record cache of irrsplat, and stays as it is; name another file", path)
     number = name[len(_NAME) :].strip().decode("ascii", "replace")
     if number != str(FORMAT):
-        raise InputError(f"a record cache of format {number}, and this irrsplat knows format {FORMAT}; {_REMEDY}", path)
+        raise InputError(f"a record cache of format {number}; this irrsplat reads format {FORMAT}; {_REMEDY}", path)
     digest, data = rest[:_DIGEST], rest[_DIGEST:]
     if hashlib.sha256(data).digest() != digest:
         raise InputError(f"a damaged record cache (its checksum is wrong); {_REMEDY}", path)

@@ -19,7 +19,7 @@ def folder() -> Path:
     """Return the cache folder: IRRSPLAT_CACHE, else the user's cache folder; raises IrrsplatError if there is none."""
     found = paths.cache_folder()
     if found is None:
-        raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
+        raise IrrsplatError("there is no home folder for the references; name a folder in IRRSPLAT_CACHE")
     return found
 
 

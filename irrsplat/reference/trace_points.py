@@ -150,7 +150,7 @@ def _world(scene: Scene) -> Any:
     plain = all(not m.material.textures and not m.material.light_cutoff and m.colors is None for m in scene.meshes)
     if lit or not plain:
         # emitters would also light a hit directly, one bounce too many
-        raise IrrsplatError("Mitsuba's own integrator is timed on scenes of plain colours, opaque, that lamps alone light")
+        raise IrrsplatError("Mitsuba's own integrator is timed on opaque scenes of plain colours with point lights alone")
     parts: dict[str, Any] = {f"mesh{i}": _mesh(mesh) for i, mesh in enumerate(scene.meshes) if len(mesh.faces)}
     return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _light(light) for i, light in enumerate(scene.lights)}})
 
@@ -179,7 +179,7 @@ def _light(light: Light) -> dict[str, Any]:
     if light.photometry is not None:
         raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     if not light.physical or light.spot_exponent > 0.0:
-        raise IrrsplatError("Mitsuba has no lamp with OpenGL's attenuation or exponent")
+        raise IrrsplatError("Mitsuba has no light with OpenGL's attenuation or exponent")
     if not has_cone(light):
         return {"type": "point", "position": [float(x) for x in light.position], "intensity": strength}
     place = mi.ScalarTransform4f().look_at(

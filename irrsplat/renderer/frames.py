@@ -341,7 +341,7 @@ class Frames(Owner):
         return replace(view, subject=subject, phase=Phase.START, need=view.need._replace(of=()))
 
     def forget(self, shadows: bool) -> None:
-        """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""
+        """Draw every buffer of the view again next time; the shadow maps only with `shadows`."""
         self.leave_refinement()
         self.stages.forget(shadows=shadows)
         self.moving.stages.forget(shadows=shadows)

@@ -240,7 +240,7 @@ class Stages(Owner):
             self._passes.drop(name)
 
     def forget(self, shadows: bool) -> None:
-        """Draw everything again next time; the `shadows` only if they are meant too."""
+        """Draw everything again next time; the shadow maps only with `shadows`."""
         self._memo.forget(but=() if shadows else ("shadows",))
         splats = self._passes.find("splats", ViewSplats)
         for kept in (splats, self.temporal_filter):

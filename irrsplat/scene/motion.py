@@ -105,7 +105,7 @@ def affine(transform: npt.ArrayLike) -> np.ndarray:
     matrix = np.eye(4)
     matrix[: len(given)] = given
     if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise InputError("the last row of a transform is 0 0 0 1: points are columns, and the last column says how far it moves")
+        raise InputError("the last row of a transform is 0 0 0 1: points are columns, and the last column is the translation")
     if not abs(np.linalg.det(matrix[:3, :3])) > _LEAST_DETERMINANT * np.abs(matrix[:3, :3]).max() ** 3:
         raise InputError("the transform is singular: it would flatten the mesh")
     return matrix

@@ -173,7 +173,7 @@ def _cie(words: list[str], error: Callable[[str], InputError]) -> Sky:
 def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage: str) -> tuple[float | None, float | None]:
     """Return the sun's altitude and azimuth in degrees, as given or by place and time; (None, None) for neither."""
     if "sun" in given and "at" in given:
-        raise error("'sun' and 'at' both say where the sun stands; give one of them")
+        raise error("'sun' and 'at' both define the position of the sun; give one of them")
     if "sun" in given:
         altitude, azimuth = (_number(word, error, usage) for word in given["sun"])
         if not -90.0 <= altitude <= 90.0:
@@ -190,7 +190,7 @@ def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage:
     except ValueError:
         raise error(f"{quote(time)} is no time; expected one such as 2026-06-21T12:00+02:00") from None
     if when.tzinfo is None:
-        raise error(f"{quote(time)} does not say how far it is from UTC; expected one such as 2026-06-21T12:00+02:00, or …Z")
+        raise error(f"{quote(time)} has no offset from UTC; expected one such as 2026-06-21T12:00+02:00, or …Z")
     try:
         return sun_position(latitude, longitude, when)
     except OverflowError:  # UTC's year is 0, or 10000

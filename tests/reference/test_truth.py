@@ -174,7 +174,7 @@ def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.Mon
     assert found is not None and np.array_equal(found.halves, made.halves)
     monkeypatch.setattr(paths, "cache_folder", lambda: None)
     assert np.array_equal(find().direct, made.direct) and len(calls) == 4
-    assert said[-1] == "there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE"
+    assert said[-1] == "there is no home folder for the references; name a folder in IRRSPLAT_CACHE"
 
 
 def test_where_there_is_nothing_to_compare_with_it_is_said() -> None:

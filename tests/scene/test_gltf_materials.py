@@ -262,7 +262,7 @@ def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
     image_light(file, pixels, intensity=2.0, rotation=[0, HALF, 0, HALF], irradianceCoefficients=[[1, 1, 1]] * 9)
     scene = show()
     assert scene.own_sky and scene.environment is not None and not scene.lights
-    assert any("images of its image-based light shine" in notice for notice in scene.notices)
+    assert any("its image-based light uses the sharp images" in notice for notice in scene.notices)
     encoded_rgb = pixels[..., :3] / 255.0
     radiance = 2.0 * ((encoded_rgb + 0.055) / 1.055) ** 2.4 / (pixels[..., 3:] / 255.0)
     for k, (middle, right, down) in enumerate(np.array(CUBE, float)):

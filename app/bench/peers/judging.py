@@ -87,7 +87,7 @@ def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
             raise InputError(NOTHING if truth is None else "no indirect light reaches the view, so there is nothing to compare")
         size = "{} {}".format(*renderer.size)
         raise InputError(
-            f"there is no truth of {in_words(bounces)}; run first: irrsplat verify SCENE --size {size} --bounces {bounces}"
+            f"there is no reference of {in_words(bounces)}; run first: irrsplat verify SCENE --size {size} --bounces {bounces}"
         )
     shown, _ = renderer.frame(camera, gather=False)
     with renderer.ctx:

@@ -34,7 +34,7 @@ def measure_joined(
 ) -> Iterator[Series]:
     """Measure the integrator of `verify`, with next-event estimation at every vertex."""
     colours = (130, 80, 160), (180, 110, 210), (90, 40, 120)
-    yield from _traced("Mitsuba, lamps joined", "joined", colours, scene, bounces, views[0], notify)
+    yield from _traced("Mitsuba, lights joined", "joined", colours, scene, bounces, views[0], notify)
 
 
 def _traced(

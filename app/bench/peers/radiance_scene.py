@@ -30,7 +30,7 @@ def text(scene: Scene) -> str:
         if mesh.colors is not None:
             raise IrrsplatError("colours of vertices have no counterpart here")
         if max(emission) > 0.0 and max(albedo) > 0.0:
-            raise IrrsplatError("a surface that both shines and reflects has no counterpart")
+            raise IrrsplatError("a surface that both emits and reflects has no counterpart")
         words = f"glow paint{number} 0 0 4 {_row(*emission, 0)}"  # 0: hit by ambient rays, never sampled directly
         if not max(emission) > 0.0:
             words = f"plastic paint{number} 0 0 5 {_row(*albedo, 0, 0)}"

@@ -56,10 +56,10 @@ PEERS: tuple[Peer, ...] = (
         "+ OIDN: these irradiances as a picture, by the fast and the high filter of Open Image Denoise, with the normals",
     ),
     Peer(
-        "Mitsuba, lamps joined",
+        "Mitsuba, lights joined",
         "mitsuba:measure_joined",
         "mitsuba",
-        "lamps joined: its rays in our own integrator (that of `verify`), which joins every vertex to what each lamp shines on",
+        "lights joined: its rays in the integrator of `verify`, which connects each vertex to points that the lights illuminate",
     ),
 )
 

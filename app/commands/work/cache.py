@@ -103,7 +103,7 @@ def _fitting(content: Content, path: str, size: int) -> int:
     each = sum(rows.nbytes for rows in content.state.records.values() if len(rows.shape) and len(rows) == count) // max(count, 1)
     rest = os.path.getsize(path) - count * each
     if size < rest + each:
-        raise InputError(f"--most: what the file says of its scene alone takes {rest} bytes; allow some more", path)
+        raise InputError(f"--most: the description of the scene alone takes {rest} bytes; allow more", path)
     return (size - rest) // max(each, 1)
 
 

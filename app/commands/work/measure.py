@@ -35,7 +35,7 @@ def check(args: argparse.Namespace) -> None:
     if not given:
         raise InputError("there is nothing to measure; give --plane, --height, --line or --point")
     if len(given) > 1:
-        raise InputError(f"--{given[0]} and --{given[1]} say two different places; give one of them")
+        raise InputError(f"--{given[0]} and --{given[1]} name two different places; give one of them")
     for flag, places in (("grid", ("plane", "height", "line")), ("margin", ("plane", "height")), ("facing", ("line",))):
         if getattr(args, flag) is not None and given[0] not in places:
             words = " or ".join(f"--{place}" for place in places)

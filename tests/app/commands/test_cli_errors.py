@@ -83,7 +83,7 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         ([*FRAMES, "--cache", "x.cache", "--on", "tcp://a:9"], "--cache-mode frozen"),
         # other commands
         (MEASURE, "nothing to measure; give --plane, --height, --line or --point"),
-        ([*PLANE, "--height", "1"], "--plane and --height say two different places"),
+        ([*PLANE, "--height", "1"], "--plane and --height name two different places"),
         ([*PLANE, "--grid", "1e-6"], "at most 1,000,000"),
         ([*PLANE, "--margin", "0.5"], "leaves nothing"),
         ([*PLANE, "-o", "a.exr"], "expected .csv or .npz"),

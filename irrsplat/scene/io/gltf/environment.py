@@ -44,12 +44,12 @@ def image_based_light(document: Document, world: np.ndarray, encoded: Encoded) -
         )  # from the map's directions to the cube's
         try:
             radiance = map_of_faces(_faces(document, entry, encoded), turn)
-            said = f"the images of its image-based light shine; its {_COEFFICIENTS}, and what is blurred, are not needed"
+            said = f"its image-based light uses the sharp images; its {_COEFFICIENTS} and blurred images are ignored"
         except (Damaged, InputError) as error:
             if _COEFFICIENTS not in entry:
                 raise
             radiance = map_of_harmonics(_coefficients(entry), turn)
-            said = f"its image-based light has no images that can be read ({error}); its {_COEFFICIENTS} shine, which are smooth"
+            said = f"the images of its image-based light cannot be read ({error}); its smooth {_COEFFICIENTS} replace them"
         radiance = radiance * np.float32(gain)
         if not (np.isfinite(radiance).all() and radiance.max() <= GREATEST):
             raise Damaged("its radiance exceeds the range of 32-bit floats")
