@@ -98,19 +98,13 @@ def path_text(path: Path) -> str:
 
     Field of view, names of keys and motions are not included.
     """
-    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key)[:3])}\n" for key in path.keys)])
+    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key))}\n" for key in path.keys)])
 
 
 def camera_line(camera: Camera) -> str:
     """Return the `cam` line of a camera for a `.scene` or a path, with six digits or to the millimetre, without name and line
     end."""
-    return f"cam {'  '.join(_camera_words(camera, _short_number)[:3])}"
-
-
-def camera_flags(camera: Camera) -> str:
-    """Return the flags --eye, --target, --up and --fov of a camera, with six digits or to the millimetre."""
-    eye, target, up, fov = _camera_words(camera, _short_number)
-    return f"--eye {eye} --target {target} --up {up} --fov {fov}"
+    return f"cam {'  '.join(_camera_words(camera, _short_number))}"
 
 
 # ---- the curve -----------------------------------------------------------------------------------------------------------
@@ -196,15 +190,14 @@ def _count(line: Line) -> int:
     return int(line.args[0])
 
 
-def _camera_words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
-    """Return eye, target, up and fov as text, with numbers by `write`; in full where short ones give no valid camera."""
+def _camera_words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str]:
+    """Return eye, target and up as text, with numbers by `write`; in full where short ones give no valid camera."""
     eye, target, up = (" ".join(write(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
-    fov = write(float(camera.fov))
     try:
-        Camera(_read(eye), _read(target), _read(up), float(fov))
+        Camera(_read(eye), _read(target), _read(up), camera.fov)
     except InputError:
         return _camera_words(camera)
-    return eye, target, up, fov
+    return eye, target, up
 
 
 def _read(words: str) -> tuple[float, float, float]:

@@ -325,7 +325,7 @@ class Driver:
 
     def split_presets(self) -> None:
         """Show two presets side by side, the right one (paper) with settings for a fast picture; wait for convergence."""
-        self.session.split("presets")
+        self.session.split(True)
         self.quicken()
         self.settle()
 
@@ -341,7 +341,7 @@ class Driver:
         self.modifiers = KeyModifiers()
         self.viewer.controls.mouse_released(0, 0, LEFT)
         self.viewer.controls.mouse_released(0, 0, RIGHT)
-        session.split("off")
+        session.split(False)
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
