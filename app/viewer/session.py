@@ -11,8 +11,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
-from irrsplat.app.viewer.input.free_camera import FreeCamera
-from irrsplat.app.viewer.input.path_recorder import PathRecorder
+from irrsplat.app.viewer.input.free_camera import FreeCamera, PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane, usual_height
 from irrsplat.app.viewer.show.screen import Region

@@ -22,7 +22,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
-from irrsplat.app.viewer.input.path_recorder import PathRecorder
+from irrsplat.app.viewer.input.free_camera import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display

@@ -8,10 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
@@ -44,11 +45,11 @@ def triple(draw: Draw, high: float, low: float | None = None) -> Point:
 
 def set_object(driver: Driver, draw: Draw) -> None:
     """Move or turn the box; paint, light or hide any object."""
-    made, number = editor(driver), int(draw.integers(3))
+    made, number, turn = editor(driver), int(draw.integers(3)), Rotation.from_rotvec(triple(draw, 1.5))
     one = made.edit.objects[number]
     made.set_object(*[
         (BOX, replace(made.edit.objects[BOX], offset=triple(draw, 0.3))),
-        (BOX, replace(made.edit.objects[BOX], turn=triple(draw, 90.0))),
+        (BOX, replace(made.edit.objects[BOX], turn=cast(Any, tuple(map(tuple, turn.as_matrix().tolist()))))),
         (number, replace(one, albedo=triple(draw, 0.9, 0.0))),
         (number, replace(one, emission=triple(draw, float(draw.choice([0.0, 3.0])), 0.0))),
         (number, replace(one, hidden=not one.hidden)),

@@ -48,8 +48,8 @@ _NEARER = 0.999  # share of the way from the eye to a point of the plane: the po
 
 def draw_plane(actions: Actions, layout: Layout) -> None:
     session = actions.session
-    plane, form = session.plane, layout.metres(session.scene.diagonal)
-    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), f"{form} m")[1]
+    plane = session.plane
+    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), "%.4g m")[1]
     imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
     plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
     if plane.share is not None:
