@@ -8,7 +8,6 @@ from typing import cast
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.kinds import irradiance_at
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
@@ -19,7 +18,6 @@ from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Programs, Region, clear, texel
 from irrsplat.app.viewer.view_options import Point, Surface
-from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -165,9 +163,5 @@ class Display(Owner):
         x, y, z, depth = texel(source.view.gbuffer.position, *pixel).tolist()
         if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
             return None
-        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(source, *pixel))
-
-
-def _lux(source: ViewSource, x: int, y: int) -> float:
-    direct = texel(source.renderer.direct_irradiance(source.view), x, y)[:3]
-    return float(photometric(direct + irradiance_at(source.view, x, y)))
+        lux = self._memo.get("light", (source.inputs, pixel), lambda: BUFFERS["light"].value(source, *pixel))
+        return None if lux is None else float(lux[0])
