@@ -18,7 +18,7 @@ from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.editor import Editor, Kind
+from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import bounds_of, object_name
@@ -27,16 +27,16 @@ from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SCALES, SECTIONS, SPLITS, Panels, Split, ViewOptions
+from irrsplat.app.viewer.view_options import SCALES, SECTIONS, Panels, ViewOptions
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.scene.camera_path import camera_flags, load_path, path_text
+from irrsplat.scene.camera_path import path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
-_KEPT = ("points", "discs", "wire", "controls", "settings", "lights", "outliner")  # options that the preferences keep
+_KEPT = ("points", "discs", "controls", "settings", "lights", "outliner")  # options that the preferences keep
 _FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
 _RING = 12.0  # window coordinates: the greatest distance of a click from the middle of a light's ring
 
@@ -44,8 +44,7 @@ _RING = 12.0  # window coordinates: the greatest distance of a click from the mi
 class Actions:
     """The actions of the user on a session. source: the path or name of the scene. preferences: the choices of the last run.
 
-    copy: a call that puts text into the clipboard. loading: the options for reading scenes. native: True if the desktop's dialogs
-    may open.
+    loading: the options for reading scenes. native: True if the desktop's dialogs may open.
     """
 
     def __init__(
@@ -53,13 +52,12 @@ class Actions:
         session: Session,
         source: str,
         preferences: Preferences,
-        copy: Callable[[str], None] = lambda text: None,
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
         native: bool = False,
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
-        self.panels = Panels(fullscreen=preferences.fullscreen, scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
+        self.panels = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
         for name in _KEPT:
             owner = self._owner(name)
             setattr(owner, name, bool(preferences.ui.get(name, getattr(owner, name))))
@@ -69,7 +67,6 @@ class Actions:
         self.prompt: prompts.Prompt | None = None  # the open question to the user
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
         self.film = FilmInBackground()
-        self._copy = copy
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -98,13 +95,9 @@ class Actions:
         return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
 
     @property
-    def has_path(self) -> bool:
-        return self.session.path_recorder.path is not None
-
-    @property
     def film_possible(self) -> bool:
-        """True if there is a path, and no film is in progress."""
-        return self.has_path and not self.filming
+        """True if a flight is recorded, and no film is in progress."""
+        return self.session.path_recorder.path is not None and not self.filming
 
     @property
     def filming(self) -> bool:
@@ -117,10 +110,10 @@ class Actions:
         """Call `act`, and show its error as a message. Return True if it succeeded."""
         return self.messages.attempt(act)
 
-    def save_preferences(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
+    def save_preferences(self, size: tuple[int, int] | None) -> str | None:
         """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
         renderer, preferences = self.session.renderers[0], self.preferences
-        preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
+        preferences.size = size or preferences.size
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
         preferences.ui, preferences.scale = {name: getattr(self._owner(name), name) for name in _KEPT}, self.panels.scale
         return stored.save(preferences)
@@ -128,12 +121,10 @@ class Actions:
     # ---- camera ----------------------------------------------------------------------------------------------------
 
     def home(self) -> None:
-        self.stop()
         self.session.free_camera.home()
 
     def frame_selected(self) -> None:
         """Move the camera without a turn, so that the picked object, or else the whole scene, just fits into the picture."""
-        self.stop()
         mesh, bounds = self.editor.mesh, self.session.scene.bounds
         if mesh is not None and not self.editor.edit.objects[mesh].hidden:
             bounds = bounds_of(self.session.scene.meshes[mesh])
@@ -141,12 +132,7 @@ class Actions:
 
     def go(self, camera: Camera) -> None:
         """Set the camera to one in world space."""
-        self.stop()
         self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
-
-    def copy_flags(self) -> None:
-        self._copy(camera_flags(self.session.world_camera))
-        self.say("the camera is in the clipboard, as flags of irrsplat render")
 
     def record(self) -> None:
         """Begin to record the flight, or end the recording and write the path file."""
@@ -156,35 +142,13 @@ class Actions:
             return
         name = _stamped("flight", self.title, ".path")
         write_text(name, path_text(path.shifted(self.session.origin)))
-        self.say(f"{name}: {path.frames} frames; P plays it")
-
-    def play(self) -> None:
-        """Play the path, or stop it."""
-        if self.session.path_recorder.playing is not None:
-            self.stop()
-        elif self.session.path_recorder.path is None:
-            self.say("there is no path yet; R records one, and a .path dropped here is opened")
-        else:
-            self.session.path_recorder.play()
-
-    def stop(self) -> None:
-        """Stop playing. The camera stays at its present place on the path."""
-        camera = self.session.path_recorder.stop()
-        if camera is not None:
-            self.session.free_camera.go(camera)
+        self.say(f"{name}: {path.frames} frames; File, Save film makes a film of it")
 
     # ---- buffers and sides -----------------------------------------------------------------------------------------------
 
-    @property
-    def shown_buffer(self) -> str:
-        """The name of the buffer on the side that keys change."""
-        options = self.options
-        return options.buffers[options.side if options.split != "off" else 0]
-
     def show(self, name: str) -> None:
-        """Show a buffer on the side that keys change."""
-        options = self.options
-        options.buffers[options.side if options.split != "off" else 0] = name
+        """Show a buffer."""
+        self.options.buffer = name
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
@@ -198,11 +162,7 @@ class Actions:
     def is_active(self, command: Command) -> bool:
         """Return True if the choice or the option of an action is the present one."""
         session, argument = self.session, command.argument
-        now = {
-            "show": self.shown_buffer,
-            "use_preset": session.settings(session.options.side)[0],
-            "use_split": session.options.split,
-        }
+        now = {"show": self.options.buffer, "use_preset": session.settings(session.options.side)[0]}
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
         return command.action in now and argument == now[command.action]
@@ -223,20 +183,15 @@ class Actions:
         setattr(self._owner(name), name, on)
         self.panels.controls |= on and name in SECTIONS
 
-    def use_split(self, way: Split) -> None:
-        self.session.split(way)
-        self.say(SPLITS[way], topic="split")
-
     def split(self) -> None:
-        ways = list(SPLITS)
-        way = ways[(ways.index(self.options.split) + 1) % len(ways)]
-        self.use_split(way)
+        """Show two presets, or one picture again."""
+        self.session.split(not self.options.split)
 
     def flip(self) -> None:
-        """Show one side alone, and change to the other side at each call. A single picture is first split by presets."""
+        """Show one side alone, and change to the other side at each call. A single picture is first split."""
         options = self.options
-        if options.split == "off":
-            self.session.split("presets")
+        if not options.split:
+            self.session.split(True)
         options.side = 0 if options.divider == 0.0 else 1
         options.divider = float(1 - options.side)
         self.say(("left", "right")[options.side] + " side alone; Space: the other one", topic="split")
@@ -304,11 +259,6 @@ class Actions:
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
         else:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
-
-    def add_light(self, kind: Kind) -> None:
-        """Add a light near the focus of the camera, and show it in its panel."""
-        self.editor.add_light(kind)
-        self.panels.lights = self.panels.controls = True
 
     def undo(self) -> None:
         """Undo the last change of lights and objects."""
@@ -399,8 +349,7 @@ class Actions:
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Close menus, dialogs and messages, stop a path, and deselect object and light."""
-        self.stop()
+        """Close menus, dialogs and messages, and deselect object and light."""
         self.editor.pick_light(None)
         self.panels.close_menus, self.prompt = True, None
         self.messages.close()
@@ -453,45 +402,26 @@ class Actions:
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_file(self) -> None:
-        """Request a scene or a path, and open it. Without a dialog of the desktop, open the command palette for it."""
+        """Request a scene, and open it. Without a dialog of the desktop, open the command palette for it."""
         if self.dialog.native:
             self.dialog.ask_open(prompts.folder(self), self.open)
         else:
             self.prompt = prompts.command(self)
 
     def open(self, source: str) -> None:
-        """Show the scene at `source`, once unsaved changes are saved or discarded; or play the path in a .path file."""
-        if Path(source).suffix == ".path":
-            path = load_path(source, self.session.camera.fov)
-            path.motions.check(self.session.scene, path.frames)
-            self.session.path_recorder.path = path.shifted(np.negative(self.session.origin))
-            self.session.path_recorder.play()
-            return
+        """Show the scene at `source`, once unsaved changes are saved or discarded."""
         self._unless_unsaved(lambda: self._open(source))
 
     def _open(self, source: str) -> None:
-        self._load(source, keep_camera=False)
-        self.source, self.saved_as = source, ""
-        self.preferences.opened(source)
-
-    def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
-        self.session.open(scene, keep_camera)
+        self.session.open(scene)
         memory.trim()
         self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.say(notice)
-
-    def reload(self) -> None:
-        """Reload the scene, once unsaved changes are saved or discarded. The camera stays. An invalid file changes nothing."""
-        self._unless_unsaved(self._reload)
-
-    def _reload(self) -> None:
-        source = self.saved_as or self.source  # Save writes to saved_as, independently of the file that was read
-        self._load(source, keep_camera=True)
-        self.source = source
-        self.say("the scene is read again")
+        self.source, self.saved_as = source, ""
+        self.preferences.opened(source)
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -35,7 +35,6 @@ class Preferences:
     """
 
     size: tuple[int, int] | None = None
-    fullscreen: bool = False
     preset: str = "default"
     values: SettingValues = field(default_factory=SettingValues)
     ui: dict[str, object] = field(default_factory=dict)
@@ -111,7 +110,6 @@ def _is_size(it: Any) -> bool:
 
 _GOOD: dict[str, Callable[[Any], bool]] = {
     "size": _is_size,
-    "fullscreen": lambda it: isinstance(it, bool),
     "preset": lambda it: isinstance(it, str) and it in PRESETS,
     "values": lambda it: isinstance(it, dict),
     "ui": lambda it: isinstance(it, dict),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Unpack, cast
 
 import moderngl
@@ -11,12 +11,11 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
-from irrsplat.app.viewer.input.free_camera import FreeCamera
-from irrsplat.app.viewer.input.path_recorder import PathRecorder
+from irrsplat.app.viewer.input.free_camera import FreeCamera, PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane, usual_height
-from irrsplat.app.viewer.show.screen import Region, texel
-from irrsplat.app.viewer.view_options import Split, ViewOptions
+from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
@@ -51,7 +50,7 @@ class Session(Owner):
 
     All positions inside are relative to `origin`, the scene's origin. Input and output of the user are in world space.
 
-    A side (0 left, 1 right) is a part of the window. In a split by presets each side has a renderer of its own.
+    A side (0 left, 1 right) is a part of the window. In a split each side has a renderer of its own.
     Raises the errors of Renderer. A later failure changes nothing.
     """
 
@@ -90,7 +89,7 @@ class Session(Owner):
     @property
     def active(self) -> list[Renderer]:
         """The renderers at work: two while two presets are compared, else one."""
-        return self.renderers[: 2 if self.options.split == "presets" else 1]
+        return self.renderers[: 2 if self.options.split else 1]
 
     @property
     def views(self) -> list[View]:
@@ -108,13 +107,7 @@ class Session(Owner):
 
     @property
     def camera(self) -> Camera:
-        """The camera of the path while it plays, else the free camera."""
-        return self.path_recorder.camera or self.free_camera.camera
-
-    @property
-    def world_camera(self) -> Camera:
-        """The camera in world space."""
-        return self.camera.shifted(self.origin) if any(self.origin) else self.camera
+        return self.free_camera.camera
 
     @property
     def at_rest(self) -> bool:
@@ -126,7 +119,7 @@ class Session(Owner):
             if r.settings.viewer_samples > 1
         )
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
-        return served and sampled and refined and self.auto_exposure.settled and self.path_recorder.at_rest
+        return served and sampled and refined and self.auto_exposure.settled and self.path_recorder.recording is None
 
     @property
     def moving(self) -> bool:
@@ -159,15 +152,12 @@ class Session(Owner):
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
 
     def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never, gather: bool = True) -> bool:
-        """Advance by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are new.
+        """Advance by `dt` seconds: record the flight, and give the caches `seconds` of time. Return True if the views are new.
 
         waits: a call that returns True if input waits. The tick then ends early, and the views of the last tick stay. A tick that
         may free buffers of these views never ends early. gather: False if the views are drawn with the present records.
         """
-        played = self.path_recorder.tick(dt, self.camera)
-        if played is not None:
-            self.free_camera.go(played)
-        self._pose(ended=played is not None)
+        self.path_recorder.tick(dt, self.camera)
         subject = self._subject
         kept = bool(self.views) and self._shown is not None and subject[0] == self._shown[0]
         sizes = zip(self.views, self.active, strict=False)  # the next view of a moving camera may differ in size
@@ -179,7 +169,7 @@ class Session(Owner):
             return False
         self._made, self._shown = made, subject
         self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not all(_filled(p) for p in self.progress))
-        if "light" in self.options.buffers:
+        if self.options.buffer == "light":
             renderer, view = self.renderers[0], self.views[0]
             self.brightest = self._memo.get("brightest", Identity(view), lambda: brightest_light(renderer, view))
         return True
@@ -187,7 +177,7 @@ class Session(Owner):
     def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
         """Give a side's cache `seconds` of time, and return its result."""
         renderer, end = self.active[side], now() + seconds
-        moving = self.moving and self.options.split == "off"
+        moving = self.moving and not self.options.split
         seconds *= _MOVING if moving else 1.0
         view, progress = renderer.frame(self.camera, seconds, gather and not self.options.frozen, moving)
         centre = view
@@ -205,7 +195,7 @@ class Session(Owner):
     def _subject(self) -> tuple[object, object]:
         """The present inputs of views, without camera and records: the inputs that determine the buffers, and further inputs."""
         renderers = [(Identity(r), r.settings) for r in self.active]
-        return (renderers, self.size, light_defines(self.scene)), (Identity(self.scene), self.path_recorder.frame)
+        return (renderers, self.size, light_defines(self.scene)), Identity(self.scene)
 
     def shows_now(self, any_camera: bool) -> bool:
         """Return True if the views show the present scene, settings and camera. any_camera: True if the camera may differ."""
@@ -218,7 +208,7 @@ class Session(Owner):
         """Yield each side on show, and its part of the window (None: the whole window)."""
         width, height = self.size
         middle = round(self.options.divider * width)
-        if self.options.split == "off" or middle in (0, width):
+        if not self.options.split or middle in (0, width):
             yield self.side_at(0), None
             return
         yield 0, (0, 0, middle, height)
@@ -226,7 +216,7 @@ class Session(Owner):
 
     def side_at(self, x: float) -> int:
         """Return the side at `x`, pixels from the left."""
-        return int(self.options.split != "off" and x >= round(self.options.divider * self.size[0]))
+        return int(self.options.split and x >= round(self.options.divider * self.size[0]))
 
     def place(self, view: View, x: int, y: int) -> tuple[int, int]:
         """Return the pixel of a view at the window's pixel (x, y). Views of a moving camera may be smaller than the window."""
@@ -244,7 +234,7 @@ class Session(Owner):
         """Return the last tick's view of a side. Raises InputError before the first tick of a scene."""
         if not self.views:
             raise InputError("there is no picture of this scene yet")
-        i = side if len(self.views) == 2 and self.options.split == "presets" else 0
+        i = side if len(self.views) == 2 and self.options.split else 0
         renderer, view = self.renderers[i], self.views[i]
         reference = self.reference(view.camera, renderer.settings)
         return ViewSource(renderer, view, self.exposure, reference, self.light_scale, self.origin)
@@ -274,31 +264,14 @@ class Session(Owner):
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
 
-    def split(self, way: Split) -> None:
-        """Show one picture, two buffers, or two presets side by side: the present preset and paper, or paper and default."""
-        options = self.options
-        if way == "presets" and len(self.renderers) == 1:
+    def split(self, on: bool) -> None:
+        """Show two presets side by side, the present preset and paper or else paper and default; or one picture."""
+        if on and len(self.renderers) == 1:
             left = self.renderers[0]
             other = "default" if left.preset == "paper" else "paper"
             shared = _values(left.settings, _SHARED)
             self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, tile_size=0, **shared))
-        if way == "presets":
-            options.buffers[1] = options.buffers[0]
-        elif way == "buffers" and options.buffers[0] == options.buffers[1]:
-            options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
-        options.split, options.divider = way, 0.5
-
-    def _pose(self, ended: bool) -> None:
-        """Move the path's objects to their places in the present frame. They stay there when playing stops.
-
-        ended: True if the path has just ended, when its last frame counts.
-        """
-        path = self.path_recorder.path
-        frame = path.frames - 1.0 if path is not None and ended else self.path_recorder.frame
-        if path is not None and frame is not None and path.motions:
-            scene = path.motions.at(self.scene.placed(self.origin), frame).local
-            for renderer in self.renderers:
-                renderer.pose(scene)
+        self.options.split, self.options.divider = on, 0.5
 
     def pose(self, scene: Scene) -> None:
         """Show the present scene with other lights, another sky, or moved, repainted or hidden meshes.
@@ -309,25 +282,12 @@ class Session(Owner):
         before = [renderer.scene for renderer in self.renderers]
         try:
             for renderer in self.renderers:
-                if scene.meshes is self.scene.meshes:  # keep the meshes at the places to which a path has moved them
-                    renderer.pose(replace(scene, meshes=renderer.scene.meshes))
-                else:
-                    renderer.pose(scene)
+                renderer.pose(scene)
         except IrrsplatError:
             for renderer, old in zip(self.renderers, before, strict=True):
                 renderer.pose(old)
             raise
         self.scene = scene
-
-    @property
-    def focus(self) -> tuple[float, float, float]:
-        """The visible point in the middle of the picture, relative to `origin`; the camera's target if no surface is there."""
-        if self.views:
-            texture = self.views[0].gbuffer.position
-            x, y, z, depth = texel(texture, texture.width // 2, texture.height // 2).tolist()
-            if depth > 0.0:
-                return x, y, z
-        return self.camera.target
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size of the views, in pixels."""
@@ -335,11 +295,8 @@ class Session(Owner):
             renderer.resize(size)
         self.size, self._made = size, []
 
-    def open(self, scene: Scene, keep_camera: bool = False) -> None:
-        """Show another scene with the present settings, from its own first camera.
-
-        keep_camera: True if camera, speed and path stay. A path that moves objects never stays.
-        """
+    def open(self, scene: Scene) -> None:
+        """Show another scene with the present settings, from its own first camera."""
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
         made: list[Renderer] = []
@@ -353,17 +310,10 @@ class Session(Owner):
             raise
         for renderer in self.renderers:
             renderer.release()
-        self.renderers, self.scene = made, scene
-        before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal, scene.up)
-        moved, self.origin = np.subtract(self.origin, origin), origin
-        if keep_camera:
-            self.free_camera.go(before.camera.shifted(moved) if moved.any() else before.camera)
-            self.free_camera.speed = before.speed
-        path = self.path_recorder.path
-        if not keep_camera or moved.any() or (path is not None and path.motions):  # its objects may be gone
-            self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
-        if not keep_camera:
-            self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
+        self.renderers, self.scene, self.origin = made, scene, origin
+        self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
+        self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
+        self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
         self._made = []
         self._memo.forget()
 

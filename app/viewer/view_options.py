@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,13 +11,6 @@ from irrsplat.meter.light_scale import LightScale
 
 Point = tuple[float, float, float]
 Surface = tuple[Point, Point]  # a point and its unit normal
-
-Split = Literal["off", "buffers", "presets"]
-SPLITS: dict[Split, str] = {  # by way: its title
-    "off": "one picture",
-    "buffers": "two buffers",
-    "presets": "two presets",
-}
 
 SCALES = (0.75, 2.0)  # the least and the greatest scale of the interface
 SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # the optional sections of the side panel
@@ -31,15 +23,14 @@ def point_of(values: np.ndarray | Sequence[float]) -> Point:
 
 @dataclass
 class ViewOptions:
-    """Options of the picture: the buffers, the split, the overlays, and the measurements."""
+    """Options of the picture: the buffer, the split, the overlays, and the measurements."""
 
-    buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # on the left and on the right side
-    split: Split = "off"
+    buffer: str = "image"
+    split: bool = False  # True if two presets are shown side by side
     side: int = 0  # the side that keys and panels change
     divider: float = 0.5  # share of the window's width; at 0 or 1, one side fills the picture
     points: bool = False
     discs: bool = False
-    wire: bool = False
     inspect: bool = False
     profile: bool = False  # True if buffers are measured along a line
     line: tuple[Point, Point] | None = None  # the measuring line
@@ -48,11 +39,6 @@ class ViewOptions:
     surface: Surface | None = None  # the surface of the last such click
     frozen: bool = False
     light_scale: LightScale = LightScale()  # frozen, so safe as a default
-
-    @property
-    def copy(self) -> ViewOptions:
-        """A copy of the present options, for a memo."""
-        return replace(self, buffers=list(self.buffers))
 
 
 @dataclass
@@ -64,7 +50,6 @@ class Panels:
     lights: bool = False
     outliner: bool = False
     hidden: bool = False
-    fullscreen: bool = False
     close_menus: bool = False  # True if menus and lists close in the next frame
     context_menu: bool = False  # True if it opens in the next frame
     sought: str = ""  # the setting to which the list of settings scrolls

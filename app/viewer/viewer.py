@@ -63,7 +63,7 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.backend = ImguiBackend()
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, loading, native=not wnd.headless)
+        self.actions = Actions(self.session, source, preferences, loading, native=not wnd.headless)
         self.interface = Interface(self.actions, self.display)
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self._pictures = Workshop()
@@ -95,7 +95,7 @@ class Viewer(Owner):
     def canvas(self) -> Picture:
         """The picture. A smaller view of a moving camera has a smaller one, which the window enlarges, unless marks are on it."""
         session, options = self.session, self.session.options
-        marked = options.points or options.discs or options.wire or options.plane or options.inspect
+        marked = options.points or options.discs or options.plane or options.inspect
         if session.whole or marked or not self.display.shows_scene:
             return self._pictures.get("whole", session.size, lambda: Picture(self.ctx, session.size))
         size = session.views[0].image.size
@@ -107,8 +107,6 @@ class Viewer(Owner):
         """Draw a frame, `dt` seconds after the last one: move, tick, draw all changes, and the interface over them."""
         start = now()
         actions, session = self.actions, self.session
-        if actions.panels.fullscreen != self.wnd.fullscreen:
-            self.wnd.fullscreen = actions.panels.fullscreen
         answers = self._take_events()
         if self._minimised:
             return
@@ -284,8 +282,7 @@ class Viewer(Owner):
         """
         problem = None
         if remember:
-            fullscreen = self.wnd.fullscreen
-            problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
+            problem = self.actions.save_preferences(None if self.wnd.fullscreen else self.wnd.size)
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
         return problem

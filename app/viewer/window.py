@@ -51,7 +51,7 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
         raise GLError(_NO_DISPLAY if "initialize" in str(error) else f"{error}; details: irrsplat doctor") from None
     except Exception as error:  # moderngl raises bare Exceptions
         raise GLError(context.advice(" ".join(str(error).split()))) from None
-    wnd.exit_key = wnd.fullscreen_key = None  # Esc never quits, and the viewer has its own key for fullscreen
+    wnd.exit_key = None  # Esc never quits
     if headless:
         wnd.keys = Keys  # the headless window has no names of keys
     moderngl_window.activate_context(window=wnd)
@@ -68,20 +68,14 @@ class _Event:
 
 
 class Desktop:
-    """Functions that moderngl-window lacks: clipboard, dropped files, focus, the monitor's scale and waiting for events.
+    """Functions that moderngl-window lacks: dropped files, focus, the monitor's scale and waiting for events.
 
-    A headless window receives no events, and its clipboard is `text`.
+    A headless window receives no events.
     """
 
     def __init__(self, wnd: BaseWindow) -> None:
-        self.text = ""
         self._events: deque[_Event] = deque()  # the waiting events, oldest first
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
-
-    def copy(self, text: str) -> None:
-        self.text = text
-        if self._window is not None:
-            glfw.set_clipboard_string(self._window, text)
 
     def listen(self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None]) -> None:
         """Set the calls for dropped files and the keyboard focus, and keep every event until `take`.

@@ -28,7 +28,7 @@ class DrawState:
 
     depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
     None. cull: "front", "back" or None. depth_clamp: draw geometry before the near plane instead of clipping it. clip_planes:
-    number of gl_ClipDistance in use. wireframe: draw the edges of triangles only.
+    number of gl_ClipDistance in use.
     """
 
     depth: Literal["<", "1"] | None = None
@@ -37,7 +37,6 @@ class DrawState:
     cull: Literal["front", "back"] | None = None
     depth_clamp: bool = False
     clip_planes: int = 0
-    wireframe: bool = False
 
 
 _BLENDS = {
@@ -249,7 +248,7 @@ class Program:
         if state.blend:
             ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
             ctx.blend_func = _BLENDS[state.blend]
-        ctx.wireframe = state.wireframe
+        ctx.wireframe = False
         ctx.front_face = "ccw"  # determines gl_FrontFacing
         if state.cull:
             ctx.cull_face = state.cull

@@ -15,7 +15,7 @@ from irrsplat.gpu.resource import Owner, Resource
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
 
 _LARGE = 8192  # texels along a side: a larger texture may be as large as OpenGL allows
-_BAND = 200_000  # pixels: about 15 ms of a software renderer in the slower passes
+_BAND = 110_000  # pixels: about 25 ms of a processor for a software renderer in the slower passes
 
 
 def bands(size: tuple[int, int]) -> Iterator[Region]:

@@ -8,11 +8,13 @@ difference separates the tests' own noise, and shows whether records need more r
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from irrsplat.core.buffers import Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.paper_scan import Seen
 
@@ -104,7 +106,12 @@ def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     return mean
 
 
-def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Check:
+def drawing(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Steps[Check]:
+    """Begin to draw pixels in a background thread, since a large view takes long. The work returns the result of `_drawn`."""
+    return in_background(partial(_drawn, seen, pixels(splats.sums), pixels(splats.weight), seed, off))
+
+
+def _drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ...], off: float) -> Check:
     """Return CHECKS of the smooth pixels, as the error leaves out edges.
 
     Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
@@ -112,7 +119,7 @@ def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) ->
     """
     from scipy import ndimage
 
-    sums, weight = pixels(splats.sums).astype(float), pixels(splats.weight).astype(float)
+    sums, weight = sums.astype(float), weight.astype(float)
     k = np.maximum(sums[..., 3], 1e-20)
     variance = np.where(seen.mask, np.maximum(weight[..., 1] / k - ((sums[..., :3] @ LUMINANCE) / k) ** 2, 0.0), 0.0)
     sigma = blur_of(len(variance))

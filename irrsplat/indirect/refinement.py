@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.timing.input_waits import InputWaits
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawn
+from irrsplat.indirect.error_estimate import Check, ErrorSums, blur_of, drawing
 from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
@@ -70,9 +72,9 @@ class Refinement:
     by its last level, None without a new level. surface_error: W/m², estimated remaining error of E by the surface cache.
     tested: sums of all tests. doublings: of the sides of gathers for the next step.
 
-    The next step has the following fields. check: the pixels under test. uncertainty: (H, W) W²/m⁴. next_levels: None before they
-    are chosen. finer: numbers of old records that still need more rays. fill: its progress as a view. ended: True if nothing
-    more is or can be refined.
+    The next step has the following fields. drawing: the choice of the pixels under test. check: the pixels under test.
+    uncertainty: (H, W) W²/m⁴. choosing: the choice of levels. next_levels: None before they are chosen. finer: numbers of old
+    records that still need more rays. fill: its progress as a view. ended: True if nothing more is or can be refined.
     """
 
     base: Base
@@ -86,8 +88,10 @@ class Refinement:
     changes: np.ndarray | None = None
     surface_error: float = 0.0
     tested: ErrorSums = ErrorSums()
+    drawing: Steps[Check] | None = None
     check: Check | None = None
     uncertainty: np.ndarray | None = None
+    choosing: Steps[np.ndarray] | None = None
     next_levels: Levels | None = None
     finer: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     fill: ViewState = ViewState()
@@ -153,7 +157,7 @@ class Refiner(Owner):
         if state.error is None or state.uncertainty is None:
             return self._test(state, target, gbuffer, shadows, budget)
         if state.next_levels is None:
-            return self._choose(state, gbuffer)
+            return self._choose(state, gbuffer, budget)
         if len(state.finer):
             return self._regather_finer(state, shadows, budget)
         return self._fill(state, gbuffer, shadows, budget)
@@ -188,12 +192,16 @@ class Refiner(Owner):
     def _test(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather at pixels drawn at random, as finely as the records of the picture, and some more finely, and compare."""
         check, gatherer, cache = state.check, self.scheduler.gatherer, self.cache
-        if check is None:
+        if check is None and state.drawing is None:
             seed, off = (self.scheduler.settings.seed, state.step), SMOOTH_OFF * gatherer.world.scene.diagonal
             seen = read_back(gbuffer)
             if not seen.mask.any():  # such as a view past the scene
                 return replace(state, error=0.0, last_error=0.0, ended=True)
-            check = replace(drawn(seen, state.splats, seed, off), first=cache.count)
+            return replace(state, drawing=drawing(seen, state.splats, seed, off))
+        if check is None:
+            assert state.drawing is not None
+            found = budget.advance(state.drawing)
+            return state if found is None else replace(state, drawing=None, check=replace(found, first=cache.count))
         done, again = check.done, check.again
         if check.coarse is None:
             done += gatherer.gather(shadows, check.sites[done:], budget, self._side(state.doublings))
@@ -219,17 +227,13 @@ class Refiner(Owner):
         )
         return replace(state, error=error, last_error=error)
 
-    def _choose(self, state: Refinement, gbuffer: GBuffer) -> Refinement:
+    def _choose(self, state: Refinement, gbuffer: GBuffer, budget: Budget) -> Refinement:
         """Choose the levels of the next step, and the records that need more rays for it."""
-        from scipy import ndimage
-
-        assert state.uncertainty is not None
-        uncertainty = np.maximum(state.uncertainty, 1e-30)  # its relation to the error's square cancels out
-        limit = _LEAVE**2 * float(uncertainty[state.uncertainty > 0.0].mean())
-        # an error is about in proportion to the square of the reach, so that it takes a level to halve it
-        more = np.clip(0.5 * np.log2(uncertainty / limit), 0.0, _STEP)
-        around = round(blur_of(self.size[1]))
-        more = ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around)
+        if state.choosing is None:
+            assert state.uncertainty is not None
+            return replace(state, choosing=in_background(partial(_finer_by, state.uncertainty)))
+        if (more := budget.advance(state.choosing)) is None:
+            return state
         levels = Levels(np.minimum(state.levels.values + more, _MOST).astype("f4"), state.levels.camera)
         index = (state.step + 1) % 2
         self._reach[index].write(levels.reach[::-1].tobytes())
@@ -237,7 +241,7 @@ class Refiner(Owner):
         side, sizes = self._side(state.doublings), self.cache.column("gather_size")
         known = np.where(sizes > 0, sizes, self._side(0))
         pixels_covered = self.scheduler.pixels_covered(gbuffer, levels.camera)
-        return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (pixels_covered > 0.0)))
+        return replace(state, choosing=None, next_levels=levels, finer=np.flatnonzero((known < side) & (pixels_covered > 0.0)))
 
     def _regather_finer(self, state: Refinement, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather records again that need more rays."""
@@ -259,3 +263,15 @@ class Refiner(Owner):
                 return replace(state, fill=fill, ended=fill.full)
         known = replace(state, error=None, check=None, uncertainty=None, next_levels=None, fill=ViewState())
         return replace(known, splats=splats, levels=levels, step=state.step + 1)
+
+
+def _finer_by(uncertainty: np.ndarray) -> np.ndarray:
+    """Return (H, W) the levels to add for the next step, by the variance (H, W) at all pixels."""
+    from scipy import ndimage
+
+    limit = _LEAVE**2 * float(uncertainty[uncertainty > 0.0].mean())  # the variance's relation to the error's square cancels out
+    # an error is about in proportion to the square of the reach, so that it takes a level to halve it
+    more = np.clip(0.5 * np.log2(np.maximum(uncertainty, 1e-30) / limit), 0.0, _STEP)
+    around = round(blur_of(len(uncertainty)))
+    finer: np.ndarray = ndimage.gaussian_filter(ndimage.maximum_filter(more, 2 * around + 1), around)
+    return finer

@@ -6,7 +6,7 @@ import math
 import os
 import pathlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,13 +98,7 @@ def path_text(path: Path) -> str:
 
     Field of view, names of keys and motions are not included.
     """
-    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key)[:3])}\n" for key in path.keys)])
-
-
-def camera_flags(camera: Camera) -> str:
-    """Return the flags --eye, --target, --up and --fov of a camera, with six digits or to the millimetre."""
-    eye, target, up, fov = _camera_words(camera, _short_number)
-    return f"--eye {eye} --target {target} --up {up} --fov {fov}"
+    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key))}\n" for key in path.keys)])
 
 
 # ---- the curve -----------------------------------------------------------------------------------------------------------
@@ -190,20 +184,7 @@ def _count(line: Line) -> int:
     return int(line.args[0])
 
 
-def _camera_words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
-    """Return eye, target, up and fov as text, with numbers by `write`; in full where short ones give no valid camera."""
-    eye, target, up = (" ".join(write(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
-    fov = write(float(camera.fov))
-    try:
-        Camera(_read(eye), _read(target), _read(up), float(fov))
-    except InputError:
-        return _camera_words(camera)
-    return eye, target, up, fov
-
-
-def _read(words: str) -> tuple[float, float, float]:
-    return _triple([float(word) for word in words.split()])
-
-
-def _short_number(x: float) -> str:
-    return f"{x:.6g}" if abs(x) < 1e3 else f"{round(x, 3):.15g}"  # far away: to the millimetre
+def _camera_words(camera: Camera) -> tuple[str, str, str]:
+    """Return eye, target and up as text, with all digits."""
+    eye, target, up = (" ".join(repr(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
+    return eye, target, up

@@ -116,9 +116,10 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     if case == "panels":
         driver.actions.panels = Panels(settings=True, lights=True)
     elif case == "marks":
-        options.points = options.discs = options.wire = True
+        options.points = options.discs = True
     elif case == "split":
-        driver.session.split("buffers")
+        driver.session.split(True)
+        driver.quicken()
     driver.frame(3)  # the picture has the size that the panel leaves
     settle(driver)
     driver.frame(2)  # opened panels have their place now

@@ -13,7 +13,7 @@ import pytest
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene import Camera
-from irrsplat.scene.camera_path import Path, camera_flags, load_path, path_text
+from irrsplat.scene.camera_path import Path, load_path, path_text
 from irrsplat.scene.model import Light, Scene
 from tests.support.worlds import box, floor, point_light, scene
 
@@ -173,14 +173,6 @@ def test_a_path_is_read_back_bit_by_bit(read: Read) -> None:
     keys = tuple(random_camera(rng, 1e-3) for _ in range(5))
     again = read(path_text(Path(keys, 77)))
     assert [(k.eye, k.target, k.up, again.frames) for k in again.keys] == [(k.eye, k.target, k.up, 77) for k in keys]
-
-
-def test_flags_are_a_valid_camera_whatever_six_digits_make_of_it() -> None:
-    """At 1234567 m, six digits are 10 m apart: eye and target would coincide, so they are written in full."""
-    flags = camera_flags(Camera((1 / 3, -2e-7, 1234567.0), (0.5, 0, -1)))
-    assert flags == "--eye 0.333333 -2e-07 1234567 --target 0.5 0 -1 --up 0 1 0 --fov 45"
-    assert "1234567.25" in camera_flags(Camera((1234567.25, 0, 0), (1234567.5, 0, 0)))
-    assert "--fov 179.99999999" in camera_flags(Camera((0, 0, 1), ORIGIN, fov=179.99999999))
 
 
 def test_a_mesh_moves_turns_and_stretches(read: Read) -> None:

@@ -22,7 +22,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
-from irrsplat.app.viewer.input.path_recorder import PathRecorder
+from irrsplat.app.viewer.input.free_camera import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
@@ -325,7 +325,7 @@ class Driver:
 
     def split_presets(self) -> None:
         """Show two presets side by side, the right one (paper) with settings for a fast picture; wait for convergence."""
-        self.session.split("presets")
+        self.session.split(True)
         self.quicken()
         self.settle()
 
@@ -341,7 +341,7 @@ class Driver:
         self.modifiers = KeyModifiers()
         self.viewer.controls.mouse_released(0, 0, LEFT)
         self.viewer.controls.mouse_released(0, 0, RIGHT)
-        session.split("off")
+        session.split(False)
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []

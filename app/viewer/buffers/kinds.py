@@ -151,7 +151,7 @@ def irradiance(
 
 
 def light() -> ShownBuffer:
-    """Show irradiance or illuminance by the user's scale, independently of the surface's reflectance."""
+    """Show illuminance by the user's scale, independently of the surface's reflectance."""
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         scale, (low, high) = source.light_scale, source.light_scale.ends
@@ -177,7 +177,7 @@ def light() -> ShownBuffer:
         direct = texel(source.renderer.direct_irradiance(source.view), x, y)[:3]
         return np.array([(direct + irradiance_at(source.view, x, y)) @ source.light_scale.weights], np.float32)
 
-    words = "all light that falls on surfaces, in lux or W/m², with isolines"
+    words = "all light that falls on surfaces, in lux, with isolines"
     return ShownBuffer("light", "light (false colours)", words, draw, legend, read, state=lambda source: source.light_scale)
 
 

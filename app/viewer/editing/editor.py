@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from typing import Literal
-
-import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.view_options import point_of
-from irrsplat.scene.model import Light
 
-Kind = Literal["point", "spot", "directional"]
 _MOST = 300  # the most states that undo keeps
-_NEARER = 0.3  # share of the way from the focus to the eye: the place of a new light
-_CUTOFF, _INNER = 35.0, 25.0  # degrees: the half angles of a new spot
 
 
 class Editor:
@@ -93,28 +84,6 @@ class Editor:
 
     def set_light(self, number: int, edited: LightEdit) -> None:
         self.apply(self.edit.with_light(number, edited))
-
-    def add_light(self, kind: Kind) -> None:
-        """Add a light between the eye and the focus, and pick it. Its intensity suits the present exposure at the focus.
-
-        Raises InputError for too many lights.
-        """
-        session = self.session
-        eye, focus = np.asarray(session.camera.eye), np.asarray(session.focus)
-        place = point_of(focus + _NEARER * (eye - focus))
-        gain = 2.0 ** -(session.exposure if math.isfinite(session.exposure) else 0.0)
-        intensity = math.pi * math.dist(place, point_of(focus)) ** 2 * gain
-        taken = {edited.light.name for edited in self.lights}
-        name = next(n for n in (f"{kind} {i}" for i in range(1, len(taken) + 2)) if n not in taken)
-        light = Light(place, (intensity,) * 3, physical=True, name=name)
-        if kind == "spot":
-            light = replace(light, spot_target=point_of(focus), spot_cutoff=_CUTOFF, spot_inner=_INNER)
-        if kind == "directional":
-            back = session.camera.axes[2]
-            towards = point_of(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
-            light = Light(towards, (gain,) * 3, directional=True, name=name)
-        self.apply(replace(self.edit, lights=(*self.lights, LightEdit.of(light))))
-        self.pick_light(len(self.lights) - 1)
 
     def delete_light(self, number: int) -> None:
         self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))

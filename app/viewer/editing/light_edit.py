@@ -91,10 +91,6 @@ class LightEdit:
         color = red * luminance, green * luminance, blue * luminance
         return replace(self, light=replace(self.light, color=color), kelvin=kelvin)
 
-    def coned(self, cutoff: float, inner: float) -> LightEdit:
-        """Return the spot with another cone. The half angles are in degrees; the inner one is clamped to the outer one."""
-        return replace(self, light=replace(self.light, spot_cutoff=cutoff, spot_inner=min(inner, cutoff)))
-
 
 WORDS = {  # by unit: the quantity, and its radiometric unit
     "lumen": ("luminous flux", "W"),

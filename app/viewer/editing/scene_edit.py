@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,19 +12,19 @@ from irrsplat.core.vectors import box
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
 
-_POLE = 1e-6  # cosine of the angle about y: below it, the angles about x and z turn about one axis
+_UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class ObjectEdit:
     """The changes of a mesh.
 
-    offset: its translation in metres. turn: degrees about the world's x, then y, then z, through the middle of its bounding box.
+    offset: its translation in metres. turn: the rows of its rotation about the middle of its bounding box.
     albedo, emission: the values that replace those of its material; None keeps its own value.
     """
 
     offset: Point = (0.0, 0.0, 0.0)
-    turn: Point = (0.0, 0.0, 0.0)
+    turn: tuple[Point, Point, Point] = _UNTURNED
     albedo: Point | None = None
     emission: Point | None = None
     hidden: bool = False
@@ -33,14 +32,14 @@ class ObjectEdit:
     def matrix(self, pivot: np.ndarray) -> np.ndarray:
         """Return (4, 4) from the loaded place of the mesh to its present one. pivot: (3,) the middle of its loaded box."""
         matrix = np.eye(4)
-        matrix[:3, :3] = rotation(self.turn)
+        matrix[:3, :3] = self.turn
         matrix[:3, 3] = pivot + self.offset - matrix[:3, :3] @ pivot
         return matrix
 
     @property
     def stays(self) -> bool:
         """True if the mesh is at its loaded place."""
-        return not any(self.offset) and not any(self.turn)
+        return not any(self.offset) and self.turn == _UNTURNED
 
 
 AS_LOADED = ObjectEdit()
@@ -62,27 +61,6 @@ class SceneEdit:
 
     def with_object(self, number: int, edit: ObjectEdit) -> SceneEdit:
         return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
-
-
-def rotation(turn: Point) -> np.ndarray:
-    """Return the (3, 3) rotation by degrees about x, then y, then z."""
-    (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
-    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
-    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
-    matrix: np.ndarray = about_z @ about_y @ about_x
-    return matrix
-
-
-def angles(matrix: np.ndarray) -> Point:
-    """Return the degrees about x, then y, then z of a (3, 3) rotation: the inverse of `rotation`."""
-    level = math.hypot(matrix[0, 0], matrix[1, 0])
-    y = math.atan2(-matrix[2, 0], level)
-    if level < _POLE:
-        x, z = math.atan2(-matrix[1, 2], matrix[1, 1]), 0.0
-    else:
-        x, z = math.atan2(matrix[2, 1], matrix[2, 2]), math.atan2(matrix[1, 0], matrix[0, 0])
-    return math.degrees(x), math.degrees(y), math.degrees(z)
 
 
 def bounds_of(mesh: Mesh) -> np.ndarray:

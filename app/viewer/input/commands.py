@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from irrsplat.app.film import video
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.view_options import SPLITS
 from irrsplat.reference import worker
 from irrsplat.settings import PRESETS
 
@@ -52,12 +51,11 @@ _WORDS = {"MINUS": "-", "EQUAL": "=", "ESCAPE": "Esc", "TAB": "Tab"}
 _NUMBERS = (*(f"NUMBER_{digit}" for digit in "1234567890"), "MINUS", "EQUAL")  # the keys of the first buffers
 _BUFFER_KEYS = dict(zip(BUFFERS, _NUMBERS, strict=False))
 _FILE = (
-    Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene or a path"),
-    Command("File", "Reload", "reload", "F5", help="read the scene from its files again"),
+    Command("File", "Open…", "open_file", "O", ctrl=True, help="a scene"),
     Command("File", "Save", "save_again", "S", ctrl=True, section=True),
     Command("File", "Save as…", "save_as", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot", "F12", help="write a PNG to the pictures folder", section=True),
-    Command("File", "Save film", "save_film", help="of the path, in the videos folder", enabled="film_possible", extra="video"),
+    Command("File", "Save film", "save_film", help="of the flight, in the videos folder", enabled="film_possible", extra="video"),
     Command("File", "Cancel film", "cancel_film", enabled="filming"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
@@ -74,21 +72,15 @@ _EDIT = (
         enabled="selected",
         section=True,
     ),
-    Command("Edit", "Add a point light", "add_light", argument="point", section=True),
-    Command("Edit", "Add a spot light", "add_light", argument="spot"),
-    Command("Edit", "Add a directional light", "add_light", argument="directional"),
-    Command("Edit", "Deselect", "escape", "ESCAPE", help="also close menus, dialogs and messages, and stop a path", section=True),
+    Command("Edit", "Deselect", "escape", "ESCAPE", help="also close menus, dialogs and messages", section=True),
 )
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
     Command("View/Camera", "First camera", "home", "HOME"),
     Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene; keeps the direction"),
-    Command("View/Camera", "Copy as flags of irrsplat render", "copy_flags", "C", section=True),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; press again to end", section=True),
-    Command("View/Camera", "Play path", "play", "P", help="press again to stop", enabled="has_path"),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="with the radius of each record"),
-    Command("View", "Wireframe", "toggle", "T", "wire"),
     Command("View", "Inspect records", "toggle", "I", "inspect", help="under the cursor", section=True),
     Command("View", "Measure along a line", "toggle", "L", "profile", ctrl=True, help="drag a line over surfaces"),
     Command("View", "Why is it dark here?", "toggle", "D", "why", ctrl=True, help="lights, blockers and sky at a clicked point"),
@@ -101,8 +93,7 @@ _RENDER = (
     Command("Render", "Clear cache", "clear"),
 )
 _COMPARE = (
-    *(Command("Compare", title.capitalize(), "use_split", argument=way) for way, title in SPLITS.items()),
-    Command("Compare", "Next split", "split", "TAB", help="one picture, two buffers, two presets"),
+    Command("Compare", "Two presets", "split", "TAB", help="side by side; press again for one picture"),
     Command("Compare", "Other side", "flip", "SPACE", help="show one side alone, then the other"),
     Command("Compare", "Path-trace the reference", "trace", "Y", help="press again to stop", extra="reference", section=True),
 )
@@ -112,8 +103,7 @@ _WINDOW = (
     Command("Window", "Lights", "toggle", "F4", "lights"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="press again to show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="list the objects; click to select one"),
-    Command("Window", "Fullscreen", "toggle", "F11", "fullscreen", section=True),
-    Command("Window", "Larger text", "enlarge", "EQUAL", 0.25, ctrl=True),
+    Command("Window", "Larger text", "enlarge", "EQUAL", 0.25, ctrl=True, section=True),
     Command("Window", "Smaller text", "enlarge", "MINUS", -0.25, ctrl=True),
 )
 _HELP = (
@@ -133,6 +123,7 @@ FLYING = (  # mouse buttons and keys that the user holds or drags, and their eff
     ("wheel", "move toward the cursor; with right mouse held: change speed"),
     ("left mouse", "drag to orbit about a point, or to move the divider"),
     ("left click", "select an object, or a light while F4 is open"),
+    ("F11", "full screen"),
 )
 
 

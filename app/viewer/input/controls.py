@@ -94,7 +94,6 @@ class Controls:
         if self.backend.wants_keyboard:
             self.pressed.clear()  # the interface takes all keys from now on; a key flies again when it is pressed again
         elif right or up or ahead:
-            self.actions.stop()
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
 
     @property
@@ -109,7 +108,7 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options, (left, _, width, _) = self.session.options, self.picture()
-        return options.split != "off" and abs(x - (left + options.divider * width) / self.wnd.pixel_ratio) <= _GRIP
+        return options.split and abs(x - (left + options.divider * width) / self.wnd.pixel_ratio) <= _GRIP
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 
@@ -181,10 +180,9 @@ class Controls:
         self.travelled = 0.0
         if self.backend.wants_mouse:
             return
-        if self.session.options.split != "off" and self.pointer is not None:
+        if self.session.options.split and self.pointer is not None:
             self.session.options.side = self.session.side_at(self.pointer[0])
         if button == RIGHT:
-            self.actions.stop()
             self._capture(True)
         elif button == LEFT and self._on_divider(x):
             self.dragged = "divider"
@@ -192,7 +190,6 @@ class Controls:
             self.dragged = "line"
             self._draw_line(begin=True)
         elif button == LEFT and not self.actions.editor.handles_used:
-            self.actions.stop()
             self.dragged = "orbit"
             self.pivot = self.display.point_at(self.pointer) or self.session.free_camera.camera.target
 
@@ -232,7 +229,6 @@ class Controls:
         elif self.backend.wants_mouse:
             self.backend.io.add_mouse_wheel_event(x_offset, y_offset)
         else:
-            self.actions.stop()
             camera.dolly(y_offset, self.display.point_at(self.pointer))
 
     # ---- the window ------------------------------------------------------------------------------------------------

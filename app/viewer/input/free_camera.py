@@ -1,4 +1,4 @@
-"""The free camera: turns, flight, orbit and dolly."""
+"""The free camera (turns, flight, orbit and dolly), and the recorder of its flight."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from irrsplat.app.viewer.view_options import point_of
 from irrsplat.core.errors import InputError
+from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
@@ -19,6 +20,8 @@ NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
 STEPS = 200.0  # the most steps of a wheel in one call; more steps would overflow
 _AROUND = 1.03  # factor on the distance at which a box just fits, for a margin around it
 POLE = 1e-6  # radians from the world's up: nearer to it, a view's heading is computed from its right instead of its forward
+FPS = 30.0  # frames a second of a path
+KEY_EVERY = 0.2  # seconds between the keys of a recorded path
 
 
 class FreeCamera:
@@ -155,3 +158,31 @@ def _angles(axes: np.ndarray, world: np.ndarray) -> tuple[float, float]:
         right_east, _, right_south = world @ axes[0]
         return math.atan2(right_south, right_east), math.atan2(up, level)
     return math.atan2(east, -south), math.atan2(up, level)
+
+
+class PathRecorder:
+    """The recorder of one path at a time.
+
+    path: the path that was recorded last. recording: the keys of the recording so far, None without a recording.
+    """
+
+    def __init__(self) -> None:
+        self.path: Path | None = None
+        self.recording: list[Camera] | None = None
+        self._recorded = 0.0  # the length of the recording in seconds
+
+    def tick(self, dt: float, camera: Camera) -> None:
+        """Advance a recording by `dt` seconds with the present `camera`."""
+        if self.recording is not None:
+            self._recorded += dt
+            while self._recorded >= KEY_EVERY * len(self.recording):
+                self.recording.append(camera)
+
+    def record(self, camera: Camera) -> Path | None:
+        """Begin to record at `camera` and return None, or end the recording and return its path."""
+        if self.recording is None:
+            self.recording, self._recorded = [camera], 0.0
+            return None
+        keys, self.recording = self.recording, None
+        self.path = Path(tuple(keys), 1 + round((len(keys) - 1) * KEY_EVERY * FPS))
+        return self.path

@@ -103,9 +103,9 @@ class DesktopDialog:
         self._take: Callable[[str], object] = lambda path: None
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
-        """Request a scene or a path. `take` receives the answer."""
-        patterns = " ".join(f"*{ending}" for ending in (*FORMATS, ".path"))
-        self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes and paths", patterns]), take)
+        """Request a scene. `take` receives the answer."""
+        patterns = " ".join(f"*{ending}" for ending in FORMATS)
+        self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes", patterns]), take)
 
     def ask_save(self, name: str, take: Callable[[str], object]) -> None:
         """Request the name of a file. The dialog confirms the replacement of an existing file."""

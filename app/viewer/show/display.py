@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import dist
 from typing import cast
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.kinds import irradiance_at
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
@@ -18,7 +18,6 @@ from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Programs, Region, clear, texel
 from irrsplat.app.viewer.view_options import Point, Surface
-from irrsplat.core.color import photometric
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -52,12 +51,12 @@ class Display(Owner):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
         plane = Identity(session.plane.measured)
-        inputs = sides, options.copy, plane, options.inspect and cursor, Identity(screen)
+        inputs = sides, replace(options), plane, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        name, source = self.session.options.buffers[side], self.session.source(side)
+        name, source = self.session.options.buffer, self.session.source(side)
         cache = source.renderer.cache
         return name, source.inputs, BUFFERS[name].state(source), (cache.count, cache.revision)
 
@@ -74,13 +73,11 @@ class Display(Owner):
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
-        buffer, view, markers = self.session.options.buffers[side], source.view, self.markers
+        buffer, view, markers = options.buffer, source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
         BUFFERS[buffer].draw(Canvas(screen, self.programs, region), source)
         if not BUFFERS[buffer].in_view:
             return
-        if options.wire:
-            markers.wireframe(screen, view, renderer.world.geometry, region=region)
         if options.plane and (measured := self.session.plane.measured) is not None:
             markers.plane(screen, view, measured, measured.scaled(options.light_scale), region)
         for kind in ("discs", "points"):
@@ -100,7 +97,7 @@ class Display(Owner):
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """Return the value of a side's buffer under the cursor. It is read again when the buffer or the cursor has changed."""
-        name, source = self.session.options.buffers[side], self.session.source(side)
+        name, source = self.session.options.buffer, self.session.source(side)
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: BUFFERS[name].value(source, *place))
 
@@ -109,20 +106,19 @@ class Display(Owner):
         ends = self.session.options.line
         if ends is None or ends[0] == ends[1]:
             return None
-        name, source = self.session.options.buffers[side], self.session.source(side)
+        name, source = self.session.options.buffer, self.session.source(side)
         return self._memo.get("profile", (self._inputs(side), ends), lambda: line_profile(name, source, *ends))
 
     @property
     def shows_scene(self) -> bool:
-        """True if a side shows the scene from the camera."""
-        return any(BUFFERS[self.session.options.buffers[side]].in_view for side, _ in self.session.sides())
+        """True if the buffer shows the scene from the camera."""
+        return BUFFERS[self.session.options.buffer].in_view
 
     def _seen(self, cursor: tuple[int, int]) -> tuple[ViewSource, tuple[int, int]] | None:
         """Return the source of the view at the cursor, and the view's pixel there; None if no view is shown there."""
-        side = self.session.side_at(cursor[0])
-        if not self.session.views or not BUFFERS[self.session.options.buffers[side]].in_view:
+        if not self.session.views or not self.shows_scene:
             return None
-        source = self.session.source(side)
+        source = self.session.source(self.session.side_at(cursor[0]))
         return source, self.session.place(source.view, *cursor)
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
@@ -167,9 +163,5 @@ class Display(Owner):
         x, y, z, depth = texel(source.view.gbuffer.position, *pixel).tolist()
         if depth <= 0.0 or dist((x, y, z), point) > _NEAR * depth:
             return None
-        return self._memo.get("light", (source.inputs, pixel), lambda: _lux(source, *pixel))
-
-
-def _lux(source: ViewSource, x: int, y: int) -> float:
-    direct = texel(source.renderer.direct_irradiance(source.view), x, y)[:3]
-    return float(photometric(direct + irradiance_at(source.view, x, y)))
+        lux = self._memo.get("light", (source.inputs, pixel), lambda: BUFFERS["light"].value(source, *pixel))
+        return None if lux is None else float(lux[0])

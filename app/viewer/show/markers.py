@@ -1,4 +1,4 @@
-"""Markers over a buffer: records as dots and discs, edges of the scene, and the pixels of one record."""
+"""Markers over a buffer: records as dots and discs, the measuring plane, and the pixels of one record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from irrsplat.app.viewer.buffers.shown_buffer import Legend, colour_map
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
 from irrsplat.app.viewer.show.screen import Programs, Region, view_uniforms
 from irrsplat.core.buffers import Records
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
@@ -24,7 +23,6 @@ from irrsplat.settings import Settings
 _OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # pixels: the radius of a dot
 _WIDTH = 1.75  # pixels: half the width of a line
-_EDGE = (1.0, 0.55, 0.15, 0.55)  # display colour and opacity of the wireframe
 _SEGMENTS = 32  # segments of a circle: at a radius of 100 pixels their error is half a pixel, r·(1 - cos(π/n))
 _TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
 _OPACITY = 0.8  # opacity of the measuring plane
@@ -75,14 +73,6 @@ class Markers(Owner):
         """Draw strips of triangles. Uniforms that the program does not declare are left out."""
         strip, state = moderngl.TRIANGLE_STRIP, _OVER
         program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
-
-    def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
-        """Draw the edges of the scene's triangles, thin and half transparent."""
-        program = self.programs("viewer/markers/wire", "image/gbuffer")
-        state = DrawState(blend="over", depth_clamp=True, wireframe=True)
-        uniforms = view_uniforms(target, view.gbuffer, view.camera)
-        program(target, geometry=geometry, state=state, scissor=region, **uniforms, tint=_EDGE)
-        self.ctx.wireframe = False  # imgui's draws do not set it
 
     def plane(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:
         """Draw the measuring plane in false colours with isolines. scale: with an upper end."""

@@ -11,7 +11,7 @@ from imgui_bundle import imgui, imguizmo
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import LightEdit
 from irrsplat.app.viewer.editing.picking import pixel_of
-from irrsplat.app.viewer.editing.scene_edit import angles, bounds_of, rotation
+from irrsplat.app.viewer.editing.scene_edit import bounds_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of
@@ -33,12 +33,12 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
         number, edit = editor.mesh, editor.edit.objects[editor.mesh]
         _draw_box(actions.session, layout, number)
         origin = bounds_of(editor.loaded.meshes[number]).mean(0)
-        axes = rotation(edit.turn)
+        axes = np.array(edit.turn)
         place, turn = _dragged(actions, layout, origin + edit.offset, axes, True, True)
         if not np.array_equal(place, origin + edit.offset):
             edit = replace(edit, offset=point_of(place - origin))
         if turn is not axes:
-            edit = replace(edit, turn=angles(turn))
+            edit = replace(edit, turn=(point_of(turn[0]), point_of(turn[1]), point_of(turn[2])))
         if edit != editor.edit.objects[number]:
             actions.attempt(lambda: editor.set_object(number, edit))
     elif editor.light is not None and actions.panels.lights:

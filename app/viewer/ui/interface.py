@@ -191,7 +191,7 @@ class SidePanel:
     def _controls(self) -> None:
         """Draw the buffer, the preset, the first settings and the state."""
         actions = self.actions
-        if actions.session.options.split != "off":
+        if actions.session.options.split:
             draw_sides(actions)
         self._buffer()
         draw_presets(actions, self.layout)
@@ -205,7 +205,7 @@ class SidePanel:
         self._state()
 
     def _buffer(self) -> None:
-        actions, shown = self.actions, self.actions.shown_buffer
+        actions, shown = self.actions, self.actions.options.buffer
         if imgui.begin_combo(self.layout.label("buffer"), BUFFERS[shown].title, imgui.ComboFlags_.height_largest):
             for name, buffer in BUFFERS.items():
                 if imgui.selectable(buffer.title, name == shown)[0]:
@@ -226,7 +226,6 @@ class SidePanel:
         for true, words in (
             (session.options.frozen, "cache frozen"),
             (recorder.recording is not None, "recording (R ends it)"),
-            (recorder.playing is not None, "playing (P stops it)"),
         ):
             if true:
                 imgui.text_colored(AMBER, words)

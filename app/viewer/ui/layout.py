@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ MARGIN = 8.0  # window coordinates: the space around windows over the picture
 _PANEL, _SHARE = 300.0, 0.42  # width of the side panel, window coordinates at scale 1; its greatest share of the window
 _NAMES = 7.5  # font heights: the width of the names of widgets
 _NARROWEST = 80.0  # window coordinates at scale 1: names stand above widgets if these would be narrower
-_MOST_DECIMALS = 7  # of lengths in metres
 _LEAST_PICTURE = 32.0  # window coordinates: if the area is smaller, the picture fills the window
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
 SHADE = (0.0, 0.0, 0.0, 0.55)  # the outline of bright marks over the picture
@@ -72,11 +70,6 @@ class Layout:
     def stacked(self) -> bool:
         """True if the panel is so narrow that names stand above their widgets."""
         return self.panel - (_NAMES + 2.0) * imgui.get_font_size() < _NARROWEST * self.scale
-
-    def metres(self, diagonal: float) -> str:
-        """Return the format of lengths in a scene with this diagonal: millimetres in a room. A widget rounds to its format."""
-        decimals = 4 - self.stacked - round(math.log10(diagonal))
-        return f"%.{min(max(decimals, 0), _MOST_DECIMALS)}f"
 
     def chosen(self, title: str, now: bool, number: int) -> bool:
         """Draw an entry of a list, which shows a long title in full under the mouse. Return True if the user chose it."""

@@ -51,7 +51,7 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
 def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int]) -> str:
     """Return the value at a pixel in its unit; "" if there is none."""
     session, value = actions.session, display.value(side, cursor)
-    buffer = BUFFERS[session.options.buffers[side]]
+    buffer = BUFFERS[session.options.buffer]
     unit = buffer.legend(session.source(side)).unit
     if value is not None and buffer.name == "position" and any(session.origin):
         return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
@@ -61,9 +61,9 @@ def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int
 def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> None:
     """Draw titles and scales. A text that would cover too much of the picture is left out."""
     options, source = actions.session.options, actions.session.source(side)
-    buffer = BUFFERS[options.buffers[side]]
+    buffer = BUFFERS[options.buffer]
     who = f"{('left', 'right')[side]}: " if options.divider in (0.0, 1.0) else ""
-    preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
+    preset = f"  preset {source.renderer.preset}" if options.split else ""
     imgui.text(who + buffer.title + preset)
     legends = [buffer.legend(source)]
     if options.points or options.discs:

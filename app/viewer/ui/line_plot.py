@@ -46,7 +46,7 @@ def draw_plot(actions: Actions, display: Display, layout: Layout, top: float) ->
     shown, opened = imgui.begin("along a line", True, flags)
     session.options.profile = bool(opened)
     if shown:
-        title, found = BUFFERS[actions.shown_buffer].title, display.profile(session.options.side)
+        title, found = BUFFERS[session.options.buffer].title, display.profile(session.options.side)
         if found is None:
             imgui.text_disabled("drag a line over surfaces")
         elif (summary := found.summary) is None:

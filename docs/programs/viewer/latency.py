@@ -50,7 +50,7 @@ def swapped(self):
     if made and made[0].session.progress:
         session, actions = made[0].session, made[0].actions
         rest, filled = session.at_rest, all(p.coverage == 1.0 and p.surface == 1.0 for p in session.progress)
-        shown = {"wire": session.options.wire, "lights": actions.panels.lights}
+        shown = {"points": session.options.points, "lights": actions.panels.lights}
         camera = session.views[0].camera
         shown["aside"] = float(camera.axes[0] @ camera.eye)  # which flight ahead does not change
         state = "rest" if rest else "refining" if filled else "filling"
@@ -118,7 +118,7 @@ class Run:
 
     def switch(self) -> None:
         """Measure a key and a click at the side panel."""
-        self.measure("key", lambda: self.key("t"), lambda a, b: a["wire"] != b["wire"])
+        self.measure("key", lambda: self.key("z"), lambda a, b: a["points"] != b["points"])
         self.measure("click", lambda: self.click(*LINK), lambda a, b: a["lights"] != b["lights"])
 
     def fly(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Takes the pictures of the viewer in docs/images again: the default view, every buffer, overlays, split views."""
+"""Takes the pictures of the viewer in docs/images again: the default view, every buffer, overlays, two presets."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
 
 
 def whole(viewer: Viewer) -> None:
-    """The window as it opens, records over it, and both kinds of split view."""
+    """The window as it opens, records over it, and two presets."""
     actions, options = viewer.actions, viewer.actions.session.options
     settled(viewer)
     actions.session.change(0, **{name: getattr(preset("default"), name) for name in SETTINGS})  # as it opens
@@ -80,18 +80,13 @@ def whole(viewer: Viewer) -> None:
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
     actions.panels.controls = False
-    options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
+    options.buffer, options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
     keep(viewer, "viewer/records")
     options.discs = options.points = options.inspect = False
-    options.buffers[0] = "image"
     viewer.controls.mouse_moved(-1, -1, 0, 0)
-    actions.session.split("buffers")
-    options.buffers[1] = "weight"
-    keep(viewer, "viewer/split_buffers")
-    options.buffers[0] = "irradiance"
-    actions.session.split("presets")
+    actions.session.split(True)
     keep(viewer, "viewer/split_presets")
 
 
@@ -107,7 +102,7 @@ def buffers(viewer: Viewer) -> None:
                 actions.session.tick(DT, 0.01)
             actions.toggle("frozen")
         if name != "emission":
-            actions.session.options.buffers[0] = name
+            actions.session.options.buffer = name
             keep(viewer, f"viewer/{name}" if name == "light" else f"buffers/{name}")  # a folder has no more than 14 entries
         if name == "asking":
             actions.toggle("frozen")
@@ -118,7 +113,7 @@ def sky(viewer: Viewer) -> None:
     actions = viewer.actions
     actions.session.change(0, bounces=0)
     actions.panels.controls = False
-    actions.session.options.buffers[0] = "emission"
+    actions.session.options.buffer = "emission"
     keep(viewer, "buffers/emission")
 
 

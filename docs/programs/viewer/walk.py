@@ -286,7 +286,7 @@ def measure(walker: Walker) -> None:
 
 @task("Compare with the published method")
 def compare(walker: Walker) -> None:
-    walker.key("ctrl+l", "1", "Tab", "Tab", "space")
+    walker.key("ctrl+l", "1", "Tab", "space")
     session = walker.viewer.actions.session
     assert session.options.divider == 0.0, "the right side alone"
     walker.until(lambda: len(session.progress) == 2 and all(p.coverage > 0.7 for p in session.progress), "both presets")
@@ -302,7 +302,7 @@ def truth(walker: Walker) -> None:
     walker.wait(3)
     walker.keep("truth")
     walker.key("y")
-    assert session.tracing.traced is None and session.options.buffers[0] == "error"
+    assert session.tracing.traced is None and session.options.buffer == "error"
 
 
 @task("Save the edited scene")
@@ -315,17 +315,17 @@ def save(walker: Walker) -> None:
 @task("Find a command by name")
 def palette(walker: Walker) -> None:
     walker.key("ctrl+p")
-    walker.type("wireframe")
+    walker.type("record points")
     walker.wait(3)
     walker.keep("palette")
     walker.key("Return")
     walker.wait(3)
-    assert walker.viewer.actions.session.options.wire
+    assert walker.viewer.actions.session.options.points
 
 
 @task("Open a file by drag and drop")
 def drop(walker: Walker) -> None:
-    walker.key("t")
+    walker.key("z")
     walker.done.clear()
     walker.done.append("drag `door.scene` onto the window")
     source, scene = x_drop.DropSource(walker.window), next((ROOT / "scenes").rglob("door.scene"))

@@ -6,13 +6,13 @@ import os
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat.app.film.background import FilmInBackground
-from irrsplat.app.viewer.editing.editor import Editor, Kind
+from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, bounds_of
 from irrsplat.core.color import LUMINANCE
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
@@ -78,18 +78,17 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
-    """The desktop has no dialog here. The file is the newest of the recent scenes, and F5 reads its file."""
+    """The desktop has no dialog here. The file is the newest of the recent scenes."""
     push(driver, "Ctrl+S")
     assert "room-2.scene is written" in driver.said
     editor.set_light(0, replace(editor.lights[0], stops=1.0))
     bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
     assert driver.actions.prompt is None, "saved where it was saved"
-    push(driver, "F5")
-    assert driver.session.scene.lights == bright and driver.actions.title == "room-2"
+    assert irrsplat.load("room-2.scene").lights == bright and driver.actions.title == "room-2"
     assert driver.actions.preferences.recent[0] == os.path.abspath("room-2.scene")
     push(driver, "Ctrl+Shift+S")
-    assert driver.actions.saved_as == "room-2-2.scene"
+    assert driver.actions.saved_as == "room-3.scene"
 
 
 def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Editor) -> None:
@@ -157,46 +156,30 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     assert editor.edit == edit and driver.session.scene.meshes is editor.loaded.meshes
 
 
-def test_the_object_panel_moves_turns_and_paints(driver: Driver, editor: Editor) -> None:
+def test_the_object_panel_sets_what_an_object_emits(driver: Driver, editor: Editor) -> None:
     editor.mesh, driver.actions.panels.controls = BOX, True
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
-    driver.drag(driver.find("translation").at(0.15), driver.find("translation").at(0.4))
-    assert editor.edit.objects[BOX].offset[0] > 0.0 and len(editor.past) == 1
-    driver.drag(driver.find("rotation").at(0.5), driver.find("rotation").at(0.8))
-    assert editor.edit.objects[BOX].turn[1] > 0.0
     driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
     driver.choose("reset")
     assert editor.edit.objects[BOX] == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
-    assert len(editor.past) == 4
+    assert len(editor.past) == 2
 
 
-def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Editor) -> None:
-    """Lit by four lights of all kinds, and by none, the picture is covered."""
+def test_lights_are_heated_and_deleted(driver: Driver, editor: Editor) -> None:
+    """Lit by no light, the picture is covered."""
     driver.actions.toggle("lights")
     driver.resize((760, 900), density=0.125)
     driver.frame(3)
-    for count, kind in enumerate(get_args(Kind), 2):
-        driver.choose("Edit", f"Add a {kind} light")
-        light = driver.session.scene.lights[-1]
-        assert len(driver.session.scene.lights) == count and light.kind == kind and editor.light == count - 1
-    editor.pick_light(2)
-    driver.frame(2)
-    bright = np.array(driver.session.scene.lights[2].color)
+    bright = np.array(driver.session.scene.lights[0].color)
     driver.enter(driver.find("kelvin"), "2700")
-    driver.enter(driver.find("cone"), "12")
-    light = driver.session.scene.lights[2]
-    assert light.color[0] > light.color[2] and light.spot_cutoff == pytest.approx(12.0) and light.spot_inner <= 12.0
+    light = driver.session.scene.lights[0]
+    assert light.color[0] > light.color[2]
     assert LUMINANCE @ light.color == pytest.approx(LUMINANCE @ bright, rel=1e-4)
     driver.session.options.frozen = False
-    driver.settle()
-    assert driver.session.progress[0].coverage == 1.0
     push(driver, "Delete")
-    assert len(driver.session.scene.lights) == 3
-    while editor.lights:
-        editor.delete_light(0)
-    assert editor.light is None
+    assert not editor.lights and editor.light is None
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
     while driver.actions.editor.undo():

@@ -11,7 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, light_units
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, angles, bounds_of, rotation
+from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, bounds_of
 from irrsplat.core.color import LUMINANCE
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.change import SceneChange
@@ -28,15 +28,6 @@ BOX = 2  # the room's meshes are its walls, the left one, and a box
 @pytest.fixture
 def room(tmp_path: Path) -> Scene:
     return irrsplat.load(write_room(tmp_path))
-
-
-def test_angles_say_the_same_turn() -> None:
-    """Any turn, and those straight up and down, where two of the angles turn about one axis."""
-    draw = np.random.default_rng(4)
-    for turn in [*draw.uniform(-180.0, 180.0, (50, 3)), (20.0, 90.0, 40.0), (20.0, -90.0, 40.0), (0.0, 0.0, 0.0)]:
-        matrix = rotation((float(turn[0]), float(turn[1]), float(turn[2])))
-        assert rotation(angles(matrix)) == pytest.approx(matrix, abs=1e-9)
-        assert matrix @ matrix.T == pytest.approx(np.eye(3)) and np.linalg.det(matrix) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("kelvin", "x", "y"), [(2000.0, 0.5267, 0.4133), (2856.0, 0.4476, 0.4074), (6500.0, 0.3135, 0.3237)])

@@ -50,11 +50,6 @@ class Stage:
         scene, draw = self.renderer.scene, self.markers.records
         return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, None))
 
-    def edges(self) -> np.ndarray:
-        """Return where edges are drawn."""
-        geometry = self.renderer.world.geometry
-        return self.drawn(lambda target: self.markers.wireframe(target, self.view, geometry))[1]
-
 
 @pytest.fixture
 def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
@@ -153,15 +148,3 @@ def test_a_disc_is_the_circle_of_its_radius(
     at = project(camera, p + r * np.stack([np.cos(angle), np.zeros(4000), np.sin(angle)], -1))
     assert distance_to(at, lit).max() < 2.3 + 0.5  # half a line's width, half a pixel's diagonal, and straight pieces
     assert grown(lit)[texels(at)].all()
-
-
-def test_the_wireframe_is_the_visible_edges(stage: Callable[..., Stage]) -> None:
-    """A square floor has four sides and one diagonal. A wall hides the edges of the box behind it."""
-    c = np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)], float)
-    t = np.linspace(0.0, 1.0, 500)[:, None]
-    at = project(OBLIQUE, np.concatenate([c[a] + t * (c[b] - c[a]) for a, b in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2))]))
-    lit = stage(worlds.floor(1.0)).edges()
-    assert distance_to(at, lit).max() < 1.5
-    assert grown(lit)[texels(at)].all(), "no edge is missing"
-    wall = worlds.quad((-3, -1, 2), (6, 0, 0), (0, 4, 0))
-    assert np.array_equal(stage(wall).edges(), stage(wall, worlds.box((-0.3, 0.2, -0.3), (0.3, 0.8, 0.3))).edges())

@@ -15,7 +15,6 @@ from irrsplat.settings import SETTINGS, SettingValues, preset
 
 FULL = Preferences(
     size=(1280, 720),
-    fullscreen=True,
     preset="paper",
     values=cast(SettingValues, {name: getattr(preset("default"), name) for name in SETTINGS}),
     ui={"panel": True, "overlay": None, "places": [1, 2.5, {"x": "é"}]},
@@ -75,7 +74,7 @@ def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path)
     """There is no notice about the unknown key `later`."""
     save(FULL)
     data = json.loads((place / "viewer.json").read_text())
-    data |= {"preset": "gone", "later": 1, "size": [0, 100], "fullscreen": "yes", "recent": ["relative.obj", "/kept.obj", 7]}
+    data |= {"preset": "gone", "later": 1, "size": [0, 100], "recent": ["relative.obj", "/kept.obj", 7]}
     data["values"] = {
         "a": 99,
         "splines": 3,
@@ -88,7 +87,7 @@ def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path)
     (place / "viewer.json").write_text(json.dumps(data))
     back, (notice,) = load()
     assert back == Preferences(ui=FULL.ui, values={"seed": 7, "viewer_samples": 8}, recent=["/kept.obj"])
-    for word in ("preset", "size", "fullscreen", "'a'", "splines", "bounces", "gather", "samples"):
+    for word in ("preset", "size", "'a'", "splines", "bounces", "gather", "samples"):
         assert word in notice
     assert one_line(notice)
 

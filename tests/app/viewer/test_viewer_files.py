@@ -10,8 +10,6 @@ import pytest
 
 from tests.support.viewing import ROOM, Driver, push, write_room
 
-PATH = "frames 31\ncam 0 0 2.6  0 0 0  0 1 0\ncam 0.5 0.2 1.6  0 0 0  0 1 0\n"
-
 
 @pytest.fixture
 def room(one: Driver) -> Iterator[Path]:
@@ -23,44 +21,8 @@ def room(one: Driver) -> Iterator[Path]:
         one.actions.attempt(lambda: one.actions.open(str(path)))
 
 
-def rewrite(driver: Driver, path: Path, text: str) -> None:
-    """Write a file, and press F5."""
-    path.write_text(text)
-    push(driver, "F5")
-
-
 def errors(driver: Driver) -> list[str]:
     return [m.text for m in driver.actions.messages.errors]
-
-
-def test_f5_reads_the_scene_again_where_one_stands(driver: Driver, room: Path) -> None:
-    """Camera, speed and settings stay, also through an error, whose message has file and line. Lights are read as well."""
-    session = driver.session
-    session.change(0, a=0.7, bounces=0)
-    session.free_camera.move(1.0, 0.0, 0.0, 0.2)
-    session.free_camera.change_speed(2.0)
-    driver.settle()
-    camera, speed, before = session.camera, session.free_camera.speed, driver.canvas()
-    rewrite(driver, room, ROOM.replace("brdf diffuse 0.7 0.1 0.1 1", "brdf diffuse 0.1 0.1 0.7 1"))
-    driver.frame()
-    assert "read again" in driver.said and session.camera == camera
-    driver.settle()
-    assert session.free_camera.speed == speed and session.settings(0)[1].a == 0.7
-    left, was = driver.canvas()[100:140, 20:60].mean((0, 1)), before[100:140, 20:60].mean((0, 1))
-    assert was[0] > was[2] and left[2] > left[0], "the left wall is blue now"
-    good = driver.canvas()
-    rewrite(driver, room, ROOM.replace("obj left.obj", "obj left.obj\nnonsense 1 2 3"))
-    driver.frame()
-    (said,) = errors(driver)
-    assert f"room.scene:{ROOM.splitlines().index('obj left.obj') + 2}" in said
-    driver.frame(2)
-    assert np.array_equal(driver.canvas(), good) and session.at_rest
-    rewrite(driver, room, ROOM)
-    driver.frame()
-    assert not errors(driver) and session.camera == camera
-    rewrite(driver, room.with_name("lamp.light"), "position 0 0.8 0 1\nintensity 1 2 3\n")
-    driver.frame()
-    assert session.scene.lights[0].color == (1.0, 2.0, 3.0)
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
@@ -102,15 +64,3 @@ def test_a_picture_that_cannot_be_written_is_named(driver: Driver, tmp_path: Pat
     push(driver, "F12")
     driver.frame()
     assert errors(driver) == [f"{tmp_path / 'taken'}: cannot make this folder: File exists"]
-
-
-def test_a_dropped_path_plays_to_its_end(driver: Driver, tmp_path: Path) -> None:
-    """Half way it is in the middle: two keys make a line."""
-    driver.session.options.frozen = True
-    (tmp_path / "flight.path").write_text(PATH)
-    driver.viewer.controls.files_dropped(["flight.path"])
-    driver.frame(5, 0.1)
-    assert driver.session.path_recorder.playing == pytest.approx(0.5)
-    assert driver.session.views[0].camera.eye == pytest.approx((0.25, 0.1, 2.1))
-    driver.frame(6, 0.1)
-    assert driver.session.path_recorder.playing is None and driver.session.camera.eye == (0.5, 0.2, 1.6)

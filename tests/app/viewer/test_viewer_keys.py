@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from irrsplat.app.grammar import parse
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import GROUPS
 from irrsplat.indirect.temporal_filter import PICTURES
@@ -18,8 +16,8 @@ from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
-TOGETHER = "Home", "P"  # with F and R
-OTHER = "F5", "F11", "I", "Y", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
+TOGETHER = ("Home",)  # with F
+OTHER = "I", "Y", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
 CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
 case = CASES.case
@@ -63,34 +61,19 @@ def frame(driver: Driver, shown: str) -> None:
     assert driver.session.camera == first
 
 
-@case("C")
-def copy(driver: Driver, shown: str) -> None:
-    """The flags after `irrsplat render` see the same."""
-    push(driver, shown)
-    camera, args = driver.session.camera, parse(["render", "-o", "a.png", *shlex.split(driver.viewer.desktop.text)])
-    assert np.allclose([*args.eye, *args.target, *args.up], [*camera.eye, *camera.target, *camera.up], atol=1e-5)
-
-
 @case("R")
-def record_and_play(driver: Driver, shown: str) -> None:
-    """The file's path, 30 frames a second, is where the flight was. Played, it stays where it ends."""
+def record(driver: Driver, shown: str) -> None:
+    """The file's path, 30 frames a second, is where the flight was."""
     begin, speed = driver.session.camera, driver.session.free_camera.speed
     push(driver, "R")
     for _ in range(10):
         driver.session.free_camera.move(0.0, 0.0, 1.0, 0.1)
         driver.frame(dt=0.1)
-    end = driver.session.camera
     driver.frame(4, dt=0.1)
     push(driver, "R")
     path = load_path(max(Path().glob("flight-room-*.path")), begin.fov)
     assert path.frames == 1 + 30 * 1.4, "1.45 s are recorded, a key every 0.2 s"
     assert begin.eye[2] - path.camera(24).eye[2] == pytest.approx(0.8 * speed, abs=0.1 * speed), "where it was after 0.8 s"
-    push(driver, "Home")
-    push(driver, "P")
-    driver.frame(2, dt=0.1)
-    assert np.allclose(driver.session.views[0].camera.eye, path.camera(0.25 * 30).eye, atol=1e-3)
-    driver.frame(14, dt=0.1)
-    assert driver.session.path_recorder.playing is None and np.allclose(driver.session.camera.eye, end.eye)
 
 
 # ---- buffers, overlays, cache ----------------------------------------------------------------------------------------------
@@ -103,7 +86,7 @@ def show_buffer(driver: Driver, shown: str) -> None:
     push(driver, "2" if name == "image" else "1")
     canvas = driver.canvas()
     push(driver, shown)
-    assert driver.session.options.buffers[0] == name and (driver.canvas() != canvas).any()
+    assert driver.session.options.buffer == name and (driver.canvas() != canvas).any()
     assert driver.session.ms == {} and BUFFERS[name].title in driver.said
 
 
@@ -118,7 +101,7 @@ def changed(driver: Driver, shown: str) -> float:
     return float((after != before).any(-1).mean())
 
 
-@case("Z", "X", "T")
+@case("Z", "X")
 def overlay(driver: Driver, shown: str) -> None:
     """Part of the pixels change."""
     assert 0.002 < changed(driver, shown) < 1.0
@@ -143,34 +126,32 @@ def freeze(driver: Driver, shown: str) -> None:
 
 @case("Tab")
 def split(driver: Driver, shown: str) -> None:
-    """Off, two buffers, two presets, off; the left half stays what it was, up to the white line between."""
+    """The left half stays what it was, up to the white line between; a second time, all of it is one picture."""
     before, middle = driver.canvas(), driver.wnd.width // 2
-    for way in ("buffers", "presets"):
-        driver.session.options.frozen = True  # the paper's own settings take a while
-        push(driver, shown)
-        if way == "presets":
-            driver.quicken()
-        driver.session.options.frozen = False
-        driver.settle()
-        picture = driver.canvas()
-        assert driver.session.options.split == way and (picture[:, middle - 1 : middle + 1] == 255).all()
-        assert np.array_equal(picture[:, : middle - 1], before[:, : middle - 1])
-        assert (picture[:, middle + 1 :] != before[:, middle + 1 :]).any(-1).mean() > 0.2
+    driver.session.options.frozen = True  # the paper's own settings take a while
     push(driver, shown)
-    assert driver.session.options.split == "off" and np.array_equal(driver.canvas(), before)
+    driver.quicken()
+    driver.session.options.frozen = False
+    driver.settle()
+    picture = driver.canvas()
+    assert driver.session.options.split and (picture[:, middle - 1 : middle + 1] == 255).all()
+    assert np.array_equal(picture[:, : middle - 1], before[:, : middle - 1])
+    assert (picture[:, middle + 1 :] != before[:, middle + 1 :]).any(-1).mean() > 0.2
+    push(driver, shown)
+    assert not driver.session.options.split and np.array_equal(driver.canvas(), before)
 
 
 @case("Space")
 def flip(driver: Driver, shown: str) -> None:
     """To the right side, and back; it stays there, and is the one that keys change."""
     left = driver.canvas()
-    driver.session.split("buffers")
+    driver.split_presets()
     for side in (1, 0, 1):
         push(driver, shown)
         driver.frame(8, dt=0.1)
         assert np.array_equal(driver.canvas(), left) == (side == 0)
-    push(driver, "7")
-    assert driver.session.options.buffers == ["image", "normal"]
+    driver.actions.use_preset("preview")
+    assert [renderer.preset for renderer in driver.session.renderers] == ["default", "preview"]
 
 
 # ---- window --------------------------------------------------------------------------------------------------------------
@@ -245,10 +226,7 @@ def quits(driver: Driver, shown: str) -> None:
 
 
 def test_escape(driver: Driver) -> None:
-    """It lets go of the mouse, of a panel and of what plays, and never quits."""
-    for key in ("R", "R", "P"):
-        push(driver, key)
-        driver.frame(5)
+    """It lets go of the mouse and of a panel, and never quits."""
     driver.move(200, 120)
     driver.button(True, 2)
     push(driver, "F1")
@@ -257,5 +235,4 @@ def test_escape(driver: Driver) -> None:
     for _ in range(3):
         push(driver, "Esc")
     assert not driver.said and not driver.wnd.mouse_exclusivity and driver.actions.prompt is None and not driver.wnd.is_closing
-    assert driver.session.path_recorder.playing is None
     driver.button(False, 2)

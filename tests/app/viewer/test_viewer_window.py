@@ -32,13 +32,13 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
     assert driver.session.renderers[0].cache.count >= count
     assert np.abs(driver.canvas().astype(float) - before).mean() < 3.0
     driver.session.options.frozen = True
-    driver.session.split("presets")
+    driver.session.split(True)
     driver.resize((100, 80))
     driver.frame(2)
-    driver.session.split("off")
+    driver.session.split(False)
     driver.resize((120, 90))
     driver.frame(2)
-    driver.session.split("presets")
+    driver.session.split(True)
     driver.frame(2)
     assert {r.size for r in driver.session.renderers} == {(120, 90)}
 
@@ -69,12 +69,10 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
     room = write_room(tmp_path)
     with viewing(room, (64, 48)) as driver:
         driver.session.change(0, a=0.7, tolerance=3.0)
-        for shown in ("X", "F3", "F11"):
+        for shown in ("X", "F3"):
             push(driver, shown)
-        assert driver.wnd.fullscreen
-        push(driver, "F11")
         driver.frame()
-        assert driver.actions.save_preferences((130, 100), driver.wnd.fullscreen) is None
+        assert driver.actions.save_preferences((130, 100)) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
     remembered.ui["controls"] = True
@@ -86,7 +84,7 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
         assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.lights
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
-        failed = driver.actions.save_preferences(driver.wnd.size, False)
+        failed = driver.actions.save_preferences(driver.wnd.size)
         assert failed is not None and str(room) in failed
 
 

@@ -16,9 +16,8 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, described, light_name, light_units, surface_units
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, object_name
-from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
-from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.app.viewer.view_options import point_of
 from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.scene.model import Mesh
 
@@ -44,10 +43,8 @@ def edit_output(layout: Layout, unit: str, value: float, least: float, most: flo
 
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
-_STEPS = 500.0  # pixels of a drag along the diagonal of the scene
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
 _DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light; the greatest share is the inverse
-_WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
 def draw_lights(actions: Actions, layout: Layout) -> None:
@@ -74,49 +71,11 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
         output = edit_output(layout, unit, full * 2.0**edited.stops, full * _DIMMEST, full / _DIMMEST)
         if output is not None and full:
             edited = replace(edited, stops=math.log2(output / full)) if output else replace(edited, on=False)
-    edited = _coloured(layout, _placed(actions, layout, edited))
+    edited = _coloured(layout, edited)
     if imgui.button("reset"):
         edited = LightEdit.of(edited.loaded)
     if edited != before:
         actions.attempt(lambda: editor.set_light(number, edited))
-
-
-def _placed(actions: Actions, layout: Layout, edited: LightEdit) -> LightEdit:
-    """Draw the widgets of place, aim and cone; return the light after them."""
-    session, light = actions.session, edited.light
-    step = session.scene.diagonal / _STEPS if not light.directional else 0.01
-    label = "towards" if light.directional else "position"
-    moved, place = _dragged(session, layout, label, light.position, step, light.directional)
-    if moved and (any(place) or not light.directional) and place != light.spot_target:
-        edited = edited.moved(place)
-    if light.spot_target is None:
-        return edited
-    moved, aim = _dragged(session, layout, "aims at", light.spot_target, step)
-    if moved and aim != tuple(edited.light.position):
-        edited = edited.aimed(aim)
-    if not light.has_cone:
-        return edited
-    cutoff, inner = light.spot_cutoff, light.spot_inner
-    wider, cutoff = imgui.slider_float(layout.label("cone"), cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
-    imgui.set_item_tooltip("half angle of the cone, where the light ends")
-    softer, inner = imgui.slider_float(layout.label("inner cone"), inner, 0.0, cutoff, "%.1f°")
-    imgui.set_item_tooltip("half angle of full intensity")
-    return edited.coned(cutoff, inner) if wider or softer else edited
-
-
-def _dragged(
-    session: Session, layout: Layout, label: str, place: Point, step: float, direction: bool = False
-) -> tuple[bool, Point]:
-    """Draw the widget of a place or a direction. Return True if the user changed it, and its present value.
-
-    Far from 0 0 0, a widget's float32 is too coarse. A place is then relative to the scene's origin, and a line below it gives
-    the place in world space.
-    """
-    form = "%.3f" if direction else layout.metres(session.scene.diagonal)
-    moved, (x, y, z) = imgui.drag_float3(layout.label(label), list(place), step, 0, 0, form)
-    if any(session.origin) and not direction:
-        imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), session.origin)))
-    return moved, (x, y, z)
 
 
 def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
@@ -160,23 +119,11 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     mesh, edit = editor.loaded.meshes[number], editor.edit.objects[number]
     imgui.text_wrapped(object_name(editor.loaded, number))
     imgui.text_disabled(f"{len(mesh.faces)} triangles")
-    after = _object_painted(_object_placed(edit, layout, actions.session.scene.diagonal), mesh, layout)
+    after = _object_painted(edit, mesh, layout)
     if imgui.button("reset"):
         after = AS_LOADED
     if after != edit:
         actions.attempt(lambda: editor.set_object(number, after))
-
-
-def _object_placed(edit: ObjectEdit, layout: Layout, diagonal: float) -> ObjectEdit:
-    """Draw the widgets of an object's place in a scene with this diagonal; return the edit after them."""
-    form = layout.metres(diagonal)
-    moved, offset = imgui.drag_float3(layout.label("translation"), list(edit.offset), diagonal / _STEPS, 0, 0, form)
-    imgui.set_item_tooltip("metres from its place in the file")
-    if moved:
-        edit = replace(edit, offset=point_of(offset))
-    turned, turn = imgui.drag_float3(layout.label("rotation"), list(edit.turn), 0.5, 0, 0, "%.1f")
-    imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
-    return replace(edit, turn=point_of(turn)) if turned else edit
 
 
 def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:

@@ -13,30 +13,20 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.measuring_plane import scene_height
 from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, dot, line
 from irrsplat.app.viewer.ui.legends import draw_scale
-from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.meter.light_scale import STEPS, false_colours
-from irrsplat.meter.readings import Unit
 from irrsplat.scene import ray_caster
 
-_UNITS: tuple[Unit, ...] = ("lux", "W/m2")
 _LEAST, _MOST = 0.01, 1e6  # ends of the slider for the scale's upper end; the user types other values (Ctrl+click)
 
 
 def light_is_shown(actions: Actions) -> bool:
-    """Return True if a side shows light in false colours."""
-    session = actions.session
-    return bool(session.views) and any(session.options.buffers[side] == "light" for side, _ in session.sides())
+    """Return True if light is shown in false colours."""
+    return bool(actions.session.views) and actions.session.options.buffer == "light"
 
 
 def draw_light_scale(actions: Actions, layout: Layout) -> None:
     session, label = actions.session, layout.label
     scale, high = session.options.light_scale, session.light_scale.ends[1]
-    units = [replace(scale, unit=unit).shown_unit for unit in _UNITS]
-    _, chosen = imgui.combo(label("unit"), _UNITS.index(scale.unit), units)
-    if _UNITS[chosen] != scale.unit:
-        factor = LUMINOUS_EFFICACY if scale.unit == "W/m2" else 1.0 / LUMINOUS_EFFICACY
-        highest = None if scale.highest is None else scale.highest * factor
-        scale, high = replace(scale, unit=_UNITS[chosen], highest=highest), high * factor
     form = "%.4g (auto)" if scale.highest is None else "%.4g"
     moved, value = imgui.slider_float(label("maximum"), high, _LEAST, _MOST, form, imgui.SliderFlags_.logarithmic)
     imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
@@ -58,8 +48,8 @@ _NEARER = 0.999  # share of the way from the eye to a point of the plane: the po
 
 def draw_plane(actions: Actions, layout: Layout) -> None:
     session = actions.session
-    plane, form = session.plane, layout.metres(session.scene.diagonal)
-    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), f"{form} m")[1]
+    plane = session.plane
+    height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), "%.4g m")[1]
     imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
     plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
     if plane.share is not None:

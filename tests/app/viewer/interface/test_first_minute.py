@@ -17,7 +17,7 @@ def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, mo
     driver.actions.open("furnace")
     assert not driver.session.views
     for key in COMMANDS:
-        if key.action != "quit" and key.argument != "fullscreen":
+        if key.action != "quit":
             driver.actions.press(key)
     for button in (LEFT, RIGHT):
         driver.button(True, button)
@@ -55,9 +55,9 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 
 
 @pytest.mark.parametrize(("typed", "found"), [
-    ("wireframe", lambda driver: driver.session.options.wire),
+    ("record points", lambda driver: driver.session.options.points),
     ("preset preview", lambda driver: driver.session.settings(0)[0] == "preview"),
-    ("weight", lambda driver: driver.session.options.buffers[0] == "weight"),
+    ("weight", lambda driver: driver.session.options.buffer == "weight"),
     ("setting radius max", lambda driver: driver.actions.panels.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip
