@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.errors import GLError
+from irrsplat.core import paths
+from irrsplat.core.errors import GLError, IrrsplatError
+from irrsplat.core.files import write_text
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.shader_source import numbering_triangles
 
+_FILE, _VERSION, _MOST = "self-test.json", 2, 50  # entries
 _DEPTH_CLAMP, _CLIP_DISTANCE0 = 0x864F, 0x3000
 _SIZE = (4, 4)
 
@@ -55,10 +61,12 @@ def require(about: context.Description, found: Abilities) -> None:
 
 
 def abilities(ctx: moderngl.Context) -> Abilities:
-    """Return the abilities of `ctx`, tested once in a process for each driver."""
-    name = f"{context.machine(context.describe(ctx))}; {sorted(ctx.extensions)}"
+    """Return the abilities of `ctx`, tested once per driver and version of irrsplat. A file keeps passed tests for later
+    processes."""
+    extensions = hashlib.sha256(" ".join(sorted(ctx.extensions)).encode()).hexdigest()[:12]
+    name = f"{context.machine(context.describe(ctx))}; extensions {extensions}"
     if name not in _abilities:
-        _abilities[name] = tried(ctx)
+        _abilities[name] = _stored(name) or _test_and_store(ctx, name)
     return _abilities[name]
 
 
@@ -217,3 +225,39 @@ FEATURES: tuple[tuple[str, Callable[[moderngl.Context], bool]], ...] = (
     ("gl_ClipDistance", _clip_distances),
     ("GL_DEPTH_CLAMP", _depth_clamp),
 )
+
+
+# ---- the file ----------------------------------------------------------------------------------------------------------
+
+
+def _test_and_store(ctx: moderngl.Context, name: str) -> Abilities:
+    """Return `tried`, and store the result in the file under this name if nothing is missing and the file can be written."""
+    found = tried(ctx)
+    path = _path()
+    if path is not None and not found.missing:
+        with suppress(OSError, IrrsplatError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            entries = dict(list((_entries(path) | {name: found.numbers_triangles}).items())[-_MOST:])
+            write_text(path, json.dumps({"version": _VERSION, "numbers_triangles": entries}, indent=1) + "\n")
+    return found
+
+
+def _stored(name: str) -> Abilities | None:
+    """Return the abilities that an earlier process stored under this name; it stores only complete ones."""
+    path = _path()
+    numbers_triangles = None if path is None else _entries(path).get(name)
+    return None if numbers_triangles is None else Abilities((), numbers_triangles)
+
+
+def _path() -> Path | None:
+    folder = paths.cache_folder()
+    return None if folder is None else folder / _FILE
+
+
+def _entries(path: Path) -> dict[str, bool]:
+    """Return the file's entries; empty for a file of another format."""
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        data = json.loads(path.read_bytes())
+        if data["version"] == _VERSION:
+            return {str(name): value for name, value in data["numbers_triangles"].items() if isinstance(value, bool)}
+    return {}

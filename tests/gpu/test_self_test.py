@@ -20,8 +20,9 @@ from tests.renderer.test_renderer import room
 
 
 @pytest.fixture(autouse=True)
-def anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Forget the drivers that were tested before."""
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path))
     monkeypatch.setattr(self_test, "_abilities", {})
 
 
@@ -67,8 +68,25 @@ def test_triangles_numbered_by_a_geometry_shader_are_the_same(ctx: moderngl.Cont
         assert one.any() and np.abs(one - other).max() <= tolerance * np.abs(one).max(), name
 
 
-def test_a_driver_is_refused_by_the_names_of_what_it_lacks(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_passed_is_kept_and_a_failure_is_not(ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver is refused by what it lacks. A later process takes a success from the file, unless that is damaged."""
+    calls: list[object] = []
     features = (("unheard of", lambda ctx: False), ("wrong numbers", lambda ctx: False))
-    monkeypatch.setattr(self_test, "FEATURES", features)
-    with pytest.raises(GLError, match="fails the self-test of unheard of, wrong numbers; update it"):
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(GLError, match="fails the self-test of unheard of, wrong numbers; update it"),
+    ):
+        patch.setattr(self_test, "FEATURES", features)
         self_test.check(ctx)
+
+    def tried(ctx: moderngl.Context) -> Abilities:
+        calls.append(ctx)
+        return Abilities((), True)
+
+    monkeypatch.setattr(self_test, "tried", tried)
+    for content, count in ((None, 1), (None, 1), ("{}", 2), ('{"version": 0}', 3), ("\x00", 4)):
+        for file in tmp_path.iterdir() if content else ():
+            file.write_text(content or "")
+        monkeypatch.setattr(self_test, "_abilities", {})
+        self_test.check(ctx)
+        assert len(calls) == count, content
