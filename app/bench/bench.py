@@ -129,7 +129,7 @@ def _cases(runs: Sequence[Run]) -> Iterator[str]:
     if {"paper", "default"} <= set(presets):
         times = seconds_of["paper", "empty"] / seconds_of["default", "empty"]
         yield f"from empty, default is {times:.1f} times faster than paper"
-    for case, words in (("moved", f"turned by {TURN:g}°"), ("warm", "the same view"), ("light", "a lamp moved")):
+    for case, words in (("moved", f"turned by {TURN:g}°"), ("warm", "the same view"), ("light", "a light moved")):
         if (presets[0], case) in seconds_of:
             found = (f"{seconds_of[p, 'empty'] / seconds_of[p, case]:.1f} times ({p})" for p in presets)
             yield f"{words}, faster than from empty: {', '.join(found)}"

@@ -28,8 +28,8 @@ from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera, Scene
 
 LEGEND = """\
-films: the same places in two frames, by what the records say of them in each; film: each frame gathers what it lacks; frozen: all
-frames are of one cache that was filled along the way before\
+films: changes at equal places between two frames, by the records of each frame
+film: each frame gathers missing records; frozen: all frames use one cache that was filled along the path\
 """
 _SAME = 0.01  # share of the distance: tolerance for a point to count as visible in the previous frame
 

@@ -177,7 +177,7 @@ def cie_table(part: Found) -> str:
         reached = "yes" if run["greatest"] <= run["goal"] else "no"
         errors = f"{run['greatest']:.2%}", f"{run['rms']:.2%}", f"{run['goal']:.0%}"
         rows.append((*key.split(" ", 1), str(run["values"]), *errors, reached))
-    return table(("clause", "what", "values", "greatest error", "RMS", "goal", "reached"), rows)
+    return table(("clause", "case", "values", "greatest error", "RMS", "goal", "reached"), rows)
 
 
 TABLES: dict[str, Callable[[Found], str]] = {  # by the name of a place in a page: PART, or PART-FORM
