@@ -184,11 +184,11 @@ def formats() -> str:
         "| name | shape | unit | meaning |",
         "| --- | --- | --- | --- |",
         *(f"| `{c.name}` | {'H W 3' if c.components == 3 else 'H W'} | {c.unit} | {cell(c.help)} |" for c in CHANNELS.values()),
-        *(f"| `{name}` | {'N' if name.endswith('radius') else 'N 3'} | | of the record cache, NPZ alone |" for name in RECORDS),
+        *(f"| `{name}` | {'N' if name.endswith('radius') else 'N 3'} | | records, only in NPZ files |" for name in RECORDS),
         "",
         "## Record caches",
         "",
-        "What a record holds, in the file of `--cache` and on the GPU.",
+        "The table lists the columns of a record, in the file of `--cache` and on the GPU.",
         "",
         "| column | type | unit | written by | meaning |",
         "| --- | --- | --- | --- | --- |",
@@ -199,7 +199,7 @@ def formats() -> str:
 
 def python() -> str:
     """A section for each public name, which mkdocstrings fills from the docstrings."""
-    lines = ["# Python", "", "All that `import irrsplat` has, from the docstrings of the code.", ""]
+    lines = ["# Python", "", "This page lists the public names of `irrsplat`.", ""]
     for name, home in public():
         inherited = ["      inherited_members: true"] if name == "Frame" else []  # its arrays
         options = [f"      heading: irrsplat.{name}", f"      toc_label: {name}", *inherited]
