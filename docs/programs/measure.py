@@ -1,4 +1,4 @@
-"""Measures all numbers that pages state: `python docs/programs/measure.py [PART …]`, some minutes on two cores.
+"""Measure all numbers of the pages: `python docs/programs/measure.py [PART …]`, some minutes on two cores.
 
 A part is a key of PARTS; without one, all but `rest` (an hour) are measured. Results are stored in measurements.json here, each
 with its date and the load of the machine. Then the tables and numbers of the pages are written from that file; the part `fill`

@@ -1,4 +1,4 @@
-"""Fills the tables of docs/reference.md from settings, buffers and the viewer's actions: `python docs/programs/tables.py`."""
+"""Fill the tables of docs/reference.md from settings, buffers and the viewer's actions: `python docs/programs/tables.py`."""
 
 from __future__ import annotations
 

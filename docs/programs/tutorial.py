@@ -1,4 +1,4 @@
-"""Renders the pictures of docs/tutorial: `python docs/programs/tutorial.py` (a minute). `measure.py` fills the tables."""
+"""Render the pictures of docs/tutorial: `python docs/programs/tutorial.py` (a minute). `measure.py` fills the tables."""
 
 from __future__ import annotations
 
