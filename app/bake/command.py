@@ -83,7 +83,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
                  "settings": vars(settings.preset(args.preset, **args.values))}  # fmt: skip
         outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
     if not summary.get("converged", True):
-        say("notice: stopped before every place was served; raise --a")
+        say("notice: stopped before every point was covered; raise --a")
     for words in _lines(summary, seconds, checked):
         out(words)
     outputs.raise_failures()

@@ -23,13 +23,13 @@ SLOW = 3.0  # seconds: longer cases run once
 TURN = 5.0  # degrees, of the case "moved"
 SHIFT = 0.05  # share of the scene's diagonal, of the case "light"
 LEGEND = """\
-seconds: wall clock from the loaded scene and compiled shaders to full coverage (every pixel has its records); median of up to 3
-picture: the same to the finished picture on the GPU, with direct light and the final pass; not read back
-cases: empty, nothing is known; warm, the same view drawn anew with the records kept; moved, the camera turned by 5° with them;
+seconds: wall time from the loaded scene and compiled shaders to full coverage (every pixel has its records); median of up to 3
+picture: wall time to the finished picture on the GPU, with direct light and the final pass, without read-back
+cases: empty, without records; warm, the same view with records; moved, the camera turned by 5° with records;
 light, a light moved by a twentieth of the scene's diagonal: until all records are gathered again and no pixel requests one
-rmse: of irradiance, relative to its mean, at 2000 smooth pixels with a fine gather of their own each; of more bounces than one
-against what `irrsplat verify` of this view has path-traced and kept
-MiB: the greatest resident set of the process, and all textures and buffers together on the GPU\
+rmse: of irradiance, relative to its mean, at 2000 smooth pixels, against fine gathers; for several bounces, against
+the paths that `irrsplat verify` has traced of this view
+MiB: peak resident memory of the process, and all textures and buffers on the GPU\
 """
 QUICK = {"a": 2.0, "warmup": 8, "spread": 0.0}  # a cheap picture that compiles all shaders
 

@@ -21,9 +21,9 @@ SIZE = [800, 600]
 TICK = 0.08  # seconds per frame, as in the viewer
 JUMP = 0.05  # relative change of irradiance that counts as a jump
 LEGEND = """\
-irradiance at one place, from one frame of 80 ms to the next: root mean square of its relative change, and the share of the pixels
-that change by more than 5 %; first: from no records; second: the same flight again with those that the first one left; settled:
-everything along the way is gathered before, so that what is left is the measure's own floor\
+changes of irradiance at fixed places between frames of 80 ms: RMS of the relative change, share of pixels that change by over 5 %
+first: flight without records; second: the same flight with the records of the first
+settled: flight with all records along the path, which gives the floor of the measure\
 """
 _DARK = 0.02  # share of a frame's mean luminance: lower bound for relative changes
 _ALIKE = 0.95  # least cosine between the normals of one point in two frames

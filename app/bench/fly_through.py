@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 FRAMES = 150
 DT = 1.0 / 30.0  # seconds per frame of the script
 LEGEND = """\
-frames of the viewer's window with its interface, flown by a script; ms of wall clock from frame to frame
-filling: from an empty cache; warm: the same flight once everything along it has been gathered\
+frames of the viewer's window with its interface, in a scripted flight; ms: wall time per frame
+filling: from an empty cache; warm: the same flight again, with all records along it\
 """
 
 

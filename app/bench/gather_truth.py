@@ -47,7 +47,7 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
         if (found := _read(path, size)) is not None:
             return found
     except files.DAMAGE:
-        say(f"notice: {path}: damaged; the truth is gathered again")
+        say(f"notice: {path}: damaged; the reference is gathered again")
     except IrrsplatError as error:
         say(f"notice: {error}")
         path = None
@@ -65,7 +65,7 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
         try:
             disk_cache.write(path, {"pixels": found.pixels, "irradiance": found.irradiance})
         except IrrsplatError as error:
-            say(f"notice: {error}; the truth is not kept for the next time")
+            say(f"notice: {error}; the reference cannot be kept for later runs")
     return found
 
 

@@ -32,12 +32,12 @@ NEAR = 0.5  # metres: neighbourhood of a moving mesh (from its bounding box) or 
 SIZE = (200, 150)
 PACE = 2e6  # rays per second of the counted clock: about two processors without a GPU
 LEGEND = f"""\
-something is carried at {SPEED:g} m/s, {RATE} frames a second, each one tick of {1e3 * TICK:.0f} ms
-with --counted a tick is {1e-3 * TICK * PACE:.0f} thousand rays instead, so that results do not hang on the machine
-off: RMSE of irradiance against a fresh render of that frame's scene, relative to its mean, in % all over the picture
-near: the same within {NEAR:g} m of where the mesh is or was a frame before, relative to the mean there
-bare: share of the pixels that no record covers, in %; they show the surface cache
-stale: records that wait to be gathered again at the end of the frame; ms: wall clock of a frame, the move included\
+a mesh or a light moves at {SPEED:g} m/s, {RATE} frames per second, one tick of {1e3 * TICK:.0f} ms per frame
+with --counted a tick is {1e-3 * TICK * PACE:.0f} thousand rays instead, so that results do not depend on the machine
+off: RMSE of irradiance relative to its mean, in %, against a new render of the frame's scene, over the whole picture
+near: RMSE within {NEAR:g} m of the mesh or its last position, relative to the mean there
+bare: share of pixels without records, in %; they show the surface cache
+stale: stale records at the end of the frame; ms: wall time of a frame, including the move\
 """
 
 

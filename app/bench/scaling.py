@@ -29,10 +29,10 @@ QUICK = (10**3, 3 * 10**3), (32, 64)
 OWN = 6360  # triangles of the bundled `curved`
 REPETITIONS, SLOW = 3, 5.0  # repetitions; seconds above which a case runs once
 LEGEND = """\
-the scene `curved`, what is round in it cut finer and finer; preset default, all bounces; a process for each row
-load: from its files; build: the rays' tree, textures and buffers; surface: the surface cache, made once for all views
-from empty: to full coverage without any records, best of up to 3; turned: the same by 5° with the records kept
-ms a record: of gather and reduction; MiB: the most that the process held, and what it has in OpenGL's textures and buffers\
+the scene `curved` with increasing tessellation; preset default, all bounces; one process per row
+load: read the files; build: the tree for rays, textures and buffers; surface: the surface cache, once for all views
+from empty: time to full coverage without records, best of up to 3; turned: the camera turned by 5°, with records
+ms a record: gather and reduction; MiB: peak memory of the process, and its OpenGL textures and buffers\
 """
 _TIMES = (("load", "load"), ("build", "build"), ("surface", "surface cache"), ("empty", "from empty"), ("moved", "turned by 5°"))
 

@@ -34,9 +34,9 @@ _RAYS = "rays alone"
 _SIDE = 16  # side² rays from a point of the view, for the limit
 _CALL = 1 << 16  # rays per call of Embree
 LEGEND = """\
-seconds of processor time in all threads, of a first view by a new renderer; a stage excludes the stages within it
-surface: the part of it that makes the surface cache; calls: how often the stage was entered
-limit: as many cosine-distributed rays from the surfaces of the view, by Embree alone, on one thread in the same run\
+seconds: processor time of all threads for the first view of a new renderer; a stage excludes the stages within it
+surface: the part of the surface cache; calls: number of calls of the stage
+limit: time of Embree alone, on one thread, for as many cosine-distributed rays from the surfaces of the view\
 """
 
 # The functions of each stage, as module:class.function

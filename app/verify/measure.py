@@ -102,7 +102,7 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> M
         if stats.get("interrupted"):
             raise KeyboardInterrupt
         if not stats.get("converged", True):
-            say(f"notice: {in_flags(preset, values)}: stopped before every pixel was served; raise --a")
+            say(f"notice: {in_flags(preset, values)}: stopped before every pixel was covered; raise --a")
         found = judge(frame)
         rmse = found.get("net", found["rmse"])
         records, seconds = stats.get("records", 0), stats.get("seconds", 0.0)

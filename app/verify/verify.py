@@ -49,7 +49,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     if stats.get("interrupted"):
         raise KeyboardInterrupt
     if not stats.get("converged", True):
-        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --a")
+        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was covered; raise --a")
     out(heading(scene, args))
     rows.insert(1, ("records", f"{stats.get('records', 0):,}", ""))
     for name, value, remark in rows:
@@ -102,19 +102,19 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
     shown = tonemap(expected, frame.exposure), tonemap(radiance, frame.exposure)
     flip = error_image.flip(*shown)
     rows = [
-        ("pixels compared", f"{int(truth.valid.sum()):,}", f"of {width * height:,}; edges and what is no surface are left out"),
+        ("pixels compared", f"{int(truth.valid.sum()):,}", f"of {width * height:,}; without edges and background"),
         *_table(found, float(frame.irradiance[truth.valid].mean()), float(truth.irradiance[truth.valid].mean())),
-        ("off by > 20 %", percent(found["spots"]), "of the pixels, measured by the truth's mean around each: spots"),
-        ("fine part of RMSE", percent(found["fine"]), "what is left without its mean around each pixel: grain, rims, edges"),
+        ("off by > 20 %", percent(found["spots"]), "of the pixels, relative to the local mean of the reference: spots"),
+        ("fine part of RMSE", percent(found["fine"]), "error minus its local mean: grain, rims, edges"),
         ("direct light RMSE", percent(found["direct"]), "away from shadow edges"),
-        ("albedo", f"{found['albedo']:.4f}", "median difference from a texture lookup of its own"),
-        ("normal", f"{found['normal']:.2f} °", "median angle between the normals, normal maps included"),
+        ("albedo", f"{found['albedo']:.4f}", "median difference from the path tracer's texture lookup"),
+        ("normal", f"{found['normal']:.2f} °", "median angle between the normals, with normal maps"),
         ("truth", f"{2 * side_of(args.samples) ** 2:,}", f"samples of each kind per pixel, {origin}"),
     ]
-    noise = ("noise of the truth", percent(truth.noise), "its own relative RMSE, by two independent halves")
-    rows[2:2] = [noise, ("RMSE without it", percent(found["net"]), "what is left for the rendering")]
+    noise = ("noise of the truth", percent(truth.noise), "relative RMSE of the reference, from two independent halves")
+    rows[2:2] = [noise, ("RMSE without it", percent(found["net"]), "error of the rendering without that noise")]
     if flip is not None:
-        remark = f"of the tone-mapped pictures, {error_image.PIXELS_PER_DEGREE:g} pixels a degree"
+        remark = f"of the tone-mapped pictures, {error_image.PIXELS_PER_DEGREE:g} pixels per degree"
         rows.insert(-1, ("FLIP", f"{flip[1]:.4f}", remark))
     if args.output is not None and not frame.stats.get("interrupted"):
         error = error_image.signed_error(frame.irradiance, truth)
@@ -136,14 +136,14 @@ def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Name
     rows = [
         ("pixels compared", f"{len(E):,}", "at random, away from edges"),
         *_table(errors(E, truth.irradiance), float(E.mean()), float(truth.irradiance.mean())),
-        ("truth", f"{fine_gather.SIDE**2:,}", "directions a pixel, by the renderer's own gather"),
+        ("truth", f"{fine_gather.SIDE**2:,}", "directions per pixel, by the renderer's own gather"),
     ]
     return frame, rows
 
 
 def _table(found: dict[str, float | None], mean: float, mean_ref: float) -> list[Row]:
     return [
-        ("relative RMSE", percent(found["rmse"]), "of irradiance, over the truth's mean"),
-        ("bias of the mean", percent(found["bias"], "+"), f"{mean:.4g} W/m² where {mean_ref:.4g} is true"),
-        ("off by > 30 %", percent(found["outliers"]), "of the pixels, measured by the mean"),
+        ("relative RMSE", percent(found["rmse"]), "of irradiance, relative to the mean of the reference"),
+        ("bias of the mean", percent(found["bias"], "+"), f"{mean:.4g} W/m², reference {mean_ref:.4g}"),
+        ("off by > 30 %", percent(found["outliers"]), "of the pixels, relative to the mean"),
     ]

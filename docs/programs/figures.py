@@ -1,4 +1,4 @@
-"""Makes the pictures in docs/images again: the paper's figures 1 to 6, some bundled scenes, slopes of irradiance."""
+"""Render the pictures in docs/images: the paper's figures 1 to 6, some bundled scenes, slopes of irradiance."""
 
 from __future__ import annotations
 

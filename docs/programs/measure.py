@@ -1,4 +1,4 @@
-"""Measures all numbers that pages state: `python docs/programs/measure.py [PART …]`, some minutes on two cores.
+"""Measure all numbers of the pages: `python docs/programs/measure.py [PART …]`, some minutes on two cores.
 
 A part is a key of PARTS; without one, all but `rest` (an hour) are measured. Results are stored in measurements.json here, each
 with its date and the load of the machine. Then the tables and numbers of the pages are written from that file; the part `fill`
@@ -177,7 +177,7 @@ def cie_table(part: Found) -> str:
         reached = "yes" if run["greatest"] <= run["goal"] else "no"
         errors = f"{run['greatest']:.2%}", f"{run['rms']:.2%}", f"{run['goal']:.0%}"
         rows.append((*key.split(" ", 1), str(run["values"]), *errors, reached))
-    return table(("clause", "what", "values", "greatest error", "RMS", "goal", "reached"), rows)
+    return table(("clause", "case", "values", "greatest error", "RMS", "goal", "reached"), rows)
 
 
 TABLES: dict[str, Callable[[Found], str]] = {  # by the name of a place in a page: PART, or PART-FORM

@@ -120,7 +120,7 @@ def commands() -> str:
     lines = [
         "# All commands and flags",
         "",
-        "Made from the program's own grammar. [The command line](../command-line.md) says what they are for.",
+        "This page lists all commands and their flags. [The command line](../command-line.md) explains their use.",
     ]
     for name, parser in with_tools(top):
         usage = " ".join(parser.format_usage().split()).removeprefix("usage: ")
@@ -130,7 +130,7 @@ def commands() -> str:
             rows = [row for action in group._group_actions if (row := flag_row(action)) is not None]
             if rows:
                 lines += ["", f"**{group.title}**" + (f": {group.description}" if group.description else ""), ""]
-                lines += ["| word | what |", "| --- | --- |", *rows]
+                lines += ["| word | meaning |", "| --- | --- |", *rows]
         if parser.epilog:
             lines += ["", *(cell(line) + "  " for line in parser.epilog.splitlines())]
     return "\n".join(lines) + "\n"
@@ -168,29 +168,29 @@ def formats() -> str:
     lines = [
         "# Formats",
         "",
-        "Made from the program's own tables. [Scenes](../scene-format.md) has the text formats line by line.",
+        "This page lists all file formats. [Scenes](../scene-format.md) describes the text formats line by line.",
         "",
         f"**Scenes**: {', '.join(f'`{ending}`' for ending in FORMATS)}. "
         f"Text has at most {paths.MOST_TEXT >> 20} MiB, an image {paths.MOST_IMAGE >> 20} MiB, "
         f"and geometry or a record cache {paths.MOST_GEOMETRY >> 20} MiB.",
         "",
         f"**Outputs** of `irrsplat render`: {', '.join(f'`{ending}`' for ending in ENDINGS)}, "
-        "and a folder, where the name has no ending.",
+        "and a folder if the name has no extension.",
         "",
         "## EXR layers and NPZ arrays",
         "",
-        "Top row first, float32, linear.",
+        "Arrays are linear float32, with the top row first.",
         "",
-        "| name | shape | unit | what |",
+        "| name | shape | unit | meaning |",
         "| --- | --- | --- | --- |",
         *(f"| `{c.name}` | {'H W 3' if c.components == 3 else 'H W'} | {c.unit} | {cell(c.help)} |" for c in CHANNELS.values()),
-        *(f"| `{name}` | {'N' if name.endswith('radius') else 'N 3'} | | of the record cache, NPZ alone |" for name in RECORDS),
+        *(f"| `{name}` | {'N' if name.endswith('radius') else 'N 3'} | | records, only in NPZ files |" for name in RECORDS),
         "",
         "## Record caches",
         "",
-        "What a record holds, in the file of `--cache` and on the GPU.",
+        "The table lists the columns of a record, in the file of `--cache` and on the GPU.",
         "",
-        "| column | type | unit | made by | what |",
+        "| column | type | unit | written by | meaning |",
         "| --- | --- | --- | --- | --- |",
         *(f"| `{c.name}` | {c.kind} | {c.unit} | {c.source} | {cell(c.meaning)} |" for c in COLUMNS.values()),
     ]
@@ -199,7 +199,7 @@ def formats() -> str:
 
 def python() -> str:
     """A section for each public name, which mkdocstrings fills from the docstrings."""
-    lines = ["# Python", "", "All that `import irrsplat` has, from the docstrings of the code.", ""]
+    lines = ["# Python", "", "This page lists the public names of `irrsplat`.", ""]
     for name, home in public():
         inherited = ["      inherited_members: true"] if name == "Frame" else []  # its arrays
         options = [f"      heading: irrsplat.{name}", f"      toc_label: {name}", *inherited]

@@ -1,4 +1,4 @@
-"""Fills the tables of docs/reference.md from settings, buffers and the viewer's actions: `python docs/programs/tables.py`."""
+"""Fill the tables of docs/reference.md from settings, buffers and the viewer's actions: `python docs/programs/tables.py`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
 def settings() -> str:
     """A row per setting."""
     rows = [(f"`{d.flag}`", d.range, word(d.default), d.stage, d.help) for d in SETTINGS.values()]
-    return table(("flag", "range", "default", "stage", "what"), rows)
+    return table(("flag", "range", "default", "stage", "meaning"), rows)
 
 
 def presets() -> str:
@@ -43,7 +43,7 @@ def presets() -> str:
 def buffers() -> str:
     """A row per channel."""
     rows = [(f"`{c.name}`", "H W 3" if c.components == 3 else "H W", c.unit, c.help) for c in CHANNELS.values()]
-    return table(("name", "shape", "unit", "what"), rows)
+    return table(("name", "shape", "unit", "meaning"), rows)
 
 
 def keys() -> str:
@@ -52,7 +52,7 @@ def keys() -> str:
     shown = " ".join(f"`{key.shown}`" for key in GROUPS["View/Buffer"])
     rows.append((shown, ", ".join(key.title for key in GROUPS["View/Buffer"])))
     rows += [(f"`{key.shown}`", key.words) for name, group in GROUPS.items() if name != "View/Buffer" for key in group]
-    return table(("key", "what"), rows)
+    return table(("key", "action"), rows)
 
 
 def between(text: str, program: str, name: str, made: str) -> str:

@@ -1,7 +1,7 @@
-"""Tries the rows of docs/about/trust.md again: `python docs/programs/trust.py [-k TEXT] [--limit SECONDS]`.
+"""Run the commands of docs/about/trust.md: `python docs/programs/trust.py [-k TEXT] [--limit SECONDS]`.
 
-For each row: its status, the seconds and the most memory that its command took, and the lines with numbers that it printed. `not
-tried` is a row whose command skips all that it has here, or that is done by hand. The exit status is that of the worst row.
+For each row it prints the status, the seconds and peak memory of the command, and the lines of its output with numbers. `not
+tried` marks a row whose command skips all tests on this machine, or is done by hand. The exit status is that of the worst row.
 """
 
 from __future__ import annotations
@@ -86,9 +86,11 @@ def verdict(status: int, printed: str) -> str:
 
 def main() -> int:
     """Try the chosen rows; returns the exit status."""
-    parser = argparse.ArgumentParser(description="Tries the rows of docs/about/trust.md again.")
-    parser.add_argument("-k", metavar="TEXT", default="", help="only rows with this text in what was tried, or in the command")
-    parser.add_argument("--limit", metavar="SECONDS", type=float, default=3600.0, help="for each row (default: 3600)")
+    parser = argparse.ArgumentParser(description="Run the commands of docs/about/trust.md.")
+    parser.add_argument("-k", metavar="TEXT", default="", help="run only rows with this text in the case or command")
+    parser.add_argument(
+        "--limit", metavar="SECONDS", type=float, default=3600.0, help="limit the time of each row (default: 3600)"
+    )
     args = parser.parse_args()
     worst = 0
     for row in rows(PAGE.read_text(encoding="utf-8")):
@@ -96,7 +98,7 @@ def main() -> int:
             continue
         print(f"{row.tried}\n  stated: {row.often}: {row.result}\n  {row.last}", flush=True)
         if not row.words:
-            print("  not tried, since it is done by hand")
+            print("  not tried: done by hand")
             continue
         begun = time.monotonic()
         status, memory, printed = run(row, args.limit)

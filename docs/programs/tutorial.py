@@ -1,4 +1,4 @@
-"""Renders the pictures of docs/tutorial: `python docs/programs/tutorial.py` (a minute). `measure.py` fills the tables."""
+"""Render the pictures of docs/tutorial: `python docs/programs/tutorial.py` (a minute). `measure.py` fills the tables."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from tests.support.truth import SIZE, compare, load_reference  # noqa: E402
 
 IMAGES = ROOT / "docs" / "images" / "tutorial"
 LADDER: tuple[tuple[str, str, SettingValues], ...] = (  # from the preset paper to the default: name, words, what it switches on
-    ("published", "as published, its radiometry corrected", {}),
-    ("tiles", "placement coarse to fine, not in scan order", {"placement": "tiles"}),
-    ("hemisphere", "the whole hemisphere, not one plane", {"gather": "auto"}),
+    ("published", "as published, with corrected radiometry", {}),
+    ("tiles", "placement from coarse to fine instead of in scan order", {"placement": "tiles"}),
+    ("hemisphere", "the whole hemisphere instead of one plane", {"gather": "auto"}),
     ("gradients", "irradiance vector and translation gradient", {"gradients": True}),
     ("limits", "a radius of 0.5 to 7 % of the picture's height", {"radius_min": 0.5, "radius_max": 7.0}),
     ("weights", "weights and radii from the Hessian", {"weights": "hessian"}),
-    ("adapt", "records that disagree with others shrink", {"adapt": 0.6}),
-    ("spread", "more records where some disagree", {"spread": 0.05}),
+    ("adapt", "smaller radii where records disagree", {"adapt": 0.6}),
+    ("spread", "further records where records disagree", {"spread": 0.05}),
 )
 SHOWN = ("published", "hemisphere", "gradients", "limits", "weights", "spread")
 SHARED: SettingValues = {
@@ -110,7 +110,7 @@ def shares_table(found: dict[str, Any]) -> str:
         for scene, one in found.items()
         if isinstance(one, dict)
     ]
-    return table(("scene", "indirect, one bounce", "indirect, all bounces", "all over one"), rows)
+    return table(("scene", "indirect, one bounce", "indirect, all bounces", "ratio, all to one"), rows)
 
 
 def radii() -> dict[str, Any]:
@@ -135,7 +135,7 @@ def radii() -> dict[str, Any]:
 def radii_table(found: dict[str, Any]) -> str:
     """Return a row for each distance."""
     rows = [(words, f"{one['records']}", f"{one['radius']:.2f} m") for words, one in found.items() if isinstance(one, dict)]
-    return table(("from the next wall", "records", "median of R"), rows)
+    return table(("distance from the nearest wall", "records", "median of R"), rows)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ INSTALL = "pip install 'irrsplat[peers]'"
 LEGEND = (
     "rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view",
     "processor: seconds of processor time by all threads",
-    f"further: the same view turned by {TURN:g}°, with the records or the ambient file kept; Mitsuba keeps nothing",
+    f"further: the view turned by {TURN:g}°, with the kept records or ambient file; Mitsuba keeps no light",
     *(peer.note for peer in PEERS if peer.note),
 )
 
