@@ -149,5 +149,4 @@ class _Drawn(Owner):
         self.gbuffer = GBuffer(position, normal, albedo, emission, self.textures[4] if mapped else None)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the GPU resources to free."""
         return tuple(self.textures)

@@ -54,7 +54,6 @@ class PlaceSplats(Owner):
         self._drawn: tuple[tuple[object, ...], int, SplatBuffer] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the GPU resources to free."""
         return (self.program, self.empty, self.target)
 
     def update(self, cache: RecordCache) -> SplatBuffer:

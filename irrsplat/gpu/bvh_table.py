@@ -32,7 +32,6 @@ class TriangleTable(Owner):
         self.vertices = table_texture(ctx, table_rows(vertex_texels(vertices)))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.corners, self.vertices)
 
     def _corner_rows(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -89,7 +88,6 @@ class BvhTable(Owner):
         }
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.nodes, self.leaves)
 
 

@@ -65,7 +65,6 @@ class Geometry(Owner):
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.vertices, self.indices, self.planes)
 
 

@@ -87,7 +87,6 @@ class MaterialTable(Owner):
         return TextureLayers(self.ctx, self.plan)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.texture, self.__dict__.get("_layers"))
 
 

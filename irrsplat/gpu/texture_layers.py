@@ -115,5 +115,4 @@ class TextureLayers(Owner):
         self.texture.repeat_x = self.texture.repeat_y = True
 
     def owned(self) -> tuple[Resource, ...]:
-        """Return the resources that `release` frees."""
         return (self.texture,)

@@ -58,7 +58,6 @@ class World(Owner):
         self._pending_caster: Future[RayCaster] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.geometry, self.materials, self._triangles, self._tree, self.derived)
 
     @property

@@ -62,7 +62,6 @@ class Antialiaser(Owner):
         self._sample: Iterator[None] | None = None  # a sample interrupted by the budget
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self._buffers,)
 
     def __call__(
@@ -137,7 +136,6 @@ class SampleBuffers(Owner):
         self.direct = direct_target(ctx, size)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.mean, self.other, self.gbuffer, self.splat, self.direct)
 
 
@@ -173,7 +171,6 @@ class MeanPass(Owner):
         self.target = Target(ctx, size, (4, 4, 4, 4, 1))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self.programs, self.target, self.no_filters)
 
     def __call__(

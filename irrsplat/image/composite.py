@@ -28,7 +28,6 @@ class NoFilters(Owner):
         self.tint, self.glow = (table_texture(ctx, np.full((1, 1, 4), value)) for value in (1.0, 0.0))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.tint, self.glow)
 
     def uniforms(self, gbuffer: GBuffer) -> Uniforms:
@@ -63,7 +62,6 @@ class CompositePass(Owner):
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         programs = *self.fills, *self.blends.values(), self.meter, self.display
         targets = self.target, self.fill_target, self.meter_target
         return (*programs, *targets, self.mipmapped, self.no_filters)

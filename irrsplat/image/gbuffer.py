@@ -46,7 +46,6 @@ class GBufferTarget(Target):
         self._parts = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self._parts, self.place, self.depths, self.surfaces, *super().owned())
 
     def also(self, name: str, components: int, together: bool = False) -> Target:
@@ -89,7 +88,6 @@ class GBufferPass(Owner):
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (
             self.nothing,
             *self.places.values(),

@@ -84,7 +84,6 @@ class TextureMaps(Owner):
         self._sampled: dict[tuple[object, ...], SampledTexture] = {}
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self._textures.values(), *self._samplers.values())
 
     def prepare(self, runs: Sequence[Run]) -> None:

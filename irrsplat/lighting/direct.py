@@ -38,7 +38,6 @@ class DirectPass(Owner):
         self.target = direct_target(ctx, size)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self._programs.values(), self.target)
 
     def __call__(

@@ -48,7 +48,6 @@ class EmitterTable(Owner):
         self.numbers = _pairs(world.ctx, numbers)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.triangles, self.numbers)
 
     def ray_uniforms(self, samples: int) -> Uniforms:

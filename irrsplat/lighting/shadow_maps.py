@@ -27,7 +27,6 @@ class ShadowPass(Owner):
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.program, self._cut_outs, self._tables, self.target)
 
     def _cutting(self, world: World) -> Program:

@@ -30,7 +30,6 @@ class SiteLightPass(Owner):
         self.target = Target(ctx, (TABLE_COLUMNS, rows), (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.program, self.sites, self.target)
 
     def __call__(

@@ -22,7 +22,6 @@ class SkyMaps(Owner):
         self.uniforms: Uniforms = {"sky_light": self.light, "sky_from_world": environment.frame}
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.light, self.seen)
 
 

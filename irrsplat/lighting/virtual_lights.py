@@ -59,7 +59,6 @@ class VirtualLights(Owner):
         self.windows[spots.lights] = self._windows.rectangles[spots.lights]
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self._places, self._radiance)
 
     def sample_uniforms(self, shadows: ShadowMaps) -> Uniforms:
@@ -200,7 +199,6 @@ class VirtualLightPasses(Owner):
         self._emit = Program(world.ctx, "lighting/virtual_lights/emit", "lib/fullscreen", kinds)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self._find, self._emit)
 
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:

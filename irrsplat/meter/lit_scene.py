@@ -39,7 +39,6 @@ class LitScene(Owner):
         self._shadows: ShadowMaps | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.cache, self.shadow_pass, self.world)
 
     @property

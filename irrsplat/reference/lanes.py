@@ -22,26 +22,21 @@ TINY = 1e-30  # keeps divisors from 0
 
 
 class LaneBackend:
-    """Lanes for textures.TextureTable."""
+    """The operations of textures.NumpyBackend on lanes."""
 
     def array(self, values: np.ndarray) -> Lanes:
-        """Return a table of floats or unsigned integers."""
         return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
 
     def gather(self, table: Lanes, index: Lanes) -> Lanes:
-        """Return the table's entries."""
         return dr.gather(type(table), table, index)
 
     def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
-        """Return `yes` for entries with `condition`, else `no`."""
         return dr.select(condition, yes, no)
 
     def floor(self, x: Lanes) -> Lanes:
-        """Return the greatest whole numbers up to x."""
         return dr.floor(x)
 
     def whole(self, x: Lanes) -> Lanes:
-        """Return whole floats as unsigned integers."""
         return mi.UInt32(x)
 
 

@@ -23,7 +23,7 @@ _FARTHEST = 1e9  # texture coordinates beyond, and NaN, count as 0
 
 
 class NumpyBackend:
-    """Operations on NumPy's arrays, in float64; lanes.LaneBackend has the same on lanes."""
+    """Operations on NumPy's arrays, in float64."""
 
     def array(self, values: np.ndarray) -> Values:
         """Return the values, floats as float64."""
