@@ -128,8 +128,8 @@ def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sa
 def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return positions, mapped and geometric normals, (N·16, 3) each, on a regular grid in the texels `at` (rows, columns).
 
-    The points lie on the surface itself: next to a curved surface, its own shadow would count. Points beside the surface count
-    as the texel's centre.
+    The points lie on the surface itself: next to a curved surface, its own shadow would count. Points off the surface count as
+    the texel's centre.
     """
     side = math.isqrt(_WITHIN)
     steps = (np.arange(side) + 0.5) / side - 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.vectors import as_float32, unit
-from irrsplat.scene.io.mesh_builder import welded
+from irrsplat.scene.io.mesh_builder import distinct_rows, welded
 
 _CHUNK_PAIRS = 1 << 21  # pairs of corners that are compared together; bounds the temporary memory
 _MOST_COMPARED = 256  # corners at one place above which they are not compared in pairs; those at a crease stay flat
@@ -41,7 +41,8 @@ def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> 
     sharp = sharp[np.argsort(flat_at[sharp], kind="stable")]
     own = _normal_sums(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
     number = at.reshape(-1).copy()
-    kept, number_of = _distinct_pairs(flat_at[sharp], own)
+    pairs = np.column_stack([flat_at[sharp].astype(float), own + 0.0])  # of a place and a normal
+    kept, number_of = distinct_rows(pairs.view(np.uint64))
     number[sharp] = count + number_of
     return np.concatenate([mean, own[kept]]), number.reshape(-1, 3)
 
@@ -82,17 +83,3 @@ def _normal_sums(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, leas
             sums[rows, i] = np.bincount(one, column[other], minlength=high - low)
         low = high
     return unit(sums)
-
-
-def _distinct_pairs(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices (M,) of distinct pairs of place (R,) and normal (R, 3), and the pair (R,) of each row."""
-    rows = np.column_stack([place.astype(float), normals + 0.0])
-    bits = rows.view(np.uint64)
-    with np.errstate(over="ignore"):
-        hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)
-    hashed ^= hashed >> np.uint64(29)
-    _, kept, number = np.unique(hashed, return_index=True, return_inverse=True)
-    number = number.reshape(-1)
-    if np.array_equal(rows[kept][number], rows):
-        return kept, number
-    return np.arange(len(place)), np.arange(len(place))  # two pairs with one hash: keep all apart

@@ -16,6 +16,7 @@ from irrsplat.scene.io.part import Part, corner_problem
 from irrsplat.scene.model import Mesh
 
 _FLAT = 1e-12  # twice the area over the longest edge squared; smaller values are rounding errors
+_HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)  # odd factors
 _BATCH = 1 << 16  # vertices and corners that are processed together; bounds the temporary memory
 
 
@@ -258,13 +259,18 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
 
 def welded(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return one vertex of each distinct place (M,), and the number of each vertex's place (V,); positions (V, 3) float32."""
-    bits = np.ascontiguousarray(positions + np.float32(0.0)).view(np.uint32).astype(np.uint64)  # + 0: no -0
-    hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)  # a hash of each place
+    return distinct_rows(np.ascontiguousarray(positions + np.float32(0.0)).view(np.uint32))  # + 0: no -0
+
+
+def distinct_rows(bits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return one index of each distinct row (M,), and the number of each row's kind (N,), int64; bits: (N, C) unsigned, C ≤ 4."""
+    with np.errstate(over="ignore"):
+        hashed = bits.astype(np.uint64) @ _HASH[: bits.shape[1]]
     hashed ^= hashed >> np.uint64(29)
-    _, first, weld = np.unique(hashed, return_index=True, return_inverse=True)
-    if not np.array_equal(positions[first][weld], positions):  # two places with one hash: the slow way
-        _, first, weld = np.unique(positions + np.float32(0.0), axis=0, return_index=True, return_inverse=True)
-    return first, weld.reshape(-1).astype(np.int64)
+    _, first, number = np.unique(hashed, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[first][number.reshape(-1)], bits):  # two rows with one hash: the slow way
+        _, first, number = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    return first, number.reshape(-1).astype(np.int64)
 
 
 def _parts(edges: np.ndarray, count: int) -> np.ndarray:
