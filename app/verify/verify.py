@@ -70,7 +70,7 @@ def check(args: Namespace) -> None:
     if bounces == 0:
         raise InputError("--bounces 0: there is no indirect light to verify; leave it out")
     if args.truth == "gather" and bounces != 1:
-        raise InputError(f"--truth gather supports one bounce, not {bounces}; add --bounces 1, or take --truth trace")
+        raise InputError(f"--truth gather supports one bounce only, not {bounces}; add --bounces 1, or take --truth trace")
     if args.curve and "a" in args.values:
         raise InputError("--curve goes through several a by itself; leave --a out")
     side_of(args.samples)

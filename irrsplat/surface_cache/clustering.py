@@ -153,17 +153,17 @@ class Clusters:
         return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
 
 
-def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
-    """Return (N, most), the nearest sites to each of the members `asking` (N,), the nearest first, as indices into `sites`.
+def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
+    """Return (N, most), the nearest sites to each of the members `requesting` (N,), the nearest first, as indices into `sites`.
 
-    Sites face alike and lie in a member's block, in a small one if there are any. Entries are -1 where there are no more. asking
-    and sites: as numbers of members. Distance combines places and normals: `size` metres count as much as 60° between
+    Sites face alike and lie in a member's block, in a small one if there are any. Entries are -1 where there are no more.
+    requesting, sites: as numbers of members. Distance combines places and normals: `size` metres count as much as 60° between
     normals.
     """
-    found = np.full((len(asking), most), -1)
+    found = np.full((len(requesting), most), -1)
     for block in _BLOCKS:
         left = np.flatnonzero(found[:, 0] < 0)
-        both = np.concatenate([sites, asking[left]])
+        both = np.concatenate([sites, requesting[left]])
         blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 5  # without the normals' parts
         order = np.argsort(blocks[: len(sites)], kind="stable")
         known = blocks[order]
@@ -173,9 +173,9 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
             begin, end = (np.searchsorted(known, requested, side) for side in ("left", "right"))
             member, counts = np.repeat(some, end - begin), np.cumsum(end - begin)
             site = order[np.arange(len(member)) + np.repeat(end - counts, end - begin)]
-            turned = np.einsum("nx,nx->n", members.normal[asking[member]], members.normal[sites[site]])
+            turned = np.einsum("nx,nx->n", members.normal[requesting[member]], members.normal[sites[site]])
             member, site, turned = (of[turned > _MIN_COSINE] for of in (member, site, turned))
-            apart = (members.position[asking[member]] - members.position[sites[site]]) / np.float32(size)
+            apart = (members.position[requesting[member]] - members.position[sites[site]]) / np.float32(size)
             distance = np.einsum("nx,nx->n", apart, apart) - 2.0 * turned  # without 2, as |a - b|² = 2 - 2 a·b of unit normals
             near = np.lexsort((distance, member))
             rank = np.arange(len(near)) - np.searchsorted(member[near], member[near])

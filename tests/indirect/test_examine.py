@@ -106,16 +106,16 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
 @pytest.mark.parametrize(("spacing", "colour"), [(1, -1), (2, 1), (8, 0)])
 def test_sites_of_a_round_lie_apart(spacing: int, colour: int) -> None:
     """One requesting tile is chosen in each square of `spacing` tiles, of one colour of the chess board or of all squares."""
-    asking = np.random.default_rng(3).integers(0, 3, (23, 31))
-    rows, columns = choose(asking, Chessboard(spacing, colour, False), seed=0)
-    assert (asking[rows, columns] > 0).all()
+    requests = np.random.default_rng(3).integers(0, 3, (23, 31))
+    rows, columns = choose(requests, Chessboard(spacing, colour, False), seed=0)
+    assert (requests[rows, columns] > 0).all()
     squares = list(zip((rows // spacing).tolist(), (columns // spacing).tolist(), strict=True))
     assert len(set(squares)) == len(squares)
     requested = {
         (r // spacing, c // spacing)
-        for r, c in np.argwhere(asking > 0).tolist()
+        for r, c in np.argwhere(requests > 0).tolist()
         if colour < 0 or (r // spacing + c // spacing) % 2 == colour
     }
     assert set(squares) == requested, "no square that asks is left out"
-    again = choose(asking, Chessboard(spacing, colour, False), seed=0)
+    again = choose(requests, Chessboard(spacing, colour, False), seed=0)
     assert np.array_equal(rows, again[0]) and np.array_equal(columns, again[1])

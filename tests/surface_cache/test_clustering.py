@@ -19,9 +19,9 @@ def scattered(count: int, side: float) -> Members:
 def test_the_nearest_sites_that_face_alike_come_in_their_order() -> None:
     """All members lie in one block of three steps: a comparison of all pairs is the oracle."""
     members, size = scattered(300, 3.0), 2.0
-    asking, sites = np.arange(100), np.arange(100, 300)
-    found = near_sites(members, asking, sites, size, 5)
-    for member, nearest in zip(asking, found, strict=True):
+    requesting, sites = np.arange(100), np.arange(100, 300)
+    found = near_sites(members, requesting, sites, size, 5)
+    for member, nearest in zip(requesting, found, strict=True):
         apart = ((members.position[sites] - members.position[member]) / size) ** 2
         distance = (apart + (members.normal[sites] - members.normal[member]) ** 2).sum(1)
         distance[members.normal[sites] @ members.normal[member] <= 0.3] = np.inf

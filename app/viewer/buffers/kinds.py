@@ -236,14 +236,14 @@ def requests() -> ShownBuffer:
 
     def legend(source: ViewSource) -> Legend:
         settings = source.settings
-        contradiction = f", or whose records differ by {100.0 * settings.spread:.3g} %" if settings.spread else ""
-        return Legend(f"orange: pixels with Σw below {settings.threshold:.3g}{contradiction}")
+        variance = f", or whose records differ by {100.0 * settings.spread:.3g} %" if settings.spread else ""
+        return Legend(f"orange: pixels with Σw below {settings.threshold:.3g}{variance}")
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
         _draw_requests(canvas, source, source.settings.threshold)
 
     read = first(lambda view: view.splats.weight, 1)
-    return ShownBuffer("asking", "requests", "pixels that request a record", draw, legend, read)
+    return ShownBuffer("requests", "requests", "pixels that request a record", draw, legend, read)
 
 
 def weight_range(settings: Settings) -> tuple[float, float]:
@@ -258,7 +258,7 @@ def _draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None
     splats = source.view.splats
     canvas.picture(
         source,
-        "asking",
+        "requests",
         splats.weight,
         image=source.view.image,
         gain=source.gain,

@@ -99,7 +99,7 @@ class DesktopDialog:
     def __init__(self, native: bool) -> None:
         here = sys.platform in ("win32", "darwin") or any(map(shutil.which, _PROGRAMS))
         self.native = native and here
-        self._asking: desktop.open_file | desktop.save_file | None = None
+        self._dialog: desktop.open_file | desktop.save_file | None = None
         self._take: Callable[[str], object] = lambda path: None
 
     def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
@@ -112,14 +112,14 @@ class DesktopDialog:
         self._ask(lambda: desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take)
 
     def _ask(self, begin: Callable[[], desktop.open_file | desktop.save_file], take: Callable[[str], object]) -> None:
-        if self._asking is None:
-            self._asking, self._take = begin(), take
+        if self._dialog is None:
+            self._dialog, self._take = begin(), take
 
     def update(self) -> None:
         """Call the taker of the answer, if there is an answer."""
-        if self._asking is None or not self._asking.ready(0):
+        if self._dialog is None or not self._dialog.ready(0):
             return
-        answer, self._asking = self._asking.result(), None
+        answer, self._dialog = self._dialog.result(), None
         if chosen := answer if isinstance(answer, str) else next(iter(answer), ""):
             self._take(chosen)
 

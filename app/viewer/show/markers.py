@@ -103,7 +103,7 @@ class Markers(Owner):
             return 0
         uniforms = {**self._of_records(target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
         self.number.write(np.array([number], "i4").tobytes())
-        program = self.programs("viewer/markers/serves", "indirect/splat", record_defines(settings.gradients))
+        program = self.programs("viewer/markers/covers", "indirect/splat", record_defines(settings.gradients))
         with self.query:
             self._draw(program, target, uniforms, region, numbers=self.number)
         return int(self.query.samples)

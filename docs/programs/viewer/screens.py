@@ -96,7 +96,7 @@ def buffers(viewer: Viewer) -> None:
     actions.panels.controls = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_reference and name not in PLAIN):
-        if name == "asking":  # some pixels must still request records
+        if name == "requests":  # some pixels must still request records
             actions.clear()
             while not (actions.session.progress and 0.5 < actions.session.progress[0].coverage < 1.0):
                 actions.session.tick(DT, 0.01)
@@ -104,7 +104,7 @@ def buffers(viewer: Viewer) -> None:
         if name != "emission":
             actions.session.options.buffer = name
             keep(viewer, f"viewer/{name}" if name == "light" else f"buffers/{name}")  # a folder has no more than 14 entries
-        if name == "asking":
+        if name == "requests":
             actions.toggle("frozen")
 
 

@@ -238,7 +238,7 @@ def test_the_tools(place: Path, capsys: pytest.CaptureFixture[str], refused: Cal
         (["merge", "a.cache", "e.cache", "-o", "f.cache"], "e.cache: this record cache was made with --seed 1, not --seed 0"),
         (["merge", "a.cache", "room.scene", "-o", "f.cache"], "room.scene: this is not a record cache"),
         (["merge", "a.cache", "-o", "none/f.cache"], "none"),
-        (["prune", "a.cache", "-o", "f.cache", "--most", "1kB"], "allow some more"),
+        (["prune", "a.cache", "-o", "f.cache", "--most", "1kB"], "allow more"),
         (["prune", "a.cache", "-o", "f.cache", "--most", "few"], "a number of records, or a size such as 20MB"),
     ):
         assert said in refused(["cache", *words])
