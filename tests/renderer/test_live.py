@@ -338,8 +338,8 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
 
 def test_many_lights_have_smaller_shadow_tiles_and_too_many_are_refused(renderer: Renderer) -> None:
     """300 equal lights illuminate as one of 300 times the intensity does, but for the resolution of their shadows."""
-    one, before = point_light((0.3, 0.6, 0.2)), renderer.settings
-    renderer.relight([replace(one, color=tuple(300.0 * c for c in one.color))])
+    one, before = point_light((0.3, 0.6, 0.2), 1.0), renderer.settings
+    renderer.relight([point_light((0.3, 0.6, 0.2), 300.0)])
     whole = renderer.read_direct_irradiance()
     renderer.relight([one] * 300)
     assert not renderer.notices
