@@ -19,6 +19,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import Clusters
@@ -239,8 +240,9 @@ class SiteLevel(Owner):
         if survey.done < records.count:
             return False
         if steps.drawing is None:
-            R, corners = records.read()["radius"], self.world.geometry.corners
-            steps.drawing = in_background(partial(survey.places, R, laid_out.area, corners, self.settings.seed))
+            R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
+            emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
+            steps.drawing = in_background(partial(survey.places, R, laid_out.area, corners, emissive, self.settings.seed))
         laid_out.places = budget.advance(steps.drawing)
         if laid_out.places is None:
             return False

@@ -22,6 +22,7 @@ from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
 
 PLACES = 8  # of a site
+_NEAR = 0.3  # of the width of a cluster: rays from emissive surfaces closer to it count less, by the square of the distance
 _BOUNCES = 8  # along which the importance of sites is followed
 
 
@@ -80,17 +81,22 @@ class Survey:
         self._hits.append(_Hits(numbers[rays[0]], hits.site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
-    def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
+    def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, emissive: np.ndarray, seed: int) -> Places:
         """Return the places of the sites. A site without a hit uses its own position.
 
         R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. corners: (F, 3, 3) of the triangles.
+        emissive: (F,) True for triangles that emit light.
         """
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
+        assert self.sites.triangle is not None
         weight = self._importance(R, area)[hits.origin] * hits.share
+        # The gap between a lamp and a ceiling is bright and hidden, and must not represent the ceiling around it.
+        away = ((hits.position - self.sites.position[hits.origin]) ** 2).sum(1)
+        near = np.minimum(away / np.maximum(_NEAR**2 * area[hits.site], 1e-30), 1.0)
+        weight *= np.where(emissive[self.sites.triangle[hits.origin]], near, 1.0)
         drawn = _drawn(hits.site, weight, hits.position, len(self.sites), seed)
         met = drawn >= 0
         hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
-        assert self.sites.triangle is not None
         columns = [getattr(self.sites, name)[at] for name in ("position", "normal", "geometric", "triangle")]
         position, normal, geometric, triangle = columns
         position[met], normal[met], triangle[met] = hits.position[hit], hits.normal[hit], hits.triangle[hit]

@@ -25,7 +25,7 @@ from irrsplat.scene.motion import transformed
 from irrsplat.surface_cache import site_layout
 from irrsplat.surface_cache.site_places import PLACES, Places, _drawn
 from tests.support.viewing import write_room
-from tests.support.worlds import box, floor, scene
+from tests.support.worlds import box, floor, material, quad, scene
 
 CAMERA = irrsplat.Camera(eye=(0.5, 1.2, 1.8), target=(0.0, 0.9, -2.0), up=(0.0, 1.0, 0.0), fov=70.0)
 LIGHT = irrsplat.Light(position=(0.0, 2.3, 0.0), color=(5.0, 5.0, 5.0))
@@ -168,3 +168,16 @@ def test_a_further_refinement_brings_lookups_nearer_to_gathers(tmp_path: Path, m
         assert errors[1] < 0.9 * errors[0] and errors[2] < 0.75 * errors[0], errors
         renderer.relight([])
         assert surface.refinements == 0 and len(surface.result.irradiance) == counts[0]
+
+
+def test_light_behind_a_lamp_stays_there() -> None:
+    """A panel emits as much into the millimetre between it and the ceiling as into the room.
+
+    The light of one side, Φ, gives walls of reflectance ρ and area S the mean irradiance Φ/(S·(1 - ρ)). That of the view is a
+    fifth above it.
+    """
+    room = box((0, 0, 0), (4, 3, 5), material(0.6), outward=False)
+    panel = quad((1.95, 2.999, 2.45), (0.1, 0, 0), (0, 0, 0.1), material(0.5, 1000.0))
+    view = irrsplat.Camera((3.7, 1.8, 4.8), (1.5, 0.8, 1.0), fov=65.0)
+    found = irrsplat.render(scene(room, panel, camera=view), (32, 24), samples=1).irradiance.mean()
+    assert found == pytest.approx(np.pi * 1000.0 * 0.01 / (94.0 * (1.0 - 0.6)), rel=0.3)
