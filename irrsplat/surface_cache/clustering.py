@@ -20,6 +20,7 @@ _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
 _BEYOND = 1.001  # of the distance to the point between: the first segment ends behind a surface at that point
+_RAISED = 0.5  # of the distance of two members: height of the second line of sight between them
 _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
 
 
@@ -182,6 +183,16 @@ def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size
             near, rank = near[rank < most], rank[rank < most]
             found[member[near], rank] = site[near]
     return found
+
+
+def raised_lines(a: Members, b: Members) -> tuple[np.ndarray, np.ndarray]:
+    """Return starts and ends (N, 3) of the lines from `a` to `b` (N,), raised by a part of their length.
+
+    Where an object is closer to the surface than that, as a wall with a gap below, little light crosses, though a and b see each
+    other through the gap.
+    """
+    rise = np.float32(_RAISED) * np.linalg.norm(b.eye - a.eye, axis=-1, keepdims=True)
+    return a.eye + rise * a.geometric, b.eye + rise * b.geometric
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

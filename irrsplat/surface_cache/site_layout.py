@@ -270,22 +270,24 @@ class SiteChooser:
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
             cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
-            reach = yield from self._reach(members.eye[corners[unlike]], free)
+            reach = yield from self._reach(members, corners[unlike], free)
             table.append(_borders(reach, free))
         return np.concatenate(table)
 
-    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
+    def _reach(self, members: Members, cells: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
         """Return (N, 3, 2) the visible shares of a cell's edges, from each corner to the next one and the one after; inf for free
         ones.
 
-        eyes: (N, 3, 3) metres, of the corners. free: (N, 3) of each corner, whether the other two see each other.
+        cells: (N, 3) the members at the corners. free: (N, 3) of each corner, whether the other two see each other.
         """
-        reach = np.full((len(eyes), 3, 2), np.inf)
+        reach = np.full((len(cells), 3, 2), np.inf)
         corners, steps = np.indices((3, 2)).reshape(2, -1)
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
-        starts, ends_there = eyes[cell, corners[way]], eyes[cell, ends[way]]
-        reach[cell, corners[way], steps[way]] = yield from self._free_shares(starts, ends_there)
+        a, b = members[cells[cell, corners[way]]], members[cells[cell, ends[way]]]
+        straight = yield from self._free_shares(a.eye, b.eye)
+        raised = yield from self._free_shares(*clustering.raised_lines(a, b))
+        reach[cell, corners[way], steps[way]] = np.minimum(straight, raised)
         return reach
 
     def see(self, members: Members, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
@@ -296,6 +298,8 @@ class SiteChooser:
         free = (yield from self._free_shares(starts, ends)) >= 1.0
         seen[apart] = free[: len(apart)]
         seen[apart[bent]] &= free[len(apart) :]
+        flat = np.setdiff1d(apart[free[: len(apart)] >= 1.0], apart[bent])
+        seen[flat] = (yield from self._free_shares(*clustering.raised_lines(members[a[flat]], members[b[flat]]))) >= 1.0
         return seen
 
     def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:
