@@ -20,7 +20,7 @@ _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
 _MIN_COSINE = 0.3  # least cosine between normals of a member and its site
 _BEYOND = 1.001  # of the distance to the point between: the first segment ends behind a surface at that point
-_RAISED = 0.5  # of the distance of two members: height of the second line of sight between them
+_RAISED = 0.3  # of the distance of two members: height of the second line of sight between them
 _CLEARANCE = 1.2  # of the height at which tangents meet: clearance of a bent line between two members above the surface
 
 

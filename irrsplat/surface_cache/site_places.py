@@ -90,7 +90,7 @@ class Survey:
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
         assert self.sites.triangle is not None
         weight = self._importance(R, area)[hits.origin] * hits.share
-        # The gap between a lamp and a ceiling is bright and hidden, and must not represent the ceiling around it.
+        # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.
         away = ((hits.position - self.sites.position[hits.origin]) ** 2).sum(1)
         near = np.minimum(away / np.maximum(_NEAR**2 * area[hits.site], 1e-30), 1.0)
         weight *= np.where(emissive[self.sites.triangle[hits.origin]], near, 1.0)
