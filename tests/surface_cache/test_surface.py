@@ -102,8 +102,8 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
         assert np.all(Budget(None).advance(chooser.see(some, near[0], near[1]))), "outside over the bulge, inside straight"
         assert not np.any(Budget(None).advance(chooser.see(some, pairs[0], pairs[0] + len(every)))), "never through it"
     for gap, through in ((0.05, False), (0.5, True)):  # metres below a wall between two points that are 1 m apart on a floor
-        gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.float32([0, 1, 0]), (2, 1))
-        at = np.float32([[-0.5, 0, 0], [0.5, 0, 0]])
+        gate, up = World(ctx, scene(quad((0, gap, -1), (0, 0, 2), (0, 1, 0)))), np.tile(np.array([0, 1, 0], np.float32), (2, 1))
+        at = np.array([[-0.5, 0, 0], [0.5, 0, 0]], np.float32)
         points = clustering.Members(at, up, up, at + np.float32(1e-3) * up)
         chooser = SiteChooser(gate.scene, gate.caster.reach, FULL)
         assert Budget(None).advance(chooser.see(points, np.array([0]), np.array([1]))) == [through]
