@@ -50,7 +50,7 @@ class ShadowPass(Owner):
         return self._tables.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
-        """Return the shadow maps of all lights in tiles of `side` texels square, or as many as fit, and the light table."""
+        """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit."""
         side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         lights = light_table(world.scene, side)
         if self.target is not None:

@@ -43,7 +43,7 @@ class LitScene(Owner):
 
     @property
     def notices(self) -> tuple[str, ...]:
-        """One-line remarks for a user on parts of the scene that are not as they should be."""
+        """One-line remarks for a user on parts of the scene that are shown with less detail, or not at all."""
         small = gl_limits.shadow_notices(self.shadow_pass.ctx, self.world.scene, self._shadow_size)
         return (*small, *self.world.materials.notices)
 
