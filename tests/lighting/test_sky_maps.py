@@ -242,7 +242,7 @@ def test_any_file_may_be_put_under_a_sky(folder: Path, monkeypatch: pytest.Monke
         ("cie overcast", "or lux E"),
         ("cie clear sun -4 100", "4.0° below the horizon"),
         ("cie clear sun 4 100 at 1 2 3", "both define the position of the sun"),
-        ("cie clear at 50 10 2026-06-21T12:00", "does not say how far it is from UTC"),
+        ("cie clear at 50 10 2026-06-21T12:00", "has no offset from UTC"),
         ("cie clear sun 40 100 ground 2", "ground is 2; expected 0 to 1"),
     ],
 )
