@@ -112,14 +112,14 @@ class Session(Owner):
     @property
     def at_rest(self) -> bool:
         """True if the next tick would show an equal picture."""
-        served = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
+        filled = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
         sampled = all(
             v.samples >= r.settings.viewer_samples
             for v, r in zip(self.views, self.active, strict=False)
             if r.settings.viewer_samples > 1
         )
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
-        return served and sampled and refined and self.auto_exposure.settled and self.path_recorder.recording is None
+        return filled and sampled and refined and self.auto_exposure.settled and self.path_recorder.recording is None
 
     @property
     def moving(self) -> bool:

@@ -140,7 +140,7 @@ def irradiance(
     def legend(source: ViewSource) -> Legend:
         if texture(source) is None:
             return Legend(missing)
-        return exposed("W/m²", f", as a white surface sends it out{more(source)}")(source)
+        return exposed("W/m²", f", as reflected by a white surface{more(source)}")(source)
 
     def read(source: ViewSource, x: int, y: int) -> np.ndarray | None:
         found = texture(source)

@@ -92,8 +92,8 @@ class Display(Owner):
         if number is None:
             return None
         region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        served = self.markers.contributes(screen, source.view, records, number, source.settings, region)
-        return self.inspector.inspect(number, side, source, served)
+        covered = self.markers.contributes(screen, source.view, records, number, source.settings, region)
+        return self.inspector.inspect(number, side, source, covered)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """Return the value of a side's buffer under the cursor. It is read again when the buffer or the cursor has changed."""

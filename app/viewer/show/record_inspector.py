@@ -50,7 +50,7 @@ def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: 
 class InspectedRecord:
     """A record on show, with its number and side.
 
-    lines: its values, a label and a text each. picture: the radiance over its hemisphere. served: the number of pixels of its
+    lines: its values, a label and a text each. picture: the radiance over its hemisphere. covered: the number of pixels of its
     side to which it contributes.
     """
 
@@ -58,7 +58,7 @@ class InspectedRecord:
     side: int
     lines: list[tuple[str, str]]
     picture: moderngl.Texture
-    served: int
+    covered: int
 
 
 class RecordInspector(Owner):
@@ -92,10 +92,10 @@ class RecordInspector(Owner):
         w = weights(self.columns(source), records.luminance_floor, p, n, view, source.settings)
         return int(np.argmax(w)) if w.any() else None
 
-    def inspect(self, number: int, side: int, source: ViewSource, served: int) -> InspectedRecord | None:
-        """Return record `number` of a side, which contributes to `served` pixels; None before the first shadow maps."""
+    def inspect(self, number: int, side: int, source: ViewSource, covered: int) -> InspectedRecord | None:
+        """Return record `number` of a side, which contributes to `covered` pixels; None before the first shadow maps."""
         picture = self.hemisphere(number, source)
-        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture, served)
+        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture, covered)
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
         """Return the values of record `number`: a label, and a text with the unit."""

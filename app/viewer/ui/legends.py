@@ -113,7 +113,7 @@ def draw_record(record: InspectedRecord, layout: Layout, legends: float) -> None
     imgui.set_next_window_bg_alpha(0.8)
     imgui.begin("record", None, PLAIN | imgui.WindowFlags_.no_inputs)
     if imgui.begin_table("numbers of the record", 2, imgui.TableFlags_.sizing_fixed_fit):
-        for label, text in (*record.lines, ("contributes to", f"{record.served} pixels")):
+        for label, text in (*record.lines, ("contributes to", f"{record.covered} pixels")):
             imgui.table_next_column()
             imgui.text_disabled(label)
             imgui.table_next_column()
