@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
@@ -33,7 +34,7 @@ from irrsplat.settings import Settings
 
 _ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
-_AROUND = 8  # records around a place that measure the noise there: a record without light has no measure of its own
+_AROUND = 8  # records before and after a place along a space-filling curve that measure the noise there
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -248,11 +249,13 @@ class RecordScheduler(Owner):
 
     def _resolved(self, spots: Spots) -> Spots:
         """Return the places where a probe resolves the differences that count: the records around have little noise."""
-        from scipy.spatial import KDTree
-
         if not (self.settings.gradients and self.cache.count and len(spots)):  # no record's noise is known
             return spots
-        _, near = KDTree(self.cache.positions).query(spots.sites.position, k=range(1, min(_AROUND, self.cache.count) + 1))
+        count = self.cache.count
+        codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
+        order = np.argsort(codes[:count], kind="stable")
+        after = np.searchsorted(codes[order], codes[count:])
+        near = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
         luminance = (self.cache.values[:, :3] @ LUMINANCE)[near]
         noise = self.cache.records.read("noise")["noise"][near] * luminance
         return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]
