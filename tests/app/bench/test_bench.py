@@ -54,7 +54,7 @@ def keep_the_contract(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[
         flight = run["case"].startswith("flight")
         assert run["clock"] in ("gpu", "wall") and isinstance(run["records"], int) and run["records"] > 0
         assert run["seconds_all"] == [run["seconds"]]
-        assert {"splat", "composite", "display" if flight else "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
+        assert {"splat", "composite", "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
         assert flight or (run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0)
     return {(run["scene"], run["preset"], run["case"]): run for run in written["runs"]}
 
