@@ -20,7 +20,6 @@ from irrsplat.reference.path_tracer import Tracer, has_cone
 from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Light, Mesh, Scene
 
-METHODS = ("path", "joined")
 _BATCH = 4  # samples per point at once, by Mitsuba's own integrator
 _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of the other method
 

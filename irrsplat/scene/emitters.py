@@ -126,18 +126,17 @@ def unlit_interiors(scene: Scene) -> tuple[bool, ...]:
 
     The mesh is closed, opaque and not emissive. Its bounding box contains no light and no emitter.
     """
-    sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
-    seen = [mesh for mesh in scene.meshes if len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
-    emitters = [mesh.bounds for mesh in seen if any(mesh.material.emission)]
-    lights = [(place, place) for place in (np.asarray(light.position) for light in scene.lights)]
-    found = []
-    for mesh in in_order(scene):
-        if sorts[id(mesh)] == CLOSED and len(mesh.positions):
-            low, high = mesh.bounds
-            found.append(not any((low <= last).all() and (first <= high).all() for first, last in emitters + lights))
-        else:
-            found.append(False)
-    return tuple(found)
+    seen = (mesh for mesh in scene.meshes if len(mesh.positions) and any(mesh.material.emission) and sort_of(mesh) != UNSEEN)
+    places = (np.asarray(light.position) for light in scene.lights)
+    sources = [*(tuple(mesh.bounds) for mesh in seen), *((place, place) for place in places)]
+
+    def unlit(mesh: Mesh) -> bool:
+        if sort_of(mesh) != CLOSED or not len(mesh.positions):
+            return False
+        low, high = mesh.bounds
+        return not any((low <= last).all() and (first <= high).all() for first, last in sources)
+
+    return tuple(map(unlit, in_order(scene)))
 
 
 # ---- textures ------------------------------------------------------------------------------------------------------------
