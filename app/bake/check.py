@@ -135,10 +135,9 @@ def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np
     steps = (np.arange(side) + 0.5) / side - 0.5
     ctx = context.create()
     try:
-        chartist = Chartist(ctx, made.charts)
-        offsets = [*((x, y) for y in steps for x in steps), (0.0, 0.0)]
-        places = [tuple(values[at] for values in chartist.at(x, y)) for x, y in offsets]
-        chartist.release()
+        with Chartist(ctx, made.charts) as chartist:
+            offsets = [*((x, y) for y in steps for x in steps), (0.0, 0.0)]
+            places = [tuple(values[at] for values in chartist.at(x, y)) for x, y in offsets]
     finally:
         ctx.release()
     triangle, u, v = (np.stack(values, axis=1) for values in zip(*places, strict=True))

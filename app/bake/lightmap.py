@@ -100,13 +100,8 @@ def bake_lightmap(
     notify(0.0, "unwrapping")
     receivers = Receivers.of(scene, ctx)
     charts = unwrap(receivers, size)
-    with PlaceLight(receivers.scene, preset, ctx, **settings) as lights:
-        chartist = Chartist(lights.ctx, charts)
-        try:
-            return _baked(receivers, charts, chartist, lights, light, texel_samples, notify)
-        finally:
-            if lights.ctx is ctx:
-                chartist.release()
+    with PlaceLight(receivers.scene, preset, ctx, **settings) as lights, Chartist(lights.ctx, charts) as chartist:
+        return _baked(receivers, charts, chartist, lights, light, texel_samples, notify)
 
 
 def _baked(

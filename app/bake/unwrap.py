@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.texel_table import table_rows
 
@@ -107,7 +108,7 @@ def _islands(faces: tuple[np.ndarray, ...], uv: tuple[np.ndarray, ...]) -> np.nd
     return chart.ravel().astype(np.int64)
 
 
-class Chartist:
+class Chartist(Owner):
     """Rasterizer of charts: triangle and barycentric coordinates of each texel."""
 
     def __init__(self, ctx: moderngl.Context, charts: Charts) -> None:
@@ -119,10 +120,8 @@ class Chartist:
         self.program = Program(ctx, "bake/chart")
         self.target = Target(ctx, (self.size, self.size), (4,))
 
-    def release(self) -> None:
-        """Free the GPU resources."""
-        for thing in (self.corners, self.program, self.target):
-            thing.release()
+    def owned(self) -> tuple[Resource, ...]:
+        return (self.corners, self.program, self.target)
 
     def at(self, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return triangles (size, size), -1 for none, and their barycentric coordinates u and v.
