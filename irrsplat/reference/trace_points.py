@@ -25,12 +25,12 @@ _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of 
 
 
 class TimedLevels(TypedDict):
-    """load: seconds until the scene can be traced. levels: for each filter ("": none) samples per point, seconds, seconds of
-    processor time and relative RMSE, without compilation."""
+    """load: seconds until the scene can be traced. levels: for each filter ("": none) samples per point, processor
+    time in seconds and relative RMSE, without compilation."""
 
     load: float
     threads: int
-    levels: dict[str, list[tuple[int, float, float, float]]]
+    levels: dict[str, list[tuple[int, float, float]]]
 
 
 def timed(
@@ -50,8 +50,8 @@ def timed(
 
     judged: (M,) numbers of the points with reference irradiance `truth` (M, 3). method: "path", Mitsuba's own integrator on
     cosine-distributed rays, or "joined", Tracer's, which also connects every vertex to the first hits of each light's rays. Ends
-    at a relative RMSE of at most `enough`, or after `seconds`. mask: (H, W) bool, the N pixels of the points. filters: qualities
-    of Open Image Denoise ("fast", "high"), each of which filters the picture of every level as well.
+    at a relative RMSE of at most `enough`, or after `seconds` of processor time. mask: (H, W) bool, the N pixels of the points.
+    filters: qualities of Open Image Denoise ("fast", "high"), each of which filters the picture of every level as well.
     """
     start = time.perf_counter()
     levels = {"path": _path, "joined": _joined}[method](scene, points, bounces)
@@ -60,22 +60,17 @@ def timed(
     for smooth in filtered.values():
         smooth(np.zeros((len(points[0]), 3)))  # loads its weights
     load = time.perf_counter() - start
-    found: dict[str, list[tuple[int, float, float, float]]] = {name: [] for name in filtered}
+    found: dict[str, list[tuple[int, float, float]]] = {name: [] for name in filtered}
     for count, traced, E in levels:
         for name, smooth in filtered.items():
-            begun = _times()
+            begun = time.process_time()
             off = smooth(E)[judged] - truth
-            took, processor = (traced + _times() - begun).tolist()
-            found[name].append((count, took, processor, float(np.sqrt(np.mean(off**2)) / truth.mean())))
-        report(min(traced[0] / seconds, 1.0))
-        if found[""][-1][3] <= enough or traced[0] >= seconds:
+            took = traced + time.process_time() - begun
+            found[name].append((count, took, float(np.sqrt(np.mean(off**2)) / truth.mean())))
+        report(min(traced / seconds, 1.0))
+        if found[""][-1][2] <= enough or traced >= seconds:
             break
     return {"load": load, "threads": dr.thread_count(), "levels": found}
-
-
-def _times() -> np.ndarray:
-    """Return (2,) the seconds now, and those of processor time."""
-    return np.array([time.perf_counter(), time.process_time()])
 
 
 def _denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray) -> np.ndarray:
@@ -95,7 +90,7 @@ def main() -> None:
     serve(timed)
 
 
-Level = tuple[int, np.ndarray, np.ndarray]  # samples per point, `_times` so far, irradiance (N, 3)
+Level = tuple[int, float, np.ndarray]  # samples per point, processor time so far in seconds, irradiance (N, 3)
 
 
 def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
@@ -120,11 +115,11 @@ def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounc
         return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) * np.pi
 
     batch(0)  # compiles
-    done, took, total = 0, np.zeros(2), np.zeros((len(points[0]), 3))
+    done, took, total = 0, 0.0, np.zeros((len(points[0]), 3))
     while True:
-        start = _times()
+        start = time.process_time()
         total += batch(1 + done)
-        took, done = took + _times() - start, done + 1
+        took, done = took + time.process_time() - start, done + 1
         if done & (done - 1) == 0:
             yield done * _BATCH, took, total / (done * _BATCH)
 
@@ -137,9 +132,9 @@ def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bou
     for side in _SIDES:
         few = slice(0, 256)
         tracer.irradiance(p[few], n[few], g[few], side, 1, bounces)  # compiles
-        start = _times()
+        start = time.process_time()
         E = tracer.irradiance(p, n, g, side, 1 + side, bounces)
-        yield side * side, _times() - start, E
+        yield side * side, time.process_time() - start, E
 
 
 def _world(scene: Scene) -> Any:

@@ -20,17 +20,16 @@ from irrsplat.scene.model import Camera
 if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
 
-ENOUGH = 0.03  # relative RMSE below which refinement ends
+ENOUGH = 0.02  # relative RMSE below which refinement ends
 SECONDS = 120.0  # time limit for starting a finer measurement
 CPUS = max(1, os.cpu_count() or 1)  # threads, equal for all: ours, rtrace -n and Mitsuba
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement: settings of the `system`, seconds, and relative RMSE of irradiance.
+    """One measurement: settings of the `system`, seconds of processor time by all threads, and relative RMSE of irradiance.
 
-    further, further_rmse: the values of a further view with all kept data; None: unknown. processor: seconds of processor
-    time; None: not measured.
+    further, further_rmse: the values of a further view with all kept data; None: unknown.
     """
 
     system: str
@@ -39,7 +38,6 @@ class Measurement:
     rmse: float
     further: float | None
     further_rmse: float | None
-    processor: float | None = None
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,8 @@ def _traced(
     for (quality, levels), colour in zip(found["levels"].items(), colours, strict=False):
         system = f"{name} + OIDN {quality}" if quality else name
         rows = [
-            Measurement(system, f"{count} samples", seconds, rmse, seconds, rmse, processor)
-            for count, seconds, processor, rmse in levels
+            Measurement(system, f"{count} samples", seconds, rmse, seconds, rmse)
+            for count, seconds, rmse in levels
             if seconds > 0.0
         ]
         yield Series(tuple(rows), about, colour, keeps_nothing=not quality)

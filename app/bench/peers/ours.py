@@ -36,7 +36,7 @@ def measure(
             about = f"from the loaded scene and compiled shaders, on {renderer.about['renderer']}"
         assert rmse is not None
         quality = f"a {values['a']:.3g}, {empty.records} records"
-        found.append(Measurement("irrsplat", quality, empty.seconds, rmse, further.seconds, further_rmse, empty.processor))
-        if rmse <= judging.ENOUGH / 2.0 or empty.seconds >= judging.SECONDS:
+        found.append(Measurement("irrsplat", quality, empty.processor, rmse, further.processor, further_rmse))
+        if rmse <= judging.ENOUGH / 2.0 or empty.processor >= judging.SECONDS:
             break
     yield Series(fastest_first(found), about, (27, 94, 160))

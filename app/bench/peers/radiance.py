@@ -6,7 +6,6 @@ import importlib.util
 import os
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -90,17 +89,17 @@ class Rtrace:
         (folder / "scene.oct").write_bytes(octree)
 
     def _run(self, command: Sequence[str], rays: bytes = b"") -> tuple[bytes, float]:
-        """Return a program's output for `rays`, and its seconds."""
+        """Return a program's output for `rays`, and its seconds of processor time."""
         program = self.home / "bin" / command[0]
         environment = os.environ | {"RAYPATH": os.pathsep.join((".", str(self.home / "lib")))}
-        start = time.perf_counter()
+        start = _processor_time()
         try:
             done = subprocess.run(
                 [program, *command[1:]], input=rays, capture_output=True, cwd=self.folder, env=environment, check=False
             )
         except OSError as error:
             raise IrrsplatError(f"{command[0]}: {error.strerror or error}") from error
-        seconds = time.perf_counter() - start
+        seconds = _processor_time() - start
         if done.returncode:
             raise IrrsplatError(f"{command[0]}: {' '.join(done.stderr.decode('utf-8', 'replace').split())[:200]}")
         return done.stdout, seconds
@@ -108,7 +107,7 @@ class Rtrace:
     def irradiance(
         self, position: np.ndarray, normal: np.ndarray, bounces: int, quality: tuple[float, int, int] | None = None
     ) -> tuple[np.ndarray, float]:
-        """Return irradiance (N, 3), direct and indirect, at points (N, 3) with normals, and the seconds of the process.
+        """Return irradiance (N, 3), direct and indirect, at points (N, 3) with normals, and its processor time.
 
         quality: an entry of QUALITIES; the ambient file is read and extended. None: no ambient file.
         """
@@ -124,3 +123,9 @@ class Rtrace:
     def forget(self) -> None:
         """Delete the ambient file."""
         (self.folder / "ambient").unlink(missing_ok=True)
+
+
+def _processor_time() -> float:
+    """Return the processor time of all ended child processes, seconds."""
+    now = os.times()
+    return now.children_user + now.children_system
