@@ -75,18 +75,24 @@ void main()
     float steps = 0.0;
 #endif
     for (int y = inside.y; y < inside.y + block.y; ++y)
+    {
+#if GRADIENTS
+        vec4 after = texel_at(table, ivec2(inside.x, y)), L_after = seen(corner, ivec2(inside.x, y), after, sky_there);
+        vec4 plane_after = texel_at(planes, corner + ivec2(inside.x, y));
+#endif
         for (int x = inside.x; x < inside.x + block.x; ++x)
         {
-#if !GRADIENTS
+#if GRADIENTS
+            vec4 direction = after, L = L_after, own = plane_after;
+#else
             read_eye(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
+            vec4 direction = texel_at(table, ivec2(x, y)), L = seen(corner, ivec2(x, y), direction, sky_there);
 #endif
-            vec4 direction = texel_at(table, ivec2(x, y));
-            if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
-            vec4 L = seen(corner, ivec2(x, y), direction, sky_there);
+            float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the surface itself
+            direction.w *= above;
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
-            vec4 own = texel_at(planes, corner + ivec2(x, y));
             out_share.y += own.w * direction.w;
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
@@ -95,12 +101,18 @@ void main()
                 int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
                 vec4 beside = texel_at(table, b);
-                vec4 L_b = seen(corner, b, beside, sky_there);
+                vec4 L_b = seen(corner, b, beside, sky_there), plane_b = texel_at(planes, corner + b);
+                if (j == 0)
+                {
+                    // in a block, the right neighbour is the next texel
+                    after = beside;
+                    L_after = L_b;
+                    plane_after = plane_b;
+                }
                 vec3 w = normalize(direction.xyz + beside.xyz), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
-                float nearer = max(dot(own.xyz, w_world),
-                                   dot(texel_at(planes, corner + b).xyz, w_world));
-                nearer = clamp(nearer, 0.0, max(L.a, L_b.a));
+                float nearer = max(dot(own.xyz, w_world), dot(plane_b.xyz, w_world));
+                nearer = above * clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
                 float rise = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
                 steps += rise * rise;
@@ -110,6 +122,7 @@ void main()
             }
 #endif
         }
+    }
 #if GRADIENTS
     out_m_r = vec4(M[0], H.x);
     out_m_g = vec4(M[1], H.y);
