@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.commands.shared.command import Command
-from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
     from irrsplat.app.film.fill import Filled
     from irrsplat.app.film.flight import Flight
-    from irrsplat.scene.model import Scene
 
 
 def add(commands: Any) -> None:
@@ -42,11 +39,9 @@ def add(commands: Any) -> None:
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add errors to `mistakes` for a missing flight, and for workers with --cache-mode update."""
+    """Add errors to `mistakes` for a missing flight."""
     if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
         mistakes.add("fill needs a flight; give --path FILE or --turntable N")
-    if args.on is not None and args.cache_mode == "update":
-        mistakes.add("--cache-mode update is not done by --on; fill once without --on, which renews the file")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -64,8 +59,6 @@ def run(args: argparse.Namespace) -> int:
     flight = flights.plan(args, scene, rendering.camera(args, scene))
     flights.check_still(flight, "render it without filling one")
     lost.warn(scene, flight, args.size, args.turntable is not None)
-    if args.on is not None:
-        return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         cache = rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
@@ -77,26 +70,6 @@ def run(args: argparse.Namespace) -> int:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if args.stats is not None:
             rendering.write_stats(args, filling.statistics(done, renderer.cache.count), outputs)
-    return _end_of_fill(done, flight, outputs)
-
-
-def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
-    """Gather the records of a flight by the workers of --on."""
-    from irrsplat.app.farm import cluster
-    from irrsplat.app.film import fill as filling
-    from irrsplat.core import files
-    from irrsplat.records import cache_file
-
-    job, outputs, cache = cluster.job_of(args, scene, flight), Outputs(), KeptCache(args.cache)
-    if os.path.exists(args.cache):
-        cache_file.read(args.cache, job.key)
-    for notice in scene.notices:
-        say(f"notice: {notice}")
-    data, done = cluster.fill(args, job, flight)
-    if data:
-        outputs.write(args.cache, lambda: cache.save(lambda path: files.write_bytes(path, data)))
-    if args.stats is not None:
-        rendering.write_stats(args, filling.statistics(done, cluster.count(data)), outputs)
     return _end_of_fill(done, flight, outputs)
 
 

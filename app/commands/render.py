@@ -17,18 +17,11 @@ from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
-    from irrsplat.app.common.pictures import Pictures
-    from irrsplat.app.film.films import Films
     from irrsplat.app.film.flight import Flight
     from irrsplat.image.statistics import Statistics
-    from irrsplat.scene.model import Scene
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 SAMPLES = 16  # samples per pixel of a picture without --samples; arrays have one, at the pixel's centre
-_FROZEN_ALONE = (
-    "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
-    "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"
-)
 
 
 def add(commands: Any) -> None:
@@ -165,11 +158,8 @@ def run(args: argparse.Namespace) -> int:
     films.check(args)
     if keeps:
         frozen.check(args)
-    if args.on is not None and not (keeps and flights.flies(args)):
-        raise InputError(_FROZEN_ALONE)
-    if args.tile_size and (args.on is not None or args.falsecolor == "light"):
-        other = "--on" if args.on is not None else "--falsecolor light"
-        raise InputError(f"--tile-size and {other} do not go together; leave one of them out")
+    if args.tile_size and args.falsecolor == "light":
+        raise InputError("--tile-size and --falsecolor light do not go together; leave one of them out")
 
     import irrsplat
 
@@ -180,8 +170,6 @@ def run(args: argparse.Namespace) -> int:
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
         lost.warn(scene, flight, args.size, args.turntable is not None)
-    if flight is not None and args.on is not None:
-        return _render_on(args, scene, flight, made, buffers, files)
     # direct light alone requires whole views
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
@@ -227,33 +215,6 @@ def run(args: argparse.Namespace) -> int:
         return _end_of_render(args, frame.stats, outputs)
     unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
     return _end_of_path(args, done, unfinished, outputs)
-
-
-def _render_on(
-    args: argparse.Namespace,
-    scene: Scene,
-    flight: Flight,
-    made: Films | None,
-    buffers: list[str] | None,
-    files: Pictures,
-) -> int:
-    """Render the frames of a flight by the workers of --on, and the films `made` of them."""
-    from irrsplat.app.farm import cluster
-    from irrsplat.app.film import frozen
-    from irrsplat.records import cache_file
-
-    if made is not None and made.kept is not None:
-        raise InputError("with --on a film is made of pictures that stay; give -o 'frame{frame:04d}.png' as well", made.names[0])
-    job = cluster.job_of(args, scene, flight)
-    cache_file.read(args.cache, job.key)
-    for notice in scene.notices:
-        say(f"notice: {notice}")
-    outputs = Outputs()
-    done, complete = cluster.render(args, job, flight, buffers, files, outputs)
-    frozen.warn(done)
-    if made is not None and complete:
-        made.write(flight, outputs)
-    return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
 
 
 # ---- after the work ----------------------------------------------------------------------------------------------------

@@ -41,7 +41,6 @@ APP_ROOMS = (
     "irrsplat.app.commands",
     "irrsplat.app.commands.work",
     "irrsplat.app.commands.shared",
-    "irrsplat.app.farm",
     "irrsplat.app.bake",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",

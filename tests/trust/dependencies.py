@@ -34,7 +34,7 @@ SENTENCES = {  # phrases of licences, for packages that do not name theirs
     "Redistribution and use in source and binary forms": "BSD",
     "Apache License": "Apache",
 }
-EXTRAS = ("gltf", "bake", "video", "cluster", "docs", "dev")
+EXTRAS = ("gltf", "bake", "video", "docs", "dev")
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 

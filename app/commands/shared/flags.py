@@ -107,7 +107,7 @@ def add_cache_mode(parser: argparse.ArgumentParser) -> None:
 
 
 def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
-    """Add the flags of a flight and its workers; return their group. words: the group's description."""
+    """Add the flags of a flight; return their group. words: the group's description."""
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="path file, in the current folder or the folder of the scene")
     words = "a seamless circle of N frames around the target of the camera, instead of a path"
@@ -115,8 +115,6 @@ def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     group.add_argument(
         "--frames", type=values.frames, metavar="A:B", help="render frames A to B - 1; A or B may be omitted (default: all)"
     )
-    words = "run on the workers of the Dask scheduler at this address; extra: pip install 'irrsplat[cluster]'"
-    group.add_argument("--on", type=values.address, metavar="tcp://HOST:PORT", help=words)
     return group
 
 

@@ -67,13 +67,6 @@ def frames(text: str) -> tuple[int, int | None]:
     return start, stop
 
 
-def address(text: str) -> str:
-    """Parse the address of a scheduler."""
-    if not re.fullmatch(r"(tcp|tls|ws|wss|ucx|inproc)://\S+", text):
-        raise argparse.ArgumentTypeError(f"expected a scheduler's address such as tcp://farm:8786, not '{text}'")
-    return text
-
-
 def most(text: str) -> tuple[int, bool]:
     """Parse a limit of records as (N, False), or of a file's bytes as (N, True)."""
     match = re.fullmatch(r"(\d{1,9}|\d{1,6}\.\d{1,3}(?=[kMG]))(kB|MB|GB|)", text, re.ASCII)

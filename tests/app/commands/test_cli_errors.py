@@ -78,9 +78,6 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         (FILL, "give --path FILE or --turntable N"),
         ([*FILL, "--path", "a.path", "--turntable", "8"], "two different flights"),
         ([*FILL, "--path", "moving.path"], "holds the light of one moment"),
-        ([*FILL, "--path", "a.path", "--on", "farm"], "expected a scheduler's address such as tcp://farm:8786, not 'farm'"),
-        ([*FILL, "--path", "a.path", "--on", "tcp://a:9", "--cache-mode", "update"], "fill once without --on"),
-        ([*FRAMES, "--cache", "x.cache", "--on", "tcp://a:9"], "--cache-mode frozen"),
         # other commands
         (MEASURE, "nothing to measure; give --plane, --height, --line or --point"),
         ([*PLANE, "--height", "1"], "--plane and --height name two different places"),

@@ -25,7 +25,6 @@ IN_ALL = OFFERED["all"][0].removeprefix("irrsplat[").removesuffix("]").split(","
 SMALL = ("--size", "32", "32", "--gather-size", "8")
 NEEDS = {  # extra: Python that fails without it
     "bake": "import xatlas",
-    "cluster": "import distributed",
     "dev": "import pytest, mypy, hypothesis",
     "docs": "import mkdocs, material, mkdocstrings_handlers.python, latex2mathml.converter",
     "embree": "import embreex.rtcore_scene",
