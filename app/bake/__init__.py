@@ -1,6 +1,6 @@
-"""Baked lighting for other programs: lightmaps, vertex colours and probes, for `irrsplat bake` and for Python programs.
+"""Baked lighting for other programs: lightmaps and vertex colours, for `irrsplat bake` and for Python programs.
 
-`bake_lightmap`, `bake_vertices` and `bake_probes` take a scene and return values with a `save` method.
+`bake_lightmap` and `bake_vertices` take a scene and return values with a `save` method.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from irrsplat.app.bake.lightmap import bake_lightmap
-    from irrsplat.app.bake.probes import bake_probes
     from irrsplat.app.bake.vertices import bake_vertices
 
-__all__ = ["bake_lightmap", "bake_probes", "bake_vertices"]
-_FROM = {"bake_lightmap": "lightmap", "bake_probes": "probes", "bake_vertices": "vertices"}
+__all__ = ["bake_lightmap", "bake_vertices"]
+_FROM = {"bake_lightmap": "lightmap", "bake_vertices": "vertices"}
 
 
 def __getattr__(name: str) -> object:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-DESCRIPTION = "Bake light into a lightmap, vertex colours or probes, for programs without indirect light."
+DESCRIPTION = "Bake light into a lightmap or vertex colours, for programs without indirect light."
 EPILOG = (
-    "A lightmap requires the extra: pip install 'irrsplat[bake]'; --check requires pip install 'irrsplat[reference]'. A .png\n"
-    "(16 bits) and an .exr next to the .glb have the same map. docs/baking.md describes the conventions for other programs."
+    "A lightmap requires the extra: pip install 'irrsplat[bake]'. A .png (16 bits) and an .exr\n"
+    "next to the .glb have the same map. docs/baking.md describes the conventions for other programs."
 )
-KINDS = ("lightmap", "vertices", "probes")
+KINDS = ("lightmap", "vertices")
 
 
 def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: Callable[[str], int]) -> None:
     """Add the bake flags. number, whole: parsers of a finite number and of a positive whole number."""
     add = parser.add_argument
-    add("-o", "--output", metavar="OUT", required=True, help="a .glb; for probes a .json or .npz")
+    add("-o", "--output", metavar="OUT", required=True, help="a .glb")
     add("--to", choices=KINDS, default="lightmap", help="target of the bake (default: lightmap)")
     words = "all light, or indirect light only (default: all)"
     add("--light", choices=("all", "indirect"), default="all", help=words)
@@ -28,7 +28,4 @@ def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: 
     words = "vertices: largest relative error of light at the middle of an edge before the edge is cut (default: 0.05)"
     add("--cut", type=number, metavar="X", help=words)
     add("--most", type=whole, metavar="N", help="vertices: largest number of vertices (default: 200000)")
-    add("--grid", type=number, metavar="M", help="probes: largest spacing in metres (default: an eighth of the scene)")
-    words = "compare N texels or vertices with a path tracer, and print the errors"
-    add("--check", type=whole, metavar="N", help=words)
-    add("--stats", metavar="FILE.json", help="write sizes, records, times, the errors of --check and settings to this file")
+    add("--stats", metavar="FILE.json", help="write sizes, records, times and settings to this file")

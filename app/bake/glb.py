@@ -125,19 +125,6 @@ class Glb:
                 entry["alphaCutoff"] = material.alpha_cutoff
         return entry
 
-    def part(self, texture: dict[str, Any], size: int, first: tuple[int, int], shape: tuple[int, ...]) -> dict[str, Any]:
-        """Return the texture reference for a picture that covers a part of a square map.
-
-        first: (x, y) texel of the part's corner. shape: (rows, columns). Texture coordinates refer to the map of `size`
-        texels per side.
-        """
-        height, width = shape
-        if (width, height) == (size, size):
-            return texture
-        self.use("KHR_texture_transform")
-        moved = {"offset": [-first[0] / width, -first[1] / height], "scale": [size / width, size / height]}
-        return {**texture, "extensions": {"KHR_texture_transform": moved}}
-
     def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, Any] | None = None) -> None:
         """Set the emitted radiance of a material: `color` (3,) in W/(m² sr), multiplied by a texture."""
         strength = max(map(float, color))

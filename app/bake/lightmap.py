@@ -39,8 +39,7 @@ class Lightmap:
 
     irradiance: W/m², with or without direct light. radiance: W/(m² sr), reflected and emitted. indirect, direct: parts of the
     irradiance before seam matching. charts: layout of the surfaces of `receivers`. lit: lit points. owner: (S, S) chart of
-    each texel, -1 for none. samples: (x, y) offsets of a texel's sample points from its centre. texel: mean texel side in
-    metres. records, converged: as in a render.
+    each texel, -1 for none. texel: mean texel side in metres. records, converged: as in a render.
     """
 
     receivers: Receivers
@@ -52,11 +51,9 @@ class Lightmap:
     direct: np.ndarray
     lit: Places
     owner: np.ndarray
-    samples: np.ndarray
     texel: float
     records: int
     converged: bool
-    checks = "texels"
 
     def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
         """Write a .glb and, with the same stem, the map as a 16-bit .png and an .exr; return the three paths.
@@ -152,7 +149,6 @@ def _baked(
         mean["direct"].astype(np.float32),
         lit,
         chart,
-        offsets,
         texel,
         gathered.records,
         gathered.converged,
@@ -193,10 +189,7 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
     about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
     glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
-    worn = []  # texture reference of each picture
-    for i, picture in enumerate(encoding.pictures):
-        index = glb.picture(picture.eight_bits, f"{form} of {made.light} light, {unit}" + (f", bright spots {i}" if i else ""))
-        worn.append(glb.part({"index": index, "texCoord": 1}, size, picture.first, picture.values.shape[:2]))
+    picture = {"index": glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}"), "texCoord": 1}
     scene, receivers, first_face = made.receivers.scene, made.receivers, 0
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
@@ -213,11 +206,11 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
         }
         if form == "irradiance" and mesh.colors is not None and not material.unlit:
             attributes["COLOR_0"] = mesh.colors[vertex]
-        attributes, faces, part = encoding.pieces_of(attributes, made.charts.faces[i], first_face)
+        part = encoding.part[first_face : first_face + len(mesh.faces)]
         first_face += len(mesh.faces)
         parts = []
         for number in np.unique(part):
-            strength, picture = float(encoding.strength[number]), worn[encoding.picture[number]]
+            strength = float(encoding.strength[number])
             if form == "radiance":
                 entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
                 if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
@@ -226,7 +219,7 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
             else:
                 entry = own_material(glb, mesh, two_sided, lying)
                 entry["extras"] = {"lightMap": {**picture, "strength": strength}}
-            parts.append((faces[part == number], glb.add("materials", entry)))
+            parts.append((made.charts.faces[i][part == number], glb.add("materials", entry)))
         glb.mesh(source.name, attributes, parts)
     for camera in scene.cameras:
         glb.camera(camera)

@@ -16,7 +16,7 @@ from irrsplat.app.bake.encoding import limit_of
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
 from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
-from irrsplat.app.bake.places import Places, Receivers, hidden, places
+from irrsplat.app.bake.places import Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import along_a_way
@@ -37,8 +37,7 @@ _COLUMNS, _TILE = 64, 8  # tiles per row of a picture of points, and points per 
 class VertexLight:
     """Light at vertices, (V, 3) each: irradiance in W/m², with or without direct light; indirect and direct are its parts.
 
-    lit: (V,) True if the vertex itself is lit. points: sample positions and normals. records, converged: as in a render.
-    complete: True if `most` left no edge uncut.
+    records, converged: as in a render. complete: True if `most` left no edge uncut.
     """
 
     receivers: Receivers
@@ -47,12 +46,9 @@ class VertexLight:
     irradiance: np.ndarray
     indirect: np.ndarray
     direct: np.ndarray
-    lit: np.ndarray
-    points: Places
     records: int
     converged: bool
     complete: bool
-    checks = "vertices"
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
         """Write a .glb, completely or not at all; return its path.
@@ -114,10 +110,9 @@ def bake_vertices(
             pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
         complete = not marked.any()
     mesh = receivers.mesh_of[pieces.root][None]
-    position = known.places.position.astype(float)
-    total = seams.filled(known.total[None], known.seen[None], position, mesh)[0].astype(np.float32)
+    total = seams.filled(known.total[None], known.seen[None], known.position[None], mesh)[0].astype(np.float32)
     return VertexLight(
-        receivers, pieces, light, total, known.indirect, known.direct, known.seen, known.places, found.records, found.converged,
+        receivers, pieces, light, total, known.indirect, known.direct, found.records, found.converged,
         complete,
     )  # fmt: skip
 
@@ -140,22 +135,17 @@ def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """Light at N points: (N, 3) W/m² each, visibility, and the points as a picture of one row."""
+    """Light at N points: (N, 3) W/m² each, visibility, and position."""
 
     total: np.ndarray
     indirect: np.ndarray
     direct: np.ndarray
     seen: np.ndarray
-    places: Places
+    position: np.ndarray
 
     def and_(self, other: _Known, some: np.ndarray | slice = slice(None)) -> _Known:
         """Append the points `some` of another, all by default."""
-        flat = [np.concatenate([getattr(self, n), getattr(other, n)[some]]) for n in ("total", "indirect", "direct", "seen")]
-        joined = {
-            name: np.concatenate([values, getattr(other.places, name)[:, some]], axis=1)
-            for name, values in vars(self.places).items()
-        }
-        return _Known(flat[0], flat[1], flat[2], flat[3], Places(**joined))
+        return _Known(**{name: np.concatenate([values, getattr(other, name)[some]]) for name, values in vars(self).items()})
 
 
 class _Found:
@@ -190,11 +180,10 @@ class _Found:
         back = np.empty(len(root), np.intp)
         back[order] = np.arange(len(root))
         row, column = (v[back] for v in _places_of(len(root)))
-        picked = {name: values[row, column][None] for name, values in vars(where).items()}
         indirect, straight, seen = gathered.irradiance[row, column], direct[row, column], gathered.covered[row, column]
         total = indirect + (straight if self.light == "all" else 0.0)
         self._sum, self._count = self._sum + float(total[seen].max(1).sum()), self._count + int(seen.sum())
-        return _Known(total, indirect, straight, seen, Places(**picked))
+        return _Known(total, indirect, straight, seen, where.position[row, column].astype(float))
 
 
 def _places_of(count: int) -> tuple[np.ndarray, np.ndarray]:

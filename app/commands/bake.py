@@ -12,7 +12,7 @@ from irrsplat.app.commands.shared.command import Command
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat bake`."""
-    words = "bake light into a lightmap, vertex colours or probes"
+    words = "bake light into a lightmap or vertex colours"
     parser = commands.add_parser("bake", help=words, description=arguments.DESCRIPTION, epilog=arguments.EPILOG)
     flags.add_scene(parser)
     arguments.add(parser, values.number, values.count)

@@ -35,7 +35,7 @@ def small(words: list[str]) -> list[str]:
     """Return the command with a small picture, since the test is about the command and not about its result."""
     if words[0] == "bake":  # tests/app/bake checks its result
         words = ["64" if before == "--size" else word for before, word in zip(["", *words], words, strict=False)]
-        coarse = ["--a", "2", "--radius-min", "20", "--tolerance", "0.1", "--spread", "0"] if "probes" not in words else []
+        coarse = ["--a", "2", "--radius-min", "20", "--tolerance", "0.1", "--spread", "0"]
         most = ["--most", "200"] if "vertices" in words else []
         return [*words, "--bounces", "1", "--gather-size", "8", "--shadow-size", "64", *coarse, *most]
     if words[0] not in ("view", "render", "fill", "bench"):

@@ -1,4 +1,4 @@
-"""Bakes: lightmaps, vertex colours and probes hold the light that there is, in files that other programs read."""
+"""Bakes: lightmaps and vertex colours hold the light that there is, in files that other programs read."""
 
 from __future__ import annotations
 
@@ -18,10 +18,7 @@ from irrsplat.app import cli
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.places import Receivers
-from irrsplat.app.bake.probes import Probes, bake_probes
-from irrsplat.core.vectors import sphere
-from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
-from irrsplat.sky.cube import harmonics
+from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
 
 SKY = (1.0, 2.0, 3.0)
 FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "light_samples": 0, "shadow_size": 256}
@@ -170,37 +167,6 @@ def test_cut_triangles_have_no_vertex_in_a_neighbours_edge() -> None:
     assert np.array_equal(np.bincount(edges.of_face.ravel()), np.where(rim, 1, 2))
 
 
-def test_probes_under_a_sky_that_brightens_upward_say_what_it_gives() -> None:
-    # L = a + b·(d·up): E(n) = π·a + 2π/3·b·(n·up), exactly what two orders hold
-    speck = replace(square(0.0, 1e-3), material=Material(albedo=(0, 0, 0)))
-    far = replace(square(2.0, 1e-3), material=Material(albedo=(0, 0, 0)))
-    b = np.array([0.5, 1.0, 2.0])
-    scene = replace(under_a_sky(speck, far), sky_gradient=tuple(b), up=(0.0, 0.0, 1.0))
-    probes = bake_probes(scene, 1.0, **FAST)
-    n = sphere(40)
-    E = np.pi * np.array(SKY) + 2.0 * np.pi / 3.0 * n[:, 2:] * b
-    found = probes.irradiance(np.tile([0.0, 0.0, 1.0], (40, 1)), n)
-    assert np.abs(found / E - 1.0).max() < 0.03
-    assert probes.counts == (1, 1, 2)
-    assert probes.valid.all()
-
-
-def test_probes_between_two_are_a_mean_and_files_hold_them(tmp_path: Path) -> None:
-    values = np.random.default_rng(2).random((2, 1, 3, 9, 3))
-    values[..., 0, :] += 9.0
-    probes = Probes(np.zeros(3), np.ones(3), (3, 1, 2), values, np.ones((2, 1, 3), bool))
-    n = sphere(8)
-    middle = probes.irradiance(np.tile([1.5, 7.0, 0.0], (8, 1)), n)
-    ends = [harmonics(n) @ values[0, 0, x] for x in (1, 2)]
-    assert np.allclose(middle, 0.5 * (ends[0] + ends[1]))
-    probes.save(tmp_path / "a.json")
-    probes.save(tmp_path / "a.npz")
-    document, arrays = json.loads((tmp_path / "a.json").read_text()), np.load(tmp_path / "a.npz")
-    assert np.allclose(np.reshape(document["coefficients"], values.shape), values, rtol=1e-6)
-    assert np.allclose(arrays["coefficients"], values, rtol=1e-6)
-    assert document["counts"] == [3, 1, 2]
-
-
 def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path) -> None:
     """E = π·L in colours that nothing lights again. A scene far from the origin stays there in its file."""
     from irrsplat.app.bake import bake_vertices
@@ -221,36 +187,13 @@ def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path) -> None:
     assert np.allclose(trimesh.load_scene(path).bounds.mean(0), far, atol=0.02)
 
 
-def test_a_spot_far_brighter_than_its_wall_has_a_picture_of_its_own(tmp_path: Path) -> None:
-    pytest.importorskip("xatlas")
-    from irrsplat.app.bake import bake_lightmap
-    from irrsplat.app.bake.encoding import Encoding
-
-    point_light = Light(position=(0.3, 0.2, 0.05), color=(1.0, 1.0, 1.0), physical=True)
-    scene = Scene((square(albedo=(0.5, 0.5, 0.5)),), (point_light,), (Camera((0, 0, 5), (0, 0, 0)),))
-    made = bake_lightmap(scene, 128, **FAST)
-    encoding, bright = Encoding.of(made, "irradiance"), made.irradiance.max(-1)
-    assert bright.max() > 100.0 * np.median(bright[made.lit.seen])
-    assert len(encoding.pictures) > 1
-    # what pieces in the whole map show is nowhere brighter than its scale, and that is no more than some times the median
-    assert encoding.strength[0] < 10.0 * np.median(bright[made.lit.seen])
-    assert encoding.strength[encoding.part].max() == pytest.approx(encoding.limit)
-    assert encoding.clipped <= 0.005
-    made.save(tmp_path / "spot.glb")
-    document, _ = parts(tmp_path / "spot.glb")
-    moved = [m["emissiveTexture"] for m in document["materials"] if "extensions" in m["emissiveTexture"]]
-    assert len(moved) == len(encoding.pictures) - 1
-    assert trimesh.load_scene(tmp_path / "spot.glb").area == pytest.approx(4.0)  # pieces are the square, without gaps
-
-
 def test_the_command_writes_and_says_what_came_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The statistics hold the counts that the terminal shows."""
     monkeypatch.chdir(tmp_path)
-    words = ["bake", "cornell", "-o", "p.json", "--to", "probes", "--grid", "3", "--stats", "s.json", "--bounces", "1"]
+    words = ["bake", "cornell", "-o", "v.glb", "--to", "vertices", "--most", "2000", "--stats", "s.json", "--bounces", "1"]
     assert cli.main([*words, "--gather-size", "8", "--shadow-size", "128"]) == 0
     out, stats = capsys.readouterr().out, json.loads((tmp_path / "s.json").read_text())
-    assert "probes      2 x 2 x 2" in out
-    assert stats["probes"] == [2, 2, 2]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.json", "s.json"]
+    assert f"vertices    {stats['vertices']:,} of {stats['triangles']:,} triangles" in out
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.json", "v.glb"]

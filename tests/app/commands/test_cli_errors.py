@@ -92,8 +92,8 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         (["verify", "plain.scene", "--truth", "gather", "--bounces", "2"], "one bounce only, not 2; add --bounces 1"),
         ([*VERIFY, "--curve", "--a", "0.3"], "--a"),
         ([*VERIFY, "--techniques", "-o", "a.png"], "-o"),
-        ([*BAKE, "a.png"], "--to lightmap writes .glb"),
-        ([*BAKE, "a.glb", "--grid", "1"], "--grid is for --to probes"),
+        ([*BAKE, "a.png"], "a bake is a .glb"),
+        ([*BAKE, "a.glb", "--cut", "1"], "--cut is for --to vertices"),
         ([*BAKE, "a.glb", "--size", "8"], "16 to 8192 texels"),
     ],
 )
