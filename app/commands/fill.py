@@ -33,15 +33,15 @@ def add(commands: Any) -> None:
     flags.add_size(parser, 800)
     flags.add_preset(parser, "default")
     parser.add_argument("--stats", metavar="FILE.json", help="write records and coverage per frame to this file")
-    flags.add_flight(parser, "the flight; one of --path and --turntable")
+    flags.add_flight(parser, "the flight")
     flags.add_camera(parser)
     flags.add_settings(parser, stages=flags.STAGES[:-1])  # picture settings too, so that a film's flags are valid here
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
     """Add errors to `mistakes` for a missing flight."""
-    if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
-        mistakes.add("fill needs a flight; give --path FILE or --turntable N")
+    if not mistakes.arguments & flags.OF_CAMERAS and args.path is None:
+        mistakes.add("fill needs a flight; give --path FILE")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,16 +49,13 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat import settings
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
-    from irrsplat.app.film import lost
 
     settings.preset(args.preset, **args.values)
 
     import irrsplat
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    flight = flights.plan(args, scene, rendering.camera(args, scene))
-    flights.check_still(flight, "render it without filling one")
-    lost.warn(scene, flight, args.size, args.turntable is not None)
+    flight = flights.plan(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         cache = rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):

@@ -11,13 +11,12 @@ from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
-from irrsplat.app.film.words import CACHE_MODES, QUALITIES
+from irrsplat.app.film.words import CACHE_MODES
 from irrsplat.core.errors import InputError
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
-    from irrsplat.app.film.flight import Flight
     from irrsplat.image.statistics import Statistics
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
@@ -39,7 +38,7 @@ def add(commands: Any) -> None:
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="output, may be repeated: .png (the picture, 16 samples per pixel by default), .exr (a float32 layer per buffer), "
         ".npz (all buffers, records and stats), or a folder (a PNG per buffer, and the figures of the paper). For a flight: "
-        "{frame} or {frame:04d} is the frame number; .mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
+        "{frame} or {frame:04d} is the frame number; an .mp4 is a film (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     flags.add_size(parser, 800)
     add(
@@ -61,11 +60,7 @@ def add(commands: Any) -> None:
     _add_files(parser)
     _add_false_colours(parser)
     group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
-    words = "keep existing frames and render the others; continue an interrupted film"
-    group.add_argument("--resume", action="store_true", help=words)
     group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
-    words = f"quality of a film: {', '.join(QUALITIES)} (default: good)"
-    group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
     flags.add_settings(parser)
 
 
@@ -116,7 +111,7 @@ def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
                 if video.is_film(name):
-                    video.check(name, flight.flies(args) or "turntable" in mistakes.arguments)
+                    video.check(name, flight.flies(args))
                 else:
                     check_writable(name, buffers, video.ENDINGS)
     rendering.check_kept_files(args, mistakes, names)
@@ -146,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from irrsplat import settings
     from irrsplat.app.common import pictures
-    from irrsplat.app.film import films, frames, frozen, lost
+    from irrsplat.app.film import films, frames, frozen
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
     from irrsplat.lighting.gl_limits import LARGE
@@ -166,10 +161,7 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     camera, flight, made = rendering.camera(args, scene), None, None
     if flights.flies(args):
-        flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
-        if keeps:
-            flights.check_still(flight, "leave out --cache-mode frozen")
-        lost.warn(scene, flight, args.size, args.turntable is not None)
+        flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene), args.output))
     # direct light alone requires whole views
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
@@ -183,12 +175,9 @@ def run(args: argparse.Namespace) -> int:
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         outputs, how = Outputs(), dict[str, Any]()
-        if flight is not None and made is not None:
-            made.begin(renderer, flight, files, args.cache if keeps else None, args.resume)
-        kept = made.pattern if made is not None and made.kept is not None else ""
         with rendering.round_progress(args) as on_round:
             if flight is not None:
-                how = {"frozen": keeps, "resume": args.resume, "kept": kept}
+                how = {"frozen": keeps, "kept": "" if made is None else made.temporary}
                 done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
             else:
                 needed_buffers = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
@@ -207,13 +196,17 @@ def run(args: argparse.Namespace) -> int:
             outputs.write(path, partial(files.save, path, shown, buffers, renderer, camera))
         if cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
-        if flight is not None and made is not None and complete:
-            made.write(flight, outputs)
+        if flight is not None and made is not None:
+            if complete:
+                made.write(flight, outputs)
+            made.release()
     if keeps:
         frozen.warn([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
-    unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
+    unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
+    if unfinished is not None and made is not None:
+        unfinished += ", and no film"
     return _end_of_path(args, done, unfinished, outputs)
 
 
@@ -234,15 +227,6 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
     if (notice := _bounces_notice([stats])) is not None:
         say(f"notice: {notice}")
     return 0
-
-
-def _so_far(flight: Flight, written: int, resumes: bool) -> str:
-    """Return the progress of an interrupted flight in words. resumes: also count frames of earlier runs."""
-    from irrsplat.app.film.kept import unwritten
-
-    if resumes:
-        written = sum(not unwritten(flight.outputs, number) for number in flight.numbers)
-    return f"{written} of {len(flight.numbers)} frames were written" + ("; --resume goes on from there" if resumes else "")
 
 
 def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:

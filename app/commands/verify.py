@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     flags.add_camera(parser)
     flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here
-    parser.set_defaults(path=None, turntable=None, frames=None)
+    parser.set_defaults(path=None, frames=None)
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:

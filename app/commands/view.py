@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
     flags.add_cache_mode(parser)
     flags.add_camera(parser)
     flags.add_settings(parser)
-    parser.set_defaults(path=None, turntable=None, frames=None)
+    parser.set_defaults(path=None, frames=None)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,13 +6,13 @@ import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path as File
 
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.pictures import Pictures
-from irrsplat.app.film import frames, video
+from irrsplat.app.film import films, frames, video
 from irrsplat.app.film.flight import Flight
-from irrsplat.app.film.kept import KeptFrames
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing import clock, other_process
 from irrsplat.image.frame import numbered
@@ -64,8 +64,7 @@ class FilmInBackground:
             raise InputError(f"a film ends in {', '.join(video.ENDINGS)}", name)
         if job.values.get("backdrop") == "clear":
             raise InputError("films have no alpha; take another backdrop than clear", name)
-        parent = File(os.path.abspath(name)).parent  # a file is renamed within a file system only
-        self._folder = tempfile.TemporaryDirectory(prefix=".film-", dir=parent, ignore_cleanup_errors=True)
+        self._folder = films.folder_beside(name)
         self._name, self._frames, self._said, self.warned = name, job.path.frames, clock.now() - _EVERY, False
         self._calling = other_process.Calling(_MAIN, (job, self._made), "the film failed ({why})")
 
@@ -115,10 +114,10 @@ def _write(job: FilmJob, name: str, report: Callable[[float], object]) -> None:
     def on_round(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
         report(before + share * state.coverage)
 
-    pattern, numbers = KeptFrames(File(name).parent).pattern, range(job.path.frames)
+    pattern, numbers = films.pattern_in(str(File(name).parent)), range(job.path.frames)
     flight, outputs = Flight(job.path, numbers, (pattern,)), Outputs()
     with Renderer(job.scene, job.size, job.preset, **job.values) as renderer:
         frames.render(renderer, flight, None, False, on_round, outputs, Pictures(), kept=pattern)
     outputs.raise_failures()
     report(1.0)
-    video.write(name, [File(numbered(pattern, number)) for number in numbers], video.Encoding())
+    video.write(name, [File(numbered(pattern, number)) for number in numbers], Fraction(video.RATE))

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
-from irrsplat.app.film.turntable import turntable
 from irrsplat.app.film.video import is_film
 from irrsplat.core.errors import InputError
 from irrsplat.image.frame import numbered
@@ -17,7 +16,7 @@ from irrsplat.scene.camera_path import Path, load_path
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from irrsplat.scene.model import Camera, Scene
+    from irrsplat.scene.model import Scene
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Flight:
 
 def flies(args: argparse.Namespace) -> bool:
     """True if a command renders a flight rather than one picture."""
-    return args.path is not None or args.turntable is not None
+    return args.path is not None
 
 
 def first_name(args: argparse.Namespace, pattern: str) -> str:
@@ -39,17 +38,13 @@ def first_name(args: argparse.Namespace, pattern: str) -> str:
     return pattern if is_film(pattern) else numbered(pattern, _span(args)[0])
 
 
-def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
-    """Return the frames that --path or --turntable, and --frames, select. camera: the camera of a turntable.
-
-    Raises InputError for an invalid path or an empty selection.
-    """
-    path = _path(args, scene, camera)
+def plan(args: argparse.Namespace, scene: Scene) -> Flight:
+    """Return the frames that --path and --frames select. Raises InputError for an invalid path or an empty selection."""
+    path = load_path(_find(args.path, scene), scene.camera().fov if args.fov is None else args.fov)
     start, stop = _span(args)
     if max(start + 1, stop or 0) > path.frames:
-        span, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
-        raise InputError(f"--frames {span}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
-    path.motions.check(scene, path.frames)
+        span = f"{start}:{'' if stop is None else stop}"
+        raise InputError(f"--frames {span}: the path '{args.path}' has {path.frames} frames; give A:B within 0:{path.frames}")
     return Flight(path, range(start, path.frames if stop is None else stop))
 
 
@@ -67,18 +62,6 @@ def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
             if (other := taken.setdefault(os.path.realpath(name), pattern)) != pattern:
                 raise InputError(f"frame {number} would go to a file of '{other}'; give it a name of its own", pattern)
     return Flight(flight.path, flight.numbers, tuple(outputs))
-
-
-def check_still(flight: Flight, why: str) -> None:
-    """Raise InputError if meshes or lights move along the path. why: the consequence, in words."""
-    if flight.path.motions:
-        raise InputError(f"along this path meshes or lights move, and a cache holds the light of one moment; {why}")
-
-
-def _path(args: argparse.Namespace, scene: Scene, camera: Camera) -> Path:
-    if args.turntable is not None:
-        return turntable(camera, scene.up, args.turntable)
-    return load_path(_find(args.path, scene), scene.camera().fov if args.fov is None else args.fov)
 
 
 def _span(args: argparse.Namespace) -> tuple[int, int | None]:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from irrsplat.app.common.pictures import Pictures
-from irrsplat.app.film.kept import unwritten
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 
@@ -33,16 +32,16 @@ def frame_callback(on_round: OnRound | None, words: str, done: int, count: int) 
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
 
-def metered(renderer: Renderer, flight: Flight, files: Pictures, number: int = 0, gather: bool = False) -> float:
-    """Return the common exposure of all frames in stops: that of frame `number`.
+def metered(renderer: Renderer, flight: Flight, files: Pictures) -> float:
+    """Return the common exposure of all frames in stops: that of frame 0, without a new record.
 
-    That frame also determines the end of the false-colour scale. gather: whether it may gather records.
+    That frame also determines the end of the false-colour scale.
     """
     exposure, coloured = renderer.settings.exposure, files.coloured
     if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
         return float(exposure)
-    camera = flight.path.camera(number)
-    frame = renderer.render(camera, gather=gather)
+    camera = flight.path.camera(0)
+    frame = renderer.render(camera, gather=False)
     if coloured is not None:
         coloured.settle(frame, renderer, camera)
     return frame.exposure
@@ -57,7 +56,6 @@ def render(
     outputs: Outputs,
     files: Pictures,
     frozen: bool = False,
-    resume: bool = False,
     kept: str = "",
 ) -> tuple[list[Statistics], bool]:
     """Render and write every frame; return the statistics of the written frames, and True if all are written.
@@ -67,27 +65,16 @@ def render(
 
     on_round: as for Renderer.render, with the frame and the path's progress. files: output formats. frozen: keep the cache
     unchanged. Each frame then depends only on cache, path and settings: figures are left out, and frame 0 of the path
-    determines the exposure. resume: keep existing files, and skip frames with all files. kept: output with temporary files,
-    written without a message.
+    determines the exposure. kept: output with temporary files, written without a message.
     """
     done: list[Statistics] = []
-    exposure: float | None = None
-    motions = flight.path.motions
-    loaded = renderer.scene if motions else None
     try:
-        pending = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
-        pending = {number: patterns for number, patterns in pending.items() if patterns}
-        if frozen and pending:
-            exposure = metered(renderer, flight, files)
-        elif pending and flight.numbers[0] not in pending:
-            exposure = metered(renderer, flight, files, flight.numbers[0], gather=True)
-        for i, (number, patterns) in enumerate(pending.items()):
-            show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(pending))
-            if loaded is not None:
-                renderer.pose(motions.at(loaded, number))
+        exposure = metered(renderer, flight, files) if frozen else None
+        for i, number in enumerate(flight.numbers):
+            show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
             camera = flight.path.camera(number)
             if frozen:
-                read = None if files.of_all_buffers else output.needed(patterns, buffers)
+                read = None if files.of_all_buffers else output.needed(flight.outputs, buffers)
                 frame = renderer.render(camera, progress=show, buffers=read, gather=False)
             else:
                 frame = renderer.render(camera, progress=show, figures=figures)
@@ -99,7 +86,7 @@ def render(
             stats["exposure"] = exposure
             frame = replace(frame, stats=stats)
             written = []
-            for pattern in patterns:
+            for pattern in flight.outputs:
                 name = output.numbered(pattern, number)
                 write = partial(files.save, name, frame, buffers, renderer, camera)
                 written.append(outputs.write(name, write, pattern, tells=pattern != kept))

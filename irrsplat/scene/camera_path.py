@@ -1,4 +1,4 @@
-"""Camera paths: keys, a smooth curve through them, their text file, and moving meshes and lights."""
+"""Camera paths: keys, a smooth curve through them, and their text file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ import numpy.typing as npt
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import number, quote
 from irrsplat.scene.io.lines import Line, lines
-from irrsplat.scene.io.motion_keys import LightKey, MeshKey, Motions, light_key, mesh_key
 from irrsplat.scene.io.text.scene_text import USAGE
 from irrsplat.scene.model import Camera
 
@@ -28,11 +27,10 @@ _LEAST_DISTANCE = 1e-9  # least distance of the target, relative to the eye's co
 
 @dataclass(frozen=True)
 class Path:
-    """Keys (at least one) and a number of frames (at least one), else InputError. motions: of meshes and lights."""
+    """Keys (at least one) and a number of frames (at least one), else InputError."""
 
     keys: tuple[Camera, ...]
     frames: int
-    motions: Motions = Motions()
 
     def __post_init__(self) -> None:
         if not self.keys:
@@ -45,7 +43,7 @@ class Path:
         return map(self.camera, range(self.frames))
 
     def shifted(self, by: npt.ArrayLike) -> Path:
-        """Return the path with its keys shifted by `by` (3,) metres, to another origin; motions stay in world space."""
+        """Return the path with its keys shifted by `by` (3,) metres, to another origin."""
         return replace(self, keys=tuple(key.shifted(by) for key in self.keys)) if np.any(by) else self
 
     def camera(self, frame: float) -> Camera:
@@ -65,24 +63,18 @@ class Path:
 
 
 def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
-    """Read the path in the text file `file`: `cam` lines are keys, `frames N` is optional, `mesh` and `light` lines are motions.
+    """Read the path in the text file `file`: `cam` lines are keys, `frames N` is optional.
 
     fov: of every key, vertical, in degrees. Raises InputError with file and line for any error in it.
     """
     where = pathlib.Path(file)
     keys: list[Camera] = []
     frames: Line | None = None
-    meshes: list[MeshKey] = []
-    lights: list[LightKey] = []
     for line in lines(where):
         if line.word == "cam":
             keys.append(_cam(line, fov))
-        elif line.word == "mesh":
-            meshes.append(mesh_key(line))
-        elif line.word == "light":
-            lights.append(light_key(line))
         elif line.word != "frames":
-            raise line.error(f"unknown word {quote(line.word)}; expected cam, frames, mesh or light")
+            raise line.error(f"unknown word {quote(line.word)}; expected cam or frames")
         elif frames is not None:
             raise line.error(f"'frames' is given twice; first in line {frames.number}")
         else:
@@ -90,13 +82,13 @@ def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
     if not keys:
         raise InputError(f"there is no 'cam' line; expected at least one: {_CAM}", where)
     count = SEGMENT * (len(keys) - 1) + 1 if frames is None else _count(frames)
-    return Path(tuple(keys), count, Motions(tuple(meshes), tuple(lights)))
+    return Path(tuple(keys), count)
 
 
 def path_text(path: Path) -> str:
     """Return the text of a path file, from which `load_path` restores eyes, targets, ups and frames exactly.
 
-    Field of view, names of keys and motions are not included.
+    Field of view and names of keys are not included.
     """
     return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key))}\n" for key in path.keys)])
 

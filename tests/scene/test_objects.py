@@ -20,7 +20,6 @@ from irrsplat.scene.appearance import runs
 from irrsplat.scene.change import emits
 from irrsplat.scene.image_means import sums_of_four
 from irrsplat.scene.io.mesh_builder import build_meshes
-from irrsplat.scene.io.motion_keys import LightKey, Motions
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.model import Image, Light, Material, Scene
@@ -95,7 +94,6 @@ def test_trimesh_s_units_materials_and_images() -> None:
         (lambda: irrsplat.make_scene(floor(), SUN), "lights are a sequence of Light, not one Light"),  # type: ignore[arg-type]
         (lambda: Image(np.zeros((2, 2, 3), np.uint8)), r"an image's pixels are an array \(H, W, 4\) of uint8"),
         (lambda: posed(scene(floor()), scene(floor(), floor())), "a pose has the same meshes as the renderer's scene"),
-        (lambda: Motions((), (LightKey(0, 0.0, "position", (0, 0, 0)),)).check(scene(floor(), lights=(SUN,)), 2), "is not 0 0 0"),
     ],
 )
 def test_invalid_arguments_are_one_line(call: Callable[[], object], message: str) -> None:

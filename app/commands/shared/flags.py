@@ -11,7 +11,7 @@ from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
-OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
+OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
 STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
 
 
@@ -49,7 +49,7 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
 def add_camera(parser: argparse.ArgumentParser) -> None:
     """Add the camera flags, for `rendering.camera`.
 
-    The checks need path, turntable and frames too, from `add_flight` or as None.
+    The checks need path and frames too, from `add_flight` or as None.
     """
     group = parser.add_argument_group("camera", "--eye requires --target; --up and --fov default to those of the scene")
     group.add_argument("--camera", metavar="NAME", help="name of a camera of the scene (default: the first)")
@@ -110,8 +110,6 @@ def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     """Add the flags of a flight; return their group. words: the group's description."""
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="path file, in the current folder or the folder of the scene")
-    words = "a seamless circle of N frames around the target of the camera, instead of a path"
-    group.add_argument("--turntable", type=values.turns, metavar="N", help=words)
     group.add_argument(
         "--frames", type=values.frames, metavar="A:B", help="render frames A to B - 1; A or B may be omitted (default: all)"
     )
@@ -128,9 +126,7 @@ def wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
         yield "--camera and --eye are two different cameras; give one of them"
     if args.fov is not None and not 0.0 < args.fov < 180.0:
         yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
-    if args.path is not None and args.turntable is not None:
-        yield "--path and --turntable are two different flights; give one of them"
-    if args.path is None and args.turntable is None and args.frames is not None:
+    if args.path is None and args.frames is not None:
         yield "--frames chooses among the frames of a path; give --path as well"
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:

@@ -39,7 +39,6 @@ pixels = _whole(1, 999_999_999, "a whole number of pixels, at least 1")
 samples = _whole(2, 999_999_999, "a whole number of samples, at least 2")
 count = _whole(1, 999_999_999, "a whole number, at least 1")
 decades = _whole(1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
-turns = _whole(2, 999_999, "a whole number of frames, 2 to 999999")
 _tile = _whole(LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
 
 

@@ -1,9 +1,8 @@
-"""`irrsplat render --path` and `--turntable`: frames, files and exposure."""
+"""`irrsplat render --path`: frames, files and exposure."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from pathlib import Path as File
 from typing import Any
 
@@ -12,10 +11,8 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.film.turntable import turntable
 from irrsplat.image.frame import Frame, numbered
 from irrsplat.scene.camera_path import load_path
-from irrsplat.scene.model import Camera
 
 SMALL = ["--size", "2", "2"]
 FLIGHT = ["render", "plain.scene", *SMALL, "--path", "a.path"]
@@ -106,41 +103,3 @@ def test_an_interrupted_frame_is_dropped_and_those_before_it_stay(
     assert capsys.readouterr() == ("", "irrsplat: interrupted; 2 of 4 frames were written\n")
     assert names(flight) == {"f0.png", "f1.png", "s.json"}
     assert len(json.loads((flight / "s.json").read_text())["frames"]) == 2
-
-
-@pytest.mark.parametrize(
-    ("camera", "up"),
-    [
-        (Camera((3, 4, 0), (0, 1, 0), (0, 1, 0), 40.0), (0, 2, 0)),
-        (Camera((5, 1, 1), (1, 2, 1), (0.1, 0.9, 0.3), 40.0), (0, 0, 1)),  # tilted, in a scene of another up
-        (Camera((0, 7, 0), (0, 1, 0), (0, 0, -1), 40.0), (0, 1, 0)),  # from straight above: about its own up
-    ],
-)
-def test_every_frame_sees_the_target_from_the_same_distance(camera: Camera, up: tuple[float, float, float]) -> None:
-    """The axes of camera 0, turned by equal steps about `up`, also from the last frame to the first: no seam shows."""
-    cameras = list(turntable(camera, up, 12))
-    assert len(cameras) == 12 and cameras[0] == camera
-    assert all(c.target == camera.target and c.fov == camera.fov for c in cameras)
-    axis = np.asarray(camera.up if camera.eye[0] == 0 else up, float)
-    axis /= np.linalg.norm(axis)
-    cross, angle = np.cross(np.eye(3), axis), np.radians(30.0)
-    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross  # Rodrigues
-    for one, other in zip(cameras, [*cameras[1:], cameras[0]], strict=True):
-        assert np.abs(np.array(one.axes) @ turn.T - other.axes).max() < 1e-9
-
-
-def test_lost_frames_are_told_once_with_the_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    fast = ["--size", "16", "12", "--bounces", "0", "--preset", "preview", "-o", "f{frame}.png"]
-    assert cli.main(["render", "cornell", "--turntable", "4", *fast]) == 0
-    said = capsys.readouterr().err
-    assert said.count("notice:") == 1
-    assert "notice: 3 of 4 frames see nothing of the scene, or only backs of its surfaces, the first of them frame 1" in said
-    assert "give --eye and --target nearer to one another" in said
-    (tmp_path / "a.path").write_text("frames 3\ncam 2.8 2.7 -5 2.8 2.7 0 0 1 0\ncam 2.8 2.7 12 2.8 2.7 30 0 1 0\n")
-    assert cli.main(["render", "cornell", "--path", "a.path", "--frames", "0:1", *fast]) == 0
-    assert capsys.readouterr().err == ""
-    assert cli.main(["render", "cornell", "--path", "a.path", *fast]) == 0
-    assert "of 3 frames see nothing of the scene" in (said := capsys.readouterr().err) and "move those keys of the path" in said
