@@ -12,7 +12,6 @@ setup(
     package_dir={"irrsplat": "irrsplat", **{f"irrsplat.{folder}": folder for folder in INSIDE}},
     package_data={
         "irrsplat": ["py.typed"],
-        "irrsplat.app.common": ["*.svg"],
         "irrsplat.shaders": ["**/*"],
         "irrsplat.scenes": ["**/*"],
     },

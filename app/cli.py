@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """Entry point of the command line: run a command of app/grammar.py and report each error in one line."""
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from irrsplat.app import grammar
-from irrsplat.app.commands import completion
 from irrsplat.app.common.outputs import missing
 from irrsplat.app.common.terminal import INTERRUPTED, fail
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -38,8 +36,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # 2⁴ clock cycles; read when numpy is loaded
     try:
         with _quiet_libraries(debug), _ended_as_by_ctrl_c():
-            if "_ARGCOMPLETE" in os.environ:  # a shell requests completions
-                completion.answer(grammar.build())
             args, mistakes = grammar.read(sys.argv[1:] if argv is None else argv)
             command = grammar.COMMANDS[args.command]
             _check_scenes(args, mistakes)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
-from irrsplat.app.commands import bake, bench, cache, completion, desktop, fill, info, measure, render, verify, view
+from irrsplat.app.commands import bake, bench, cache, fill, info, measure, render, verify, view
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Mistakes, Parser
@@ -26,8 +26,6 @@ COMMANDS: dict[str, Command] = {  # in the order of --help
     "info": info.COMMAND,
     "doctor": info.DOCTOR,
     "verify": verify.COMMAND,
-    "completion": completion.COMMAND,
-    "desktop": desktop.COMMAND,
 }
 
 

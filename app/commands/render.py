@@ -57,27 +57,10 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     flags.add_camera(parser)
-    _add_files(parser)
     _add_false_colours(parser)
     group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
     group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
     flags.add_settings(parser)
-
-
-def _add_files(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument_group("files", "content of the outputs").add_argument
-    words = "show all buffers in a .png, side by side with names and scales"
-    add("--contact-sheet", action="store_true", help=words)
-    add(
-        "--png-bits",
-        type=int,
-        choices=(8, 16),
-        default=8,
-        metavar="8|16",
-        help="bits per channel of a .png (default: 8)",
-    )
-    words = "names of .exr layers: of the buffers, or as in Blender, such as ViewLayer.Combined.R (default: irrsplat)"
-    add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:
@@ -140,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
     All checks precede the work; a failed output does not affect the others.
     """
     from irrsplat import settings
-    from irrsplat.app.common import pictures
+    from irrsplat.app.common import false_colours
+    from irrsplat.app.common.pictures import Pictures
     from irrsplat.app.film import films, frames, frozen
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
@@ -149,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
     with_figures = _has_folder(args) and not keeps
-    files = pictures.checked(args)
+    files = Pictures(false_colours.checked(args))
     films.check(args)
     if keeps:
         frozen.check(args)
@@ -166,7 +150,7 @@ def run(args: argparse.Namespace) -> int:
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
     small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
-    pictures_sampled = flight is None and small and "samples" not in args.values and not files.of_all_buffers
+    pictures_sampled = flight is None and small and "samples" not in args.values and files.coloured is None
     arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
     sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
     made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
@@ -180,7 +164,7 @@ def run(args: argparse.Namespace) -> int:
                 how = {"frozen": keeps, "kept": "" if made is None else made.temporary}
                 done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
             else:
-                needed_buffers = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
+                needed_buffers = None if with_figures or files.coloured is not None else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -76,10 +75,7 @@ class Parser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Parse as argparse does, but report and skip unknown flags, and replace missing ones by placeholders."""
-        words = list(args or ())
-        if not _completing():
-            words = self._without_unknown_flags(words)
-        return super().parse_known_args(words, namespace)
+        return super().parse_known_args(self._without_unknown_flags(list(args or ())), namespace)
 
     def _missing(self, action: argparse.Action) -> str:
         """Return the message for a missing `action`, with its choices."""
@@ -163,15 +159,13 @@ class Parser(argparse.ArgumentParser):
         try:
             return int(super()._match_argument(action, arg_strings_pattern))
         except argparse.ArgumentError as error:
-            if _completing():
-                raise
             self._wrong(str(error))
             self._incomplete.append(action)
             self.mistakes.arguments.add(action.dest)
             return len(arg_strings_pattern) - len(arg_strings_pattern.lstrip("A"))
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
-        if action.nargs == argparse.PARSER or _completing():
+        if action.nargs == argparse.PARSER:
             return super()._get_values(action, arg_strings)
         if action in self._incomplete:
             return None
@@ -191,8 +185,3 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(None, words)
         text = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
         raise argparse.ArgumentError(action if action.option_strings else None, text)
-
-
-def _completing() -> bool:
-    """True during shell completion (see completion.py), where an unfinished command line is no error."""
-    return "_ARGCOMPLETE" in os.environ

@@ -74,7 +74,7 @@ def render(
             show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
             camera = flight.path.camera(number)
             if frozen:
-                read = None if files.of_all_buffers else output.needed(flight.outputs, buffers)
+                read = None if files.coloured is not None else output.needed(flight.outputs, buffers)
                 frame = renderer.render(camera, progress=show, buffers=read, gather=False)
             else:
                 frame = renderer.render(camera, progress=show, figures=figures)

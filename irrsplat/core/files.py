@@ -16,7 +16,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -114,32 +114,21 @@ def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
 
 
 def png_16(display: np.ndarray) -> bytes:
-    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits per channel."""
-    return png_16_of([display], len(display))
-
-
-def png_16_of(strips: Iterable[np.ndarray], height: int) -> bytes:
-    """Return a 16-bit PNG of a picture of `height` rows from strips, top first, to limit the memory.
+    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits per channel.
 
     Pillow cannot write it (W3C 2003, "Portable Network Graphics", second edition).
     """
-    packer, packed, above = zlib.compressobj(6), [], None
-    for display in strips:
-        rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(len(display), -1).view(np.uint8)
-        if above is None:
-            width, channels = display.shape[1:]
-            above = np.zeros_like(rows[0])
-        filtered = np.empty((len(rows), 1 + rows.shape[1]), np.uint8)
-        filtered[:, 0] = 2  # filter "Up": differences to the row above compress better
-        filtered[:, 1:] = rows - np.concatenate([above[None], rows[:-1]])
-        packed.append(packer.compress(filtered.tobytes()))
-        above = rows[-1]
+    height, width, channels = display.shape
+    rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(height, -1).view(np.uint8)
+    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
+    filtered[:, 0] = 2  # filter "Up": differences to the row above compress better
+    filtered[:, 1:] = rows - np.concatenate([np.zeros_like(rows[:1]), rows[:-1]])
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     header = struct.pack(">IIBBBBB", width, height, 16, {3: 2, 4: 6}[channels], 0, 0, 0)
-    body = b"".join([*packed, packer.flush()])
+    body = zlib.compress(filtered.tobytes(), 6)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"sRGB", b"\0") + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 
@@ -312,7 +301,7 @@ def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
             _put(part, target)
 
 
-def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]], bits: int = 8) -> None:
+def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> None:
     """Write all pictures into a new folder, then rename the folder, or its files if `folder` exists."""
     exists = folder.is_dir()
     inside = folder if exists else folder.parent
@@ -323,7 +312,7 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]], bits
             for name, display in pictures:
                 (part / name).touch()
                 _keep_mode(part / name, folder / name)
-                _png(part / name, display, bits)
+                _png(part / name, display)
                 names.append(name)
             if exists:
                 for name in names:

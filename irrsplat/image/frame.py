@@ -22,15 +22,12 @@ from irrsplat.core.files import (
     check_file,
     dithered,
     json_text,
-    png_16_of,
     write_file,
-    write_picture,
 )
 from irrsplat.core.paths import named
 from irrsplat.image.backdrop import display_picture
 from irrsplat.image.frame_buffers import FrameBuffers
-from irrsplat.image.output.contact_sheet import contact_sheet as draw_contact_sheet
-from irrsplat.image.output.exr import EXR_NAMES, ExrNames, write_exr
+from irrsplat.image.output.exr import write_exr
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 
 ENDINGS = (".png", ".exr", ".npz")
@@ -74,50 +71,23 @@ class Frame(FrameBuffers):
         camera = None if self.camera is None else self.camera.shifted(origin)
         return replace(self, position=position, records_position=records, camera=camera)
 
-    def contact_sheet(self, buffers: Sequence[str] | None = None) -> np.ndarray:
-        """Return (H, W, 3) display values 0..1: all or the named buffers side by side, each with its name, unit and colours.
-
-        Raises InputError for an unknown name, and if the frame holds none of them.
-        """
-        check_names(buffers)
-        return draw_contact_sheet(self, tuple(CHANNELS) if buffers is None else buffers)
-
-    def save(
-        self,
-        path: Pathlike,
-        buffers: Sequence[str] | None = None,
-        *,
-        png_bits: int = 8,
-        exr_names: ExrNames = "irrsplat",
-        contact_sheet: bool = False,
-    ) -> None:
+    def save(self, path: Pathlike, buffers: Sequence[str] | None = None) -> None:
         """Write this frame in the format of `path`'s ending; an existing file is replaced whole, or not at all.
 
         .png: the picture, exposed, tone-mapped, sRGB, over its backdrop; with alpha for a clear backdrop. .exr: a float32 layer
         per buffer, camera, settings and the stats without times; with a clear backdrop, image has a premultiplied A. .npz: every
         buffer, the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing
-        folder: a PNG per buffer, and the paper's figures. buffers: names of the buffers in EXR, NPZ, folder or contact sheet
-        (default: all). png_bits: 8 or 16 per channel. exr_names: layers by the buffers' names, or "blender" for
-        ViewLayer.Combined.R and so on. contact_sheet: a .png shows all buffers, not the picture. Raises InputError for an invalid
-        path or name, IrrsplatError if writing fails.
+        folder: a PNG per buffer, and the paper's figures. buffers: names of the buffers in EXR, NPZ or folder (default: all).
+        Raises InputError for an invalid path or name, IrrsplatError if writing fails.
         """
-        if png_bits not in (8, 16):
-            raise InputError(f"png_bits is 8 or 16, not {png_bits!r:.60}")
-        if exr_names not in EXR_NAMES:
-            raise InputError(f"exr_names is one of {', '.join(EXR_NAMES)}, not {exr_names!r:.60}")
         ending = check_writable(path, buffers)
         names = tuple(BUFFERS) if buffers is None else tuple(buffers)
         if not ending:
-            _write_folder(Path(os.path.realpath(path)), self._pictures(names), png_bits)
+            _write_folder(Path(os.path.realpath(path)), self._pictures(names))
         elif ending == ".exr":
-            write_file(path, lambda part: write_exr(part, self, names, exr_names))
+            write_file(path, lambda part: write_exr(part, self, names))
         elif ending == ".npz":
             write_file(path, lambda part: self._write_npz(part, names))
-        elif contact_sheet:
-            write_picture(path, self.contact_sheet(buffers), png_bits)
-        elif png_bits == 16:
-            strips = map(self._displayed, range(0, len(self.image), _ROWS))
-            write_file(path, lambda part: part.write_bytes(png_16_of(strips, len(self.image))))
         else:
             write_file(path, self._write_png)
 

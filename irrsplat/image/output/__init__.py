@@ -1,1 +1,1 @@
-"""Output of frames: OpenEXR layers, false colours with a legend, and a contact sheet of all buffers."""
+"""Output of frames: OpenEXR layers, and false colours with a legend."""

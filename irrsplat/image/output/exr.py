@@ -1,11 +1,11 @@
-"""A frame as OpenEXR: a layer per buffer under irrsplat's names or Blender's, with camera and settings as attributes."""
+"""A frame as OpenEXR: a layer per buffer, with camera and settings as attributes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
@@ -15,28 +15,14 @@ from irrsplat.image import statistics
 from irrsplat.image.frame_buffers import FrameBuffers
 from irrsplat.scene.model import Camera
 
-ExrNames = Literal["irrsplat", "blender"]
-EXR_NAMES: tuple[ExrNames, ...] = get_args(ExrNames)
-FAR = 1e10  # Blender's depth of a pixel without a surface
-_LAYER = "ViewLayer"
-_PASSES = {  # Blender's passes: name and channels by buffer
-    "image": ("Combined", "RGBA"),
-    "depth": ("Depth", "Z"),
-    "position": ("Position", "XYZ"),
-    "normal": ("Normal", "XYZ"),
-    "albedo": ("DiffCol", "RGB"),
-    "emission": ("Emit", "RGB"),
-}
-_VECTORS = ("smooth_normal",)  # further buffers of vectors, not colours
 _NEAR, _DISTANT = 1e-3, 1e3  # near and far of worldToNDC: no pixel depends on them
 
 
-def write_exr(path: Path, frame: FrameBuffers, names: Sequence[str], exr_names: ExrNames = "irrsplat") -> None:
+def write_exr(path: Path, frame: FrameBuffers, names: Sequence[str]) -> None:
     """Write the image buffers of a frame; raises OSError if the file is truncated."""
     rows = frame.image.shape[0] or frame.depth.shape[0]
     buffers = {name: np.ascontiguousarray(getattr(frame, name), np.float32) for name in names if name in CHANNELS}
-    layers = _for_blender(frame, buffers) if exr_names == "blender" else _plain(frame, buffers)
-    write_layers(path, layers, rows, attributes(frame))
+    write_layers(path, _layers(frame, buffers), rows, attributes(frame))
 
 
 def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:
@@ -49,27 +35,11 @@ def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header
     check_exr(path, rows)
 
 
-def _plain(frame: FrameBuffers, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return layers by irrsplat's names; with a clear backdrop, image has a premultiplied A."""
+def _layers(frame: FrameBuffers, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return layers by the buffers' names; with a clear backdrop, image has a premultiplied A."""
     if frame.backdrop == "clear" and "image" in buffers:
         return {**buffers, "image": np.ascontiguousarray(np.dstack([buffers["image"], frame.alpha]), np.float32)}
     return buffers
-
-
-def _for_blender(frame: FrameBuffers, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return channels by Blender's render layers: ViewLayer.Combined.R, …, with its own passes where they exist."""
-    found: dict[str, np.ndarray] = {}
-    for name, values in buffers.items():
-        one = values.ndim == 2
-        kind, letters = _PASSES.get(name, (name, "X" if one else "XYZ" if name in _VECTORS else "RGB"))
-        planes = [values] if one else list(np.moveaxis(values, -1, 0))
-        if name == "image":
-            planes.append(frame.alpha if frame.backdrop == "clear" else np.ones_like(planes[0]))
-        if name == "depth":
-            planes = [np.where(np.isfinite(values), values, np.float32(FAR))]
-        for letter, plane in zip(letters, planes, strict=True):
-            found[f"{_LAYER}.{kind}.{letter}"] = np.ascontiguousarray(plane, np.float32)
-    return found
 
 
 def attributes(frame: FrameBuffers) -> dict[str, Any]:

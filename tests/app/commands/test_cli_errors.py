@@ -55,7 +55,6 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         (["render", "-o", "triangle.obj/a.png"], "a.png"),
         (["render", "missing.scene", "-o", "a.png"], "missing.scene"),
         ([], f"irrsplat: a command is missing; the commands are {', '.join(grammar.COMMANDS)}; see irrsplat --help\n"),
-        (["completion", "shell"], "completion takes bash|zsh|fish, not 'shell'; see irrsplat completion --help\n"),
         (["cache", "x"], "there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
         (["bench", "cornell", "--growth"], "of its own"),
         (["bench", "--profile", "--flicker"], "a table of its own"),

@@ -91,8 +91,6 @@ def test_it_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None
     home = {name: str(tmp_path / name) for name in ("HOME", "PIPX_HOME", "UV_CACHE_DIR", "XDG_CACHE_HOME", "XDG_DATA_HOME")}
     assert run(*words, "--version", cwd=place, **home).strip() == f"irrsplat {PROJECT['version']}"
     run(*words, "render", "furnace", *SMALL, "-o", "furnace.png", cwd=place, **home)
-    run(*words, "desktop", "install", cwd=place, **home)
-    assert list(tmp_path.rglob("irrsplat*.desktop"))
 
 
 @net
