@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from irrsplat.scene import load
     from irrsplat.scene.io.objects.arrays import make_mesh, make_scene
     from irrsplat.scene.io.objects.mitsuba_scene import from_mitsuba
-    from irrsplat.scene.io.objects.trimesh_scene import from_trimesh
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
 
@@ -35,7 +34,6 @@ __all__ = [
     "Scene",
     "Settings",
     "from_mitsuba",
-    "from_trimesh",
     "irradiance",
     "load",
     "make_mesh",
@@ -52,7 +50,6 @@ _NAMES = {  # module: what it gives, as in the imports above
     "irrsplat.scene": ("load",),
     "irrsplat.scene.io.objects.arrays": ("make_mesh", "make_scene"),
     "irrsplat.scene.io.objects.mitsuba_scene": ("from_mitsuba",),
-    "irrsplat.scene.io.objects.trimesh_scene": ("from_trimesh",),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
     "irrsplat.settings": ("Settings", "preset"),
 }

@@ -29,8 +29,8 @@ def run(args: Namespace) -> int:
     import irrsplat
     from irrsplat.core.files import json_text, write_text
 
-    if args.profile and (args.peers or args.flicker or args.compare is not None):
-        raise InputError("--profile has a table of its own; leave --peers, --flicker and --compare out")
+    if args.profile and (args.peers or args.compare is not None):
+        raise InputError("--profile has a table of its own; leave --peers and --compare out")
     bounces = _bounces(args.bounces)
     earlier = None if args.compare is None else compare.read(args.compare)
     if args.peers:
@@ -47,11 +47,6 @@ def run(args: Namespace) -> int:
         from irrsplat.app.bench import stage_profile
 
         written = {"profiles": stage_profile.run([scene for _, scene in loaded], args, bounces)}
-    elif args.flicker:
-        from irrsplat.app.bench import flicker
-
-        width, height = (args.size or [flicker.SIZE])[0]
-        written = {"flicker": flicker.run([scene for _, scene in loaded], (width, height), (args.preset or ["default"])[0])}
     else:
         about, runs = _timed(loaded, args, bounces)
         written = {"machine": about, "runs": [asdict(run) for run in runs]}

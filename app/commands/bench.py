@@ -30,22 +30,11 @@ def add(commands: Any) -> None:
     flags.add_loading(parser)
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as in the paper)")
     add("--flight", choices=("on", "off"), default="on", help="also measure a flight in the viewer (default: on)")
-    add(
-        "--flicker",
-        action="store_true",
-        help="only measure flicker between the frames of a flight, with all bounces",
-    )
     add("--json", metavar="FILE", help="also write the results to this file")
     add("--compare", metavar="FILE", help="print ratios of time to an earlier --json")
     add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")
     add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
     add("--growth", action="store_true", help="only measure time and memory against triangles and pixels; takes some minutes")
-    add("--moving", action="store_true", help="only measure errors while meshes and lights move through cornell and atrium")
-    add(
-        "--counted",
-        action="store_true",
-        help="with --moving: frames with a fixed number of rays instead of a time, equal on all machines",
-    )
     add("--quick", action="store_true", help="with --growth: a short series of small scenes")
     add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: write the plot")
 
@@ -66,8 +55,6 @@ def run(args: argparse.Namespace) -> int:
         check_file(args.json)
     if args.quick and not args.growth:
         raise InputError("--quick is for --growth; give that as well")
-    if args.counted and not args.moving:
-        raise InputError("--counted is for --moving; give that as well")
     status = _bench_of(args)(args)
     for path in (args.json, args.output):
         if path is not None:
@@ -76,10 +63,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bench_of(args: argparse.Namespace) -> Callable[[argparse.Namespace], int]:
-    if args.moving:
-        from irrsplat.app.bench import moving
-
-        return moving.run
     if args.growth:
         from irrsplat.app.bench import scaling
 

@@ -10,7 +10,7 @@ from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import wrote
 
 if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
+    pass
 
 
 def add(commands: Any) -> None:
@@ -36,22 +36,14 @@ def add(commands: Any) -> None:
         "--truth", choices=("trace", "gather"), default="trace",
         help="reference. trace: by Mitsuba; gather: by a fine gather at 1000 pixels, without the extra (default: trace)",
     )  # fmt: skip
-    add("--curve", action="store_true", help="measure error against the number of records, for several a, and for preset paper")
-    add("--techniques", action="store_true", help="measure the error without each technique, and of the published method")
     flags.add_preset(parser, "default")
     add(
         "-o", "--output", metavar="OUT",
-        help="reference, picture and error: side by side in a .png, or as files in a folder; with --curve, its plot",
+        help="reference, picture and error: side by side in a .png, or as files in a folder",
     )  # fmt: skip
     flags.add_camera(parser)
     flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here
     parser.set_defaults(path=None, frames=None)
-
-
-def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add an error to `mistakes` for two series at once."""
-    if args.curve and args.techniques:
-        mistakes.add("--curve and --techniques are two different series; give one of them")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -71,4 +63,4 @@ def run(args: argparse.Namespace) -> int:
     return status
 
 
-COMMAND = Command(add, run, check)
+COMMAND = Command(add, run)

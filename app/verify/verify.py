@@ -36,11 +36,6 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     camera, scene = camera.shifted([-v for v in scene.origin]), scene.local
     for notice in scene.notices:
         say(f"notice: {notice}")
-    if args.curve or args.techniques:
-        from irrsplat.app.verify import ablation, error_curve
-
-        (error_curve if args.curve else ablation).run(scene, camera, args, heading(scene, args))
-        return 0
     import irrsplat
 
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
@@ -71,18 +66,12 @@ def check(args: Namespace) -> None:
         raise InputError("--bounces 0: there is no indirect light to verify; leave it out")
     if args.truth == "gather" and bounces != 1:
         raise InputError(f"--truth gather supports one bounce only, not {bounces}; add --bounces 1, or take --truth trace")
-    if args.curve and "a" in args.values:
-        raise InputError("--curve goes through several a by itself; leave --a out")
     side_of(args.samples)
     if args.output is None:
         return
-    if args.techniques:
-        raise InputError("--techniques prints a table and makes no picture; leave -o out")
-    if args.truth == "gather" and not args.curve:
+    if args.truth == "gather":
         raise InputError("--truth gather computes single pixels, not a picture; leave -o out, or take --truth trace")
     ending = os.path.splitext(args.output)[1].lower()
-    if args.curve and ending != ".png":
-        raise InputError("the plot of --curve is a .png", args.output)
     if ending in output.ENDINGS and ending != ".png":
         raise InputError("verify writes a .png or a folder of them (no ending)", args.output)
     output.check_writable(args.output)

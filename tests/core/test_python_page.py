@@ -37,7 +37,6 @@ def test_the_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
         exec(compile(block, "python.md", "exec"), names)
     assert {path.name for path in tmp_path.iterdir()} == {"picture.png", "layers.exr"}
     assert names["E"].shape == (2, 3) and (names["E"] > 0.0).all()
-    assert names["lit"].notices == ("scene: no camera; added a camera that sees the whole scene",)
 
 
 def test_the_window_shows_what_a_render_gives(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,12 +9,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.app.bench import flicker
 from irrsplat.core.buffers import SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.indirect.temporal_filter import CHANGING, PICTURES, SHARE, TemporalFilter
 from irrsplat.renderer import Renderer
-from irrsplat.renderer.stages import Stages
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import gbuffer_of, on_plane
@@ -83,18 +81,3 @@ def test_holes_take_the_light_of_the_surface_cache_and_at_rest_the_picture_is_th
             view, progress = renderer.frame(moved, TICK)
             assert progress.accumulating == view.accumulating and not (progress.still and progress.accumulating)
         assert view.sums is view.splats.sums
-
-
-@pytest.mark.few_sites
-def test_accumulation_reduces_flicker(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Frames have few new records; a flight with all records present is the lower limit of flicker."""
-    scene = room()
-    monkeypatch.setattr(flicker, "TICK", TICK)
-    monkeypatch.setattr(flicker, "FRAMES", 4)
-    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | more)))
-    first, second, settled = flicker.measure(scene, (48, 36), "default")
-    assert [f.case for f in (first, second, settled)] == ["first", "second", "settled"]
-    assert settled.rms < 0.05 and first.records <= second.records <= settled.records
-    draw = Stages.draw_picture
-    monkeypatch.setattr(Stages, "draw_picture", lambda stages, state, done, *_, **__: draw(stages, state, done))
-    assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), "default")).rms

@@ -1,4 +1,4 @@
-"""Scenes from NumPy arrays, trimesh and Mitsuba: what they hold, and that their light is what analysis and Mitsuba say."""
+"""Scenes from NumPy arrays and Mitsuba: what they hold, and that their light is what analysis and Mitsuba say."""
 
 from __future__ import annotations
 
@@ -51,49 +51,12 @@ def test_a_scene_of_arrays_far_away_is_as_exact() -> None:
         (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), sky=np.zeros((3, 3))), "a sky is a radiance"),
         (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), sky=(1.0, -1.0, 0.0)), "from 0 to"),
         (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), up="w"), "up is one of"),  # type: ignore[arg-type]
-        (lambda: irrsplat.from_trimesh(SQUARE), "takes a trimesh.Trimesh"),  # type: ignore[arg-type]
     ],
 )
 def test_what_cannot_be_is_told_in_a_line(call: Any, words: str) -> None:
     with pytest.raises(irrsplat.InputError, match=words) as raised:
         call()
     assert "\n" not in str(raised.value)
-
-
-def test_a_scene_of_trimesh_is_seen_as_it_is_painted() -> None:
-    """The albedo at pixels, of a texture (v upward), of vertex, face and base colours; and the camera."""
-    import trimesh
-
-    picture = np.zeros((2, 2, 3), np.uint8)
-    picture[0, 0], picture[0, 1], picture[1] = (255, 0, 0), (0, 255, 0), (0, 0, 255)  # above: red and green
-    wall = trimesh.Trimesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
-    wall.visual = trimesh.visual.TextureVisuals(
-        uv=[[0, 0], [1, 0], [1, 1], [0, 1]], image=Image.fromarray(picture.repeat(32, 0).repeat(32, 1))
-    )
-    scene = trimesh.Scene()
-    for i, colors in enumerate(("texture", "vertex", "face", "base")):
-        one = wall.copy()
-        if colors == "vertex":
-            one.visual = trimesh.visual.ColorVisuals(one, vertex_colors=np.tile([188, 0, 0, 255], (4, 1)))
-        elif colors == "face":
-            one.visual = trimesh.visual.ColorVisuals(one, face_colors=[[0, 188, 0, 255], [0, 0, 188, 255]])
-        elif colors == "base":
-            material = trimesh.visual.material.PBRMaterial(baseColorFactor=[0.25, 0.5, 1.0, 1.0], emissiveFactor=[1.0, 2.0, 3.0])
-            one.visual = trimesh.visual.TextureVisuals(material=material)
-        scene.add_geometry(one, node_name=colors, transform=trimesh.transformations.translation_matrix((2.0 * i, 0.0, 0.0)))
-    scene.add_geometry(trimesh.load_path(np.array([[0.0, 0, 0], [1, 1, 1]])), node_name="line")
-    scene.camera = trimesh.scene.Camera(fov=(90.0, 2.0 * np.degrees(np.arctan(0.25))), resolution=(64, 16))
-    scene.camera_transform = trimesh.transformations.translation_matrix((3.0, 0.0, 4.0))
-    found = irrsplat.from_trimesh(scene)
-    assert found.notices == ("scene: 'line' is no mesh of triangles, and is left out",)
-    assert [mesh.name for mesh in found.meshes] == ["texture", "vertex", "face", "base"]
-    albedo = irrsplat.render(found, (64, 16), bounces=0, shadow_size=64).albedo
-    half = 0.5028865  # 188 of 255, decoded
-    places = {(2, 2): (1, 0, 0), (2, 13): (0, 1, 0), (13, 8): (0, 0, 1), (8, 24): (half, 0, 0), (8, 56): (0.25, 0.5, 1.0)}
-    places |= {(13, 45): (0, half, 0), (2, 34): (0, 0, half)}
-    for (row, column), color in places.items():
-        np.testing.assert_allclose(albedo[row, column], color, atol=0.01, err_msg=f"{row} {column}")
-    assert found.meshes[3].material.emission == (1.0, 2.0, 3.0)
 
 
 @pytest.fixture

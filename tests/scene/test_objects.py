@@ -1,17 +1,13 @@
-"""Odd scenes of trimesh and arrays, losses of the .scene format, and edge cases of meshes and lights."""
+"""Odd scenes of arrays, losses of the .scene format, and edge cases of meshes and lights."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import PIL.Image
 import pytest
-import trimesh
-from trimesh.visual.material import MultiMaterial, PBRMaterial
 
 import irrsplat
 from irrsplat.core.errors import InputError
@@ -22,7 +18,7 @@ from irrsplat.scene.image_means import sums_of_four
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
-from irrsplat.scene.model import Image, Light, Material, Scene
+from irrsplat.scene.model import Image, Light, Scene
 from irrsplat.scene.motion import posed
 from irrsplat.scene.ray_caster import RayCaster
 from tests.support.gltf_files import FACES, POINTS
@@ -32,14 +28,6 @@ from tests.support.worlds import box, floor, point_light, scene
 pytestmark = pytest.mark.usefixtures("without_stand_ins")
 
 SUN = Light((0, 1, 0), (1, 1, 1), directional=True)
-
-
-def solid(points: Any = POINTS, faces: Any = FACES, material: Any = None, **visual: Any) -> trimesh.Trimesh:
-    """Return the tetrahedron, with a material if one is given."""
-    made = trimesh.Trimesh(points, faces, process=False)
-    if material is not None or visual:
-        made.visual = trimesh.visual.TextureVisuals(uv=POINTS[:, :2], material=material, **visual)
-    return made
 
 
 def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
@@ -62,28 +50,9 @@ def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
             np.testing.assert_array_equal(getattr(one.mesh, name, None), getattr(other.mesh, name, None), name, strict=True)
 
 
-def test_trimesh_s_units_materials_and_images() -> None:
-    """Inches, an unknown unit, a material for each half of the faces, one without a colour, one image used twice."""
-    picture = PIL.Image.new("RGB", (2, 2), (255, 0, 0))
-    several = MultiMaterial([PBRMaterial(baseColorFactor=[1.0, 0.0, 0.0, 1.0]), PBRMaterial(baseColorTexture=picture)])
-    inches, ells = solid(material=several, face_materials=[0, 0, 1, 1]), solid(material=PBRMaterial(baseColorTexture=picture))
-    inches.units, ells.units = "in", "ell"
-    found = irrsplat.from_trimesh(trimesh.Scene([inches, ells, ells.copy()]))
-    assert [len(mesh.faces) for mesh in found.meshes] == [2, 2, 4, 4]
-    assert [mesh.material.albedo for mesh in found.meshes] == [(1, 0, 0), (1, 1, 1), (1, 1, 1), (1, 1, 1)]
-    assert found.meshes[0].positions.max() == pytest.approx(0.0254) and found.meshes[2].positions.max() == 1.0
-    textures = [mesh.material.albedo_texture for mesh in found.meshes[1:]]
-    assert textures[0] is not None and textures[1] is not None and textures[0].image is textures[1].image
-    assert sum("its unit 'ell' is unknown, and taken for metres" in notice for notice in found.notices) == 1
-    plain = irrsplat.from_trimesh(solid(material=MultiMaterial([])), crease_angle=0.0)
-    assert plain.meshes[0].material == Material() and len(plain.meshes[0].positions) == 12
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: irrsplat.from_trimesh(solid(POINTS * np.nan)), "the vertices of '.*' must be finite numbers"),
-        (lambda: irrsplat.from_trimesh(solid(faces=[[0, 1, 9]])), r"refers to vertex 9 \(from 0\), but there are 4"),
         (lambda: irrsplat.make_scene(floor(), sky=np.full((2, 4, 3), -1.0)), "a sky's radiance is from 0 to"),
         (lambda: irrsplat.make_scene(floor(), sky=[["x"]]), "a sky is a radiance"),
         (lambda: irrsplat.make_scene(floor(), sky="1 2"), "sky"),

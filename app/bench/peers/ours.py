@@ -1,16 +1,33 @@
-"""irrsplat as a peer, with the settings of `verify --curve`."""
+"""irrsplat as a peer, at several values of `a`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 from irrsplat.app.bench import cases
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series, fastest_first
 from irrsplat.app.bench.peers.table import Notify
-from irrsplat.app.verify import error_curve
 from irrsplat.scene.model import Scene
-from irrsplat.settings import All
+from irrsplat.settings import SETTINGS, All, Settings, SettingValues
+
+A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
+# A record of half the radius has half the error tolerance and twice the gather resolution, so that the gather never limits.
+_WITH_A = ("radius_min", "radius_max", "adapt", "spread")
+
+
+def _scaled(a: float) -> SettingValues:
+    """Return the settings that scale a record's radius to that of `a`."""
+    base = Settings()
+    factor = a / base.a
+    found: dict[str, float] = {"a": a, "gather_size": 4 * round(base.gather_size / factor / 4)}
+    found |= {name: getattr(base, name) * factor for name in _WITH_A}
+    for name, value in found.items():
+        low, high = SETTINGS[name].low, SETTINGS[name].high
+        assert low is not None and high is not None
+        found[name] = min(max(value, low), high)
+    return cast(SettingValues, found)
 
 
 def measure(
@@ -22,8 +39,8 @@ def measure(
     first, second = views
     found: list[Measurement] = []
     about = ""
-    for values in error_curve.points("default", {"bounces": bounces}):
-        with irrsplat.Renderer(scene, size=size, **values) as renderer:
+    for values in map(_scaled, A):
+        with irrsplat.Renderer(scene, size=size, **(values | {"bounces": bounces})) as renderer:
             notify(f"irrsplat, a {values['a']:.3g}")
             one = bounces == 1
             cases.warm_up(renderer, first.camera, surface=one)

@@ -1,4 +1,4 @@
-"""`irrsplat bench`: its JSON, truth and flights, --growth, --moving and --compare."""
+"""`irrsplat bench`: its JSON, truth and flights, --growth and --compare."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, compare, fly_through, gather_truth, moving, paper_times, scaling, stage_profile
+from irrsplat.app.bench import cases, compare, fly_through, gather_truth, paper_times, scaling, stage_profile
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.camera_path import load_path
@@ -185,24 +185,6 @@ def test_a_row_of_growth_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert row.triangles == pytest.approx(1000, rel=0.1) and row.size == (12, 12) and row.pixels == 144
     assert row.records > 0 and {"gather", "reduce"} <= set(row.stages)
     assert row.record == pytest.approx((row.stages["gather"] + row.stages["reduce"]) / row.records)
-
-
-@pytest.mark.long
-def test_moving_by_counted_ticks_gives_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All but the time that they take; and records that few rays leave stale wait at the end of each frame."""
-    monkeypatch.setattr(moving, "FRAMES", 2)
-    monkeypatch.setattr(moving, "EVERY", 2)
-    monkeypatch.setattr(moving, "SIZE", (40, 30))
-    monkeypatch.setattr(moving, "PACE", 2e5)  # rays a second
-    monkeypatch.setattr(moving, "CASES", moving.CASES[:1])
-    found = []
-    for name in ("a.json", "b.json"):
-        assert cli.main(["bench", "cornell", "--moving", "--counted", "--json", str(tmp_path / name)]) == 0
-        steps = json.loads((tmp_path / name).read_text())["moving"]
-        assert all(step.pop("milliseconds") > 0.0 for step in steps)
-        found.append(steps)
-    assert found[0] == found[1]
-    assert [step["frame"] for step in found[0]] == [2] and found[0][0]["stale"] > 0
 
 
 def row(case: str = "empty", seconds: float = 1.0, **more: Any) -> Any:

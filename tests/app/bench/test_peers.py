@@ -11,9 +11,8 @@ import pytest
 
 import irrsplat
 from irrsplat.app.bench import cases, gather_truth
-from irrsplat.app.bench.peers import judging, race, radiance, radiance_scene
+from irrsplat.app.bench.peers import judging, ours, race, radiance, radiance_scene
 from irrsplat.app.bench.peers.judging import Measurement, Series
-from irrsplat.app.verify import error_curve
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Scene
 
@@ -79,7 +78,7 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 64)
     monkeypatch.setattr(gather_truth, "COUNT", 150)
-    monkeypatch.setattr(error_curve, "A", (0.6, 0.4))
+    monkeypatch.setattr(ours, "A", (0.6, 0.4))
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
 
 

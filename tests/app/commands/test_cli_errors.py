@@ -57,8 +57,7 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         ([], f"irrsplat: a command is missing; the commands are {', '.join(grammar.COMMANDS)}; see irrsplat --help\n"),
         (["cache", "x"], "there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
         (["bench", "cornell", "--growth"], "of its own"),
-        (["bench", "--profile", "--flicker"], "a table of its own"),
-        (["bench", "--counted"], "--counted is for --moving"),
+        (["bench", "--profile", "--peers"], "a table of its own"),
         # flights and films
         ([*FRAMES, "--frames", "1:2:3"], "expected A:B"),
         ([*FRAMES, "--frames", "0:5"], "has 4 frames; give A:B within 0:4"),
@@ -86,8 +85,6 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         ([*VERIFY, "--truth", "gather", "-o", "a.png"], "--truth gather"),
         ([*VERIFY, "--samples", "200000"], "131072"),
         (["verify", "plain.scene", "--truth", "gather", "--bounces", "2"], "one bounce only, not 2; add --bounces 1"),
-        ([*VERIFY, "--curve", "--a", "0.3"], "--a"),
-        ([*VERIFY, "--techniques", "-o", "a.png"], "-o"),
         ([*BAKE, "a.png"], "a bake is a .glb"),
         ([*BAKE, "a.glb", "--cut", "1"], "--cut is for --to vertices"),
         ([*BAKE, "a.glb", "--size", "8"], "16 to 8192 texels"),

@@ -18,10 +18,9 @@ from PIL import Image as Picture
 import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.common.error_colours import BRIGHT
-from irrsplat.app.common.plot import palette
-from irrsplat.app.verify import ablation, error_curve, measure
+from irrsplat.app.verify import measure
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.reference import disk_cache, fine_gather, worker
+from irrsplat.reference import disk_cache, worker
 from irrsplat.reference.truth import MOST_BOUNCES, Traced, compare, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Image, Light, Scene, Texture
 from tests.support.luminaires import lambert, photometry
@@ -266,37 +265,3 @@ QUICK = ["--size", "24", "24", "--truth", "gather", "--bounces", "1", "--shadow-
 
 
 # ---- the commands --------------------------------------------------------------------------------------------------------
-
-
-def test_the_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every point has a row and a place in the plot."""
-    monkeypatch.setattr(error_curve, "A", (1.1, 0.8))
-    monkeypatch.setattr(error_curve, "PAPER", ({"a": 0.6, "warmup": 20}, {"a": 0.4, "warmup": 40}))
-    monkeypatch.setattr(measure, "GATHERED", 50)
-    monkeypatch.setattr(fine_gather, "SIDE", 32)
-    assert cli.main(["verify", "cornell-paper", *QUICK, "--size", "12", "10", "--curve", "-o", str(tmp_path / "curve.png")]) == 0
-    out, err = capsys.readouterr()
-    assert err == "" and "preset default, one indirect bounce, against a fine gather" in out
-    assert [float(row) for row in re.findall(r"^ +([\d.]+) +\d+ +[\d,]+ +[\d.]+ %", out, re.M)] == [1.1, 0.8, 0.6, 0.4]
-    assert len(re.findall(r"to the power of (\S+)", out)) == 2
-    picture = np.asarray(Picture.open(tmp_path / "curve.png"))
-    for colour in palette(2):
-        assert (np.abs(picture.astype(int) - colour).max(-1) < 8).sum() > 200
-
-
-@pytest.mark.long
-def test_errors_of_a_real_scene(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """More records, less error: three quarters of it at most. Gradients and the whole hemisphere are worth more than chance."""
-    monkeypatch.setattr(error_curve, "A", (1.1, 0.6, 0.4))
-    named = ("without gradients, and all that needs them", "one plane of 150°, not the hemisphere")
-    chosen = tuple(one for one in ablation.TECHNIQUES if one[0] in named)
-    monkeypatch.setattr(ablation.measured, "__defaults__", (chosen,))
-    assert cli.main(["verify", "cornell", "--curve", *QUICK]) == 0
-    out, _ = capsys.readouterr()
-    found = [(int(n.replace(",", "")), float(e)) for n, e in re.findall(r"^ +[\d.]+ +\d+ +([\d,]+) +([\d.]+) %", out, re.M)]
-    assert found[2][0] > 1.5 * found[0][0] and found[2][1] < 0.75 * found[0][1]
-    assert cli.main(["verify", "cornell", "--techniques", *QUICK]) == 0
-    lines = [re.split(r" {2,}", line) for line in capsys.readouterr().out.splitlines()[2:]]
-    rows = {name: float(error.split()[0]) for name, _, error, *_ in lines}
-    whole = rows.pop("everything on")
-    assert len(rows) == 3 and all(error > 1.3 * whole for error in rows.values()), rows
