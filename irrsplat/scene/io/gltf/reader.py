@@ -22,18 +22,16 @@ from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
 from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, printable, read
-from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
+from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _SUPPORTED = {  # extensions that are supported, or that have no visible effect
-    "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_avif",
@@ -80,7 +78,6 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
         up = up_vector(path, options.up_axis)
-        sky = sky or image_based_light(document, axes(up), reader.encoded)
     for used in document.entries("extensionsUsed"):
         if used not in _SUPPORTED:
             document.unshown[printable(used)] = None
@@ -151,10 +148,6 @@ class _Reader:
                             self.document.unshown[other] = None
                             continue
                         yield self._part(node, entry, i, places, node_name, label)
-
-    def encoded(self, index: object) -> tuple[bytes, str]:
-        """Return the bytes of the image at an index, and its name for messages; raise Damaged."""
-        return self._materials.encoded(index)
 
     def _used_materials(self) -> Iterator[object]:
         """Yield the indices of the materials of the nodes' triangles."""
