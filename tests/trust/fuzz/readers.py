@@ -341,10 +341,7 @@ _SEEDS: dict[str, Callable[[], list[Any]]] = {
         _stl(),
         "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n",
     ],
-    "path": lambda: [
-        "frames 10\ncam 0 0 5 0 0 0 0 1 0\ncam 5 0 0 0 0 0 0 1 0\n"
-        "mesh a 0 1 2 3\nmesh 1 5 0 0 0 30 0 1 0\nlight 0 3 color 1 1 1\n"
-    ],
+    "path": lambda: ["frames 10\ncam 0 0 5 0 0 0 0 1 0\ncam 5 0 0 0 0 0 0 1 0\n"],
     "ies": lambda: [IES, IES.replace("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 .5")],
     "hdr": lambda: [HDR, HDR[:46] + bytes([2, 2, 0, 8, 136, 5]) * 6],
     "exr": lambda: [_exr()],

@@ -39,7 +39,7 @@ _USAGES = {  # by reader: its lines, separated by `;`
     "obj": _OBJ,
     "obj-strict": _OBJ,
     "mtl": "newmtl NAME;Kd R G B;Ke R G B;d X;Tr X;illum N;Tf R G B;map_Kd FILE;map_d FILE;norm -bm X FILE;map_Kd -s X Y FILE",
-    "path": "frames N;cam X Y Z X Y Z X Y Z;mesh NAME N X Y Z;mesh 0 1 X Y Z D X Y;light 0 1 color R G B;light 0 2 position X Y",
+    "path": "frames N;cam X Y Z X Y Z X Y Z",
     "ies": "N;TILT=NONE;TILT=INCLUDE;TILT=FILE;N N N",
     "ply": "element vertex N;element face N;property float NAME;property list uchar int NAME;format ascii N",
     "stl": "vertex X Y Z;facet normal X Y Z;endloop",
