@@ -7,11 +7,11 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-# Threads of OpenBLAS wait by turning round and round, on the cores that the other test processes need. Read when numpy is loaded.
+# Idle threads of OpenBLAS spin on the cores of the other test processes. OpenBLAS reads this variable when numpy is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Freed memory stays with the process: to get it anew for each texture and array takes a tenth of the tests' time. Read when a
-# process starts, as test processes do after this.
+# Freed memory stays with the process: new memory for each texture and array takes a tenth of the tests' time. glibc reads
+# these variables when a process starts; the test processes start after this line.
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(1 << 30))
 os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(1 << 31))
 os.environ.setdefault("MALLOC_TOP_PAD_", str(1 << 24))
@@ -26,20 +26,20 @@ from tests.support.counted_clock import CountedClock
 from tests.support.crashes import pytest_configure, pytest_handlecrashitem  # noqa: F401  hooks
 from tests.support.viewing import Driver, fresh, viewing, write_room
 
-# Of several test processes each has llvmpipe, the software renderer, draw in the thread that calls it; it reads this when OpenGL
-# starts. With threads of its own, even one, Mesa 22.3 may free a fence that one of them is still unlocking: a few bytes of freed
-# memory become 0, and in one of some ten whole runs malloc ended a process for it ("corrupted double-linked list").
+# Each of several test processes draws with llvmpipe, the software renderer, in the calling thread. llvmpipe reads this variable
+# when OpenGL starts. With even one thread of llvmpipe, Mesa 22.3 may free a fence during its unlocking and zero freed memory.
+# In one of about ten whole runs, malloc then ended a process ("corrupted double-linked list").
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("LP_NUM_THREADS", "0")
 
-# A shell's jobs in the background ignore Ctrl-C, and so would the programs that tests start and interrupt.
+# Background jobs of a shell ignore Ctrl-C; programs started by tests would inherit this and could not be interrupted.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A new folder for what processes keep."""
+    """Provide a new folder for the caches of all processes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("IRRSPLAT_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -47,7 +47,7 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give the surface cache a tenth of its sites and rays in tests marked `few_sites`. Tests of light never have that mark."""
+    """Give the surface cache a tenth of its sites and rays in tests marked `few_sites`; tests of light do not use the mark."""
     if request.node.get_closest_marker("few_sites"):
         monkeypatch.setattr(site_layout, "POINTS", tuple(points // 10 for points in site_layout.POINTS))
         monkeypatch.setattr(site_rays, "RAYS", site_rays.RAYS // 10)
@@ -55,7 +55,7 @@ def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.fixture(scope="session", autouse=True)
 def clock() -> Iterator[CountedClock]:
-    """The clock of frame budgets and notices: it counts work, so that load and machine do not matter."""
+    """Provide the clock of frame budgets and notices: it counts work and is independent of load and machine."""
     made = CountedClock()
     with use_clock(made):
         yield made
@@ -63,7 +63,7 @@ def clock() -> Iterator[CountedClock]:
 
 @pytest.fixture
 def ctx() -> Iterator[moderngl.Context]:
-    """The session's OpenGL context, made current for this test (a Renderer of an earlier test may have left another current)."""
+    """Make the session's OpenGL context current, because an earlier test may have left another one current."""
     shared = context.shared()
     with shared:
         yield shared
@@ -73,14 +73,14 @@ def ctx() -> Iterator[moderngl.Context]:
 def software(ctx: moderngl.Context) -> bool:
     """True if OpenGL is Mesa's software renderer.
 
-    Hardware rounds otherwise: corners of triangles lie on a grid of 1/256 pixel, and so do the weights of texture filters.
+    Hardware rounds differently: it snaps triangle corners and the weights of texture filters to a grid of 1/256 pixel.
     """
     return bool(context.describe(ctx)["software"])
 
 
 @pytest.fixture(autouse=True)
 def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Fails the test that left an OpenGL error in any context that it used: the shared one, or one that it made itself."""
+    """Fail a test that leaves an OpenGL error in the shared context or in a context of its own."""
     contexts: list[moderngl.Context] = [context.shared()] if context.shared.cache_info().currsize else []
     for one in contexts:
         one.gc_mode = "context_gc"
@@ -113,23 +113,25 @@ def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def free_dropped(one: moderngl.Context) -> None:
-    """Free what tests made in the shared context and dropped: moderngl leaves that to its maker, and a session would grow by
-    gigabytes. Contexts that are made anew are released whole, and those of the product show what it does not free."""
+    """Free the objects that tests dropped in the shared context; moderngl does not free them, and a session grows by gigabytes.
+
+    Contexts of single tests are released as a whole; the product's own contexts then show objects without an owner.
+    """
     while one.objects:
         dropped = one.objects.popleft()
-        if not isinstance(dropped, moderngl.InvalidObject):  # it was released before it was dropped
+        if not isinstance(dropped, moderngl.InvalidObject):  # an invalid object has been released already
             with one:
                 dropped.release()
 
 
 @pytest.fixture(scope="session")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A viewer of a small room, shared by all tests that do not open their own."""
+    """Provide a viewer of a small room, shared by all tests without a viewer of their own."""
     with viewing(write_room(tmp_path_factory.mktemp("room"))) as made:
         yield made
 
 
 @pytest.fixture
 def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The same as when it was opened, at rest; what it writes goes to `tmp_path`."""
+    """Provide the shared viewer in its initial converged state; it writes to `tmp_path`."""
     yield from fresh(one, tmp_path, monkeypatch)

@@ -27,16 +27,16 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 class FakeRenderer:
-    """Stands in for the real one: keeps what it was asked, and hands out a frame of constants."""
+    """Stand-in for the renderer: it stores its arguments and returns frames of constants."""
 
-    asked: SimpleNamespace
+    arguments: SimpleNamespace
     stats: dict[str, Any]
-    told: Progress
+    reported: Progress
     notices: tuple[str, ...] = ()
     settings: Settings = Settings()
 
     def __init__(self, scene: Any, size: tuple[int, int], preset: str, tile_size: int | None = None, **settings: Any) -> None:
-        type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, tile_size=tile_size, settings=settings)
+        type(self).arguments = SimpleNamespace(scene=scene, size=size, preset=preset, tile_size=tile_size, settings=settings)
 
     def __enter__(self) -> FakeRenderer:
         return self
@@ -52,19 +52,19 @@ class FakeRenderer:
         buffers: Any = None,
         gather: bool = True,
     ) -> Frame:
-        if not gather:  # the picture with more samples, after the arrays
+        if not gather:  # the antialiased picture, rendered after the arrays
             return self.frame()
-        vars(self.asked).update(camera=camera, figures=figures, progress=progress, buffers=buffers)
+        vars(self.arguments).update(camera=camera, figures=figures, progress=progress, buffers=buffers)
         if progress is not None:
-            progress(self.told)
+            progress(self.reported)
         return self.frame()
 
     def change(self, settings: Settings) -> None:
-        """Take other settings."""
+        """Accept other settings."""
 
     def frame(self) -> Frame:
         """Return a frame of constants."""
-        width, height = self.asked.size
+        width, height = self.arguments.size
         shapes = {c.name: (height, width, 3) if c.components == 3 else (height, width) for c in CHANNELS.values()}
         shapes |= {f.name: (1, 3) for f in fields(Frame) if f.name.startswith("records_")}
         arrays: dict[str, Any] = {name: np.ones(shape, "f4") for name, shape in shapes.items()}
@@ -74,17 +74,17 @@ class FakeRenderer:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
-    """Puts FakeRenderer in the place of the real one; `fake.asked` is what it was asked, `fake.stats` what it adds to its own."""
+    """Replace the renderer by FakeRenderer; `fake.arguments` holds its arguments, `fake.stats` more statistics of its frames."""
     monkeypatch.setattr(irrsplat, "Renderer", FakeRenderer)
     FakeRenderer.stats = {}
-    FakeRenderer.told = Progress(round=1, records=3, new=3, coverage=0.5)
-    FakeRenderer.asked = SimpleNamespace()
+    FakeRenderer.reported = Progress(round=1, records=3, new=3, coverage=0.5)
+    FakeRenderer.arguments = SimpleNamespace()
     return FakeRenderer
 
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a small scene in it."""
+    """Change to a working folder with a small scene; return the folder."""
     (tmp_path / "plain.scene").write_text(PLAIN)
     (tmp_path / "triangle.obj").write_text(TRIANGLE)
     monkeypatch.chdir(tmp_path)
@@ -93,8 +93,10 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """Runs a command line in `tmp_path` that must fail with `status`, one line on stderr, nothing on stdout, and no file written;
-    returns the line."""
+    """Return a function that runs a failing command line in `tmp_path` and returns its one line on stderr.
+
+    The command line must end with `status`, print nothing on stdout and change no file.
+    """
     monkeypatch.chdir(tmp_path)
 
     def files() -> dict[Path, bytes | None]:

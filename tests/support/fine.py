@@ -1,6 +1,6 @@
-"""References from fine gathers in bundled scenes, in fine.npz; `python -m tests.support.fine` renews them in minutes.
+"""References from fine gathers in bundled scenes, in fine.npz; `python -m tests.support.fine` writes the file in minutes.
 
-Each stores its scene's hash; renew them after a change of a scene. Luminances, Rec. 709.
+Each reference stores its scene's hash; write the file again after a change of a scene. Luminances, Rec. 709.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ class ShownView(Owner):
 
     @property
     def seen(self) -> np.ndarray:
-        """Mask (H, W) of pixels with a surface."""
+        """Return the mask (H, W) of pixels with a surface."""
         return np.isfinite(self.frame.depth)
 
     def draw(self, target: Target, name: str, region: Region | None = None) -> np.ndarray:
@@ -142,7 +142,7 @@ class Widget:
     box: tuple[float, float, float, float]
 
     def at(self, along: float = 0.5) -> tuple[float, float]:
-        """Return a point of it, `along` 0..1 from left to right."""
+        """Return a point of the widget, `along` 0..1 from left to right."""
         left, top, right, bottom = self.box
         return left + along * (right - left), 0.5 * (top + bottom)
 
@@ -153,7 +153,7 @@ class Driver:
     def __init__(self, viewer: Viewer, values: SettingValues) -> None:
         self.viewer, self.wnd = viewer, viewer.wnd
         self.values, self.source = values, viewer.actions.source  # restored by `reset`
-        self.scene = viewer.actions.session.scene  # likewise
+        self.scene = viewer.actions.session.scene  # restored by `reset`
         self.size = self.wnd.size
         self.density = 1.0  # restored by `reset`
         self.records: CacheState | None = None  # of the initial converged view, for `reset`
@@ -174,7 +174,7 @@ class Driver:
 
     @property
     def said(self) -> str:
-        """All messages on show."""
+        """Return all visible messages."""
         return "\n".join(m.text for m in self.actions.messages.lines)
 
     # ---- time and pictures ---------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ class Driver:
         self.wnd._buffer_width, self.wnd._buffer_height = pixels
 
     def seen(self, point: tuple[float, float, float]) -> tuple[float, float]:
-        """Return the place in the window of a point of the scene."""
+        """Return the window coordinates of a point of the scene."""
         found = self.viewer.interface.layout.seen(self.session.camera, point)
         assert found is not None
         return found
@@ -345,7 +345,7 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        actions.prompt, actions.editor.saved = None, actions.editor.edit  # without a question
+        actions.prompt, actions.editor.saved = None, actions.editor.edit  # no prompt for unsaved changes
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
@@ -368,7 +368,7 @@ class Driver:
         if self.records is None:
             self.settle()
             self.records = renderer.scheduler.state()
-        else:  # an equal state is not gathered again
+        else:  # an equal state needs no gathering
             renderer.forget()
             renderer.scheduler.apply(renderer.settings, renderer.scheduler.gatherer.change_to(renderer.scene), renderer.shadows)
             renderer.scheduler.restore(self.records)
@@ -380,7 +380,7 @@ _WIDGETS = (
     *("slider_float", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button", "menu_item", "begin_menu"),
     *("selectable", "collapsing_header", "drag_int", "drag_float", "drag_float3", "color_edit3", "input_text"),
 )
-_NAMED = ("slider_float", "combo", "begin_combo", "drag_int", "drag_float", "drag_float3", "color_edit3")  # on their right
+_NAMED = ("slider_float", "combo", "begin_combo", "drag_int", "drag_float", "drag_float3", "color_edit3")  # label on the right
 
 
 @contextmanager
@@ -391,7 +391,7 @@ def watched(driver: Driver) -> Iterator[None]:
     def watch(name: str, make: Callable[..., Any]) -> Callable[..., Any]:
         def widget(label: str, *args: Any, **options: Any) -> Any:
             result = make(label, *args, **options)
-            if name in ("begin_menu", "begin_combo") and result:  # then the last item belongs to another window
+            if name in ("begin_menu", "begin_combo") and result:  # an open menu's last item belongs to another window
                 return result
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             right, seen = high.x, label.split("##")[0]
@@ -492,7 +492,7 @@ class Tracer:
 
     @classmethod
     def traced(cls, size: tuple[int, int]) -> Traced:
-        """Return it with the other channels of a reference, in grey."""
+        """Return the irradiance with the other channels of a reference, in grey."""
         found = cls.make(size)
         grey = np.full((*found["seen"].shape, 3), 0.5, "f4")
         kinds = dict.fromkeys(("direct", "emission", "albedo", "normal", "tint", "glow"), grey)
@@ -509,7 +509,7 @@ class Tracer:
         pytest.fail("no tracing after 20 frames")
 
     def wait(self, driver: Driver) -> TracedReference:
-        """Return the reference of the early passes, once the viewer shows it."""
+        """Wait until the viewer shows the reference of the early passes; return this reference."""
         self.begin(driver)
         driver.frame()
         found = driver.session.source(0).reference

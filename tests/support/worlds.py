@@ -279,7 +279,7 @@ def polygon_vector(corners: np.ndarray, p: np.ndarray) -> np.ndarray:
 def assert_pictures(name: str, picture: np.ndarray, truth: np.ndarray, limit: Any, where: Any = True) -> None:
     """Fail for |picture - truth| > limit at pixels of `where`, and write picture, reference and difference."""
     picture, truth = np.asarray(picture, float), np.broadcast_to(truth, np.shape(picture)).astype(float)
-    wrong = ~(np.abs(picture - truth) <= limit)  # NaN is wrong too
+    wrong = ~(np.abs(picture - truth) <= limit)  # NaN counts as wrong
     counted = np.broadcast_to(where, picture.shape[:2])
     wrong = (wrong.any(-1) if wrong.ndim == 3 else wrong) & counted
     if wrong.any():

@@ -35,22 +35,22 @@ def rendered(
     """
     forks = multiprocessing.get_context("forkserver")
     forks.set_forkserver_preload(["irrsplat.app.cli", "irrsplat.renderer", "irrsplat.app.film.frames", "OpenEXR", __name__])
-    told, said = forks.Pipe(duplex=False)
-    process = forks.Process(target=_child, args=(str(folder), said, argv, harm, values))
+    receiver, sender = forks.Pipe(duplex=False)
+    process = forks.Process(target=_child, args=(str(folder), sender, argv, harm, values))
     process.start()
-    said.close()
-    process.join(LIMIT)  # a line or two fit into the pipe
+    sender.close()
+    process.join(LIMIT)  # the pipe's buffer holds a line or two
     if process.exitcode is None:
         process.kill()
         raise AssertionError(f"{argv} hangs, with {harm} {values}")
-    with open(told.fileno(), errors="replace", closefd=False) as stream:
+    with open(receiver.fileno(), errors="replace", closefd=False) as stream:
         return process.exitcode, stream.read()
 
 
-def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tuple[Any, ...]) -> None:
+def _child(folder: str, sender: Connection, argv: list[str], harm: Any, values: tuple[Any, ...]) -> None:
     os.chdir(folder)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    os.dup2(said.fileno(), 2)
+    os.dup2(sender.fileno(), 2)
     sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
     faulthandler.enable()
     signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -102,8 +102,8 @@ def test_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             objects.append(watch.alive().total())
             for file in tmp_path.glob("*-*-*"):
                 file.unlink()
-    told = ", ".join(f"{one:.0f}" for one in memory)
-    print(f"\n{LAPS * ACTIONS * (len(SCENES) + 1)} actions, {frames} frames; MiB after each lap: {told}; objects: {objects}")
+    listed = ", ".join(f"{one:.0f}" for one in memory)
+    print(f"\n{LAPS * ACTIONS * (len(SCENES) + 1)} actions, {frames} frames; MiB after each lap: {listed}; objects: {objects}")
     first = max(LAPS // 3, 1)
-    assert LAPS < MANY or max(memory[first:]) <= GROWTH * max(memory[:first]), f"MiB after each lap: {told}"
+    assert LAPS < MANY or max(memory[first:]) <= GROWTH * max(memory[:first]), f"MiB after each lap: {listed}"
     assert max(objects[first:]) <= max(objects[:first]) + OBJECTS, f"objects of OpenGL after each lap: {objects}"

@@ -43,7 +43,7 @@ SETTINGS: dict[str, tuple[Any, ...]] = {
 }  # fmt: skip
 EXACT = "position", "normal", "albedo", "depth", "direct", "emission"
 AS_SEEDS = 1.5  # allowed difference from a new renderer, in differences of two seeds
-SEEDS = 24  # seeds before a picture counts as wrong: one in eight may miss a strip of light one pixel wide
+SEEDS = 24  # seeds for the comparison with a finer picture: one in eight may miss a strip of light one pixel wide
 DARK = 1e-3  # W/m²: lower bound for a mean
 LEAST = 0.02  # of the mean: smaller differences are not checked
 
@@ -64,7 +64,7 @@ class Run:
     view: View | None = None
     saved: int = 0
     done: list[str] = field(default_factory=list)
-    off: list[tuple[float, float]] = field(default_factory=list)  # of each compared picture, and of two seeds there
+    off: list[tuple[float, float]] = field(default_factory=list)  # RMS differences: of each picture, of two seeds for its view
 
     def check(self) -> None:
         """Assert that the renderer has the expected state."""
@@ -233,7 +233,7 @@ def off(one: Frame, other: Frame) -> float:
     return float(np.sqrt(((one.irradiance - other.irradiance) ** 2).mean())) / mean
 
 
-def at_rest(run: Run, draw: Draw) -> Frame:
+def converged_view(run: Run, draw: Draw) -> Frame:
     """Return the converged view, by a render, or by limited frames."""
     if draw.random() < 0.4:
         return run.renderer.render(run.camera)
@@ -241,15 +241,15 @@ def at_rest(run: Run, draw: Draw) -> Frame:
         view, progress = run.renderer.frame(run.camera, 0.02)
         if progress.done:
             return read(view, run.renderer.cache.read(), {"converged": progress.coverage == 1.0})
-    raise AssertionError(f"no rest after {run.done}: {progress}")
+    raise AssertionError(f"not converged after {run.done}: {progress}")
 
 
 def compare(run: Run, draw: Draw) -> None:
     """Converge, in limited frames or at once, and compare with new renderers."""
-    found, made = at_rest(run, draw), [fresh(run, 0), fresh(run, 1)]
+    found, made = converged_view(run, draw), [fresh(run, 0), fresh(run, 1)]
     for name in EXACT:
         assert np.array_equal(getattr(found, name), getattr(made[0], name)), f"{name} differs after {run.done}"
-    if not (found.stats["converged"] and made[0].stats["converged"]):  # the quality then depends on the past
+    if not (found.stats["converged"] and made[0].stats["converged"]):  # the quality then depends on earlier calls
         assert run.settings.max_records == FEW, f"unfinished after {run.done}"
         return
     apart, seeds = off(found, made[0]), off(made[0], made[1])

@@ -21,6 +21,6 @@ def test_each_requirement_has_a_least_version_and_one_in_ci() -> None:
             assert not version or parts(version) >= parts(least(requirement)), requirement
 
 
-def test_licences_ask_for_no_more_than_a_notice() -> None:
+def test_licences_require_at_most_a_notice() -> None:
     found = {name: licence(name) for name in needed() if name not in SILENT}
     assert len(found) > 20 and [name for name, words in found.items() if not allowed(words)] == []

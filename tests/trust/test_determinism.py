@@ -35,7 +35,7 @@ CIRCUMSTANCES: dict[str, dict[str, str]] = {
 TRIED = list(CIRCUMSTANCES) if FULL else list(CIRCUMSTANCES)[:2]
 SIZE = ["120", "90"] if FULL else ["48", "40"]
 LIMIT = 0.01  # of the mean: RMS difference of refined pictures after a slow and a fast flight
-NOISE = 0.028  # the difference without refinement: other records, each picture 1.6 % off (docs/measurements.md); measured 2.2 %
+NOISE = 0.028  # the same without refinement; measured 2.2 %: the records differ, each picture is 1.6 % off (docs/measurements.md)
 QUALITY = 0.005  # estimated error at which refinement ends, as in the viewer
 
 
@@ -85,7 +85,7 @@ def flown(scene: Scene, cameras: list[irrsplat.Camera], size: tuple[int, int], *
 
 
 @pytest.mark.long
-def test_a_slow_and_a_fast_flight_end_alike() -> None:
+def test_slow_and_fast_flights_converge_to_one_picture() -> None:
     """The flights have different records, so that single pixels differ slightly; the converged pictures agree."""
     settings = {**FAST, "gather": "trace", "gather_size": 32}
     eyes = np.linspace([-0.7, 0.5, 0.9], FRONT.eye, 24)

@@ -77,7 +77,7 @@ def check(place: Path, old: dict[str, bytes], parts: bool) -> Counter[str]:
     found: Counter[str] = Counter()
     for path in place.iterdir():
         if path.name.startswith(".irrsplat-"):
-            assert parts, f"{path.name} stays behind"
+            assert parts, f"temporary file {path.name} is left"
             found["parts left"] += 1
         elif path.name not in ("plain.scene", "triangle.obj"):
             assert path.name in OUTPUTS, path.name
@@ -136,13 +136,13 @@ def test_a_full_disk(place: Path) -> None:
     for _ in range(TIMES):
         emptied(place)
         old, most = laid(place, draw), int(np.exp(draw.uniform(np.log(64), np.log(300_000))))
-        status, said = rendered(place, RENDER, limited, most)
-        assert status in (0, 1) and said.count("\n") == status, said
-        told = check(place, old, parts=False)
-        missing = len(OUTPUTS) - told["whole"]
-        assert said.count("cannot write: File too large") >= (missing > 0) and (status == 1) == (missing > 0), (said, told)
-        found += told
-    print(f"\nat most so long a file: {dict(found)}")
+        status, stderr = rendered(place, RENDER, limited, most)
+        assert status in (0, 1) and stderr.count("\n") == status, stderr
+        counts = check(place, old, parts=False)
+        missing = len(OUTPUTS) - counts["whole"]
+        assert stderr.count("cannot write: File too large") >= (missing > 0) and (status == 1) == (missing > 0), (stderr, counts)
+        found += counts
+    print(f"\nlimited file size: {dict(found)}")
 
 
 @pytest.mark.long
@@ -159,11 +159,11 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
         emptied(place)
         old = laid(place, draw)
         if lines:
-            status, said = rendered(place, RENDER, at_line, int(share * lines))
+            status, stderr = rendered(place, RENDER, at_line, int(share * lines))
         else:
-            status, said = rendered(place, RENDER, signalled, int(signal.Signals[how]), float(1.5 * share))
-        assert status in (0, 130), (status, said)
-        assert said.count("\n") == (status == 130) and "Traceback" not in said
+            status, stderr = rendered(place, RENDER, signalled, int(signal.Signals[how]), float(1.5 * share))
+        assert status in (0, 130), (status, stderr)
+        assert stderr.count("\n") == (status == 130) and "Traceback" not in stderr
         found += check(place, old, parts=False)
         found[f"status {status}"] += 1
     print(f"\n{how}: {dict(found)}")
@@ -172,7 +172,7 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
 # ---- clocks -------------------------------------------------------------------------------------------------------------------
 
 
-class Leaping(CountedClock):
+class JumpingClock(CountedClock):
     """Clock that sometimes jumps by an hour, as after suspension of a machine."""
 
     draw = np.random.default_rng(SEED)
@@ -183,18 +183,18 @@ class Leaping(CountedClock):
 
 
 @pytest.mark.parametrize("busy", [0.0, 0.2])
-def test_a_clock_that_leaps_and_input_that_waits_change_no_picture(busy: float) -> None:
+def test_a_jumping_clock_and_pending_input_change_no_picture(busy: float) -> None:
     """Limited frames converge with the records of whole rounds. busy: share of the checks with pending input."""
-    clock, done = Leaping(), False
-    with Renderer(room(), (24, 20), **FAST) as whole, Renderer(room(), (24, 20), **FAST) as leaping, use_clock(clock):
+    clock, done = JumpingClock(), False
+    with Renderer(room(), (24, 20), **FAST) as whole, Renderer(room(), (24, 20), **FAST) as framed, use_clock(clock):
         whole.render()
         with checked_by(lambda: bool(clock.draw.random() < busy)):
             for _ in range(6000):
                 with suppress(InputWaits):
-                    progress = leaping.frame(seconds=0.01)[1]
+                    progress = framed.frame(seconds=0.01)[1]
                     done = progress.done
                 if done:
                     break
         assert done and progress.coverage == 1.0
-        one, two = (sorted(renderer.cache.read()["position"].tolist()) for renderer in (whole, leaping))
+        one, two = (sorted(renderer.cache.read()["position"].tolist()) for renderer in (whole, framed))
         assert one == two

@@ -29,7 +29,7 @@ NAMES = {"a.png", "b.exr", "c.npz", "folder", "s.json"}
 
 @pytest.fixture
 def broken(monkeypatch: pytest.MonkeyPatch) -> set[str]:
-    """Names of files that cannot be put in place, as on a full disk."""
+    """Return the changeable names of files whose renaming fails, as on a full disk."""
     names: set[str] = set()
     replace = os.replace
 
@@ -47,7 +47,7 @@ def written(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("bad", [{"a.png"}, {"b.exr", "c.npz"}, {"folder"}, {"s.json"}, NAMES])
-def test_each_output_stands_alone(
+def test_a_failed_output_affects_no_other(
     bad: set[str], broken: set[str], fake: Any, place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """All other files are written, and one line names each failed one."""
@@ -72,7 +72,7 @@ def test_failed_outputs_do_not_lose_the_cache(
     assert written(place) == {"a.cache", "s.json"}
 
 
-def test_a_path_goes_on_with_the_outputs_that_are_left(
+def test_a_path_continues_with_its_remaining_outputs(
     broken: set[str], fake: Any, flight: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A failed output is not tried again; without outputs, the path ends with the statistics of the written frames."""
@@ -100,15 +100,15 @@ def test_the_same_file_twice_is_refused(argv: list[str], words: str, refused: Ca
     assert words in refused([*RENDER, *argv])
 
 
-def test_patterns_with_one_name_from_some_frame_on_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
+def test_patterns_with_equal_names_at_a_later_frame_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
     path = flight / "a.path"
     path.write_text(path.read_text().replace("frames 4", "frames 12"))
     line = refused([*FLIGHT, "-o", "f{frame}.png", "-o", "f{frame:02d}.png"])
     assert "f{frame:02d}.png: frame 10 would go to a file of 'f{frame}.png'" in line
 
 
-def test_what_a_killed_process_left_is_swept(tmp_path: Path) -> None:
-    """The next writer removes temporary files of dead processes. Those of a living one, foreign names, links and pipes stay."""
+def test_temporary_files_of_a_killed_process_are_removed(tmp_path: Path) -> None:
+    """The next writer removes temporary files of dead processes; files of living processes, other names, links, pipes stay."""
     (tmp_path / ".irrsplat-0123456789ab.part").write_text("half")
     (tmp_path / ".irrsplat-0123456789ac.part").mkdir()
     (tmp_path / ".irrsplat-0123456789ac.part" / "a.png").touch()
@@ -134,7 +134,7 @@ def test_what_a_killed_process_left_is_swept(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rows", [1, 16, 33])
-def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
+def test_a_truncated_exr_is_detected(rows: int, tmp_path: Path) -> None:
     """OpenEXR's writer does not report a full disk; missing or zeroed data at the end is detected."""
     import OpenEXR
 
@@ -152,7 +152,7 @@ def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
                 files.check_exr(path, rows)
 
 
-def test_a_name_that_is_swept_before_it_is_locked_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_temporary_file_removed_before_its_lock_is_created_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another process removes the temporary file before it is locked: the file is still written."""
     fcntl = pytest.importorskip("fcntl")
     lock, swept = fcntl.flock, list[Path]()

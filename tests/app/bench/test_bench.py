@@ -35,7 +35,7 @@ KEYS |= {"bounces", "seconds_all", "picture_seconds", "memory_mib"}
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Run everything once and small; truths go to a folder of the test."""
+    """Run each case once at a small size, with references in a folder of the test."""
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 32)
     monkeypatch.setattr(gather_truth, "COUNT", 150)
@@ -43,8 +43,8 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
-def keep_the_contract(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[tuple[str, str, str], dict[str, Any]]:
-    """Check what any JSON of the benchmark holds; return its rows by scene, preset and case."""
+def checked_rows(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[tuple[str, str, str], dict[str, Any]]:
+    """Assert the keys and ranges of a benchmark's JSON; return its rows by scene, preset and case."""
     assert set(written) == {"machine", "runs"}
     assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
     for scene in scenes:
@@ -59,28 +59,28 @@ def keep_the_contract(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[
     return {(run["scene"], run["preset"], run["case"]): run for run in written["runs"]}
 
 
-def test_the_cases_of_one_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each case starts from the state in its name."""
+def test_each_case_starts_from_its_named_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The stages and the number of records of each row show the state from which its case starts."""
     command = ["bench", "cornell-paper", "--preset", "default", "--size", "12", "10", "--flight", "off"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
-    of = keep_the_contract(json.loads((tmp_path / "b.json").read_text()), ("cornell-paper",))
+    of = checked_rows(json.loads((tmp_path / "b.json").read_text()), ("cornell-paper",))
     assert [*of] == [("cornell-paper", "default", case) for case in CASES]
     empty, warm, moved, light = of.values()
-    assert {"shadow", "gather"} <= set(empty["stages_ms"]), "from nothing, not from the throw-away run"
+    assert {"shadow", "gather"} <= set(empty["stages_ms"]), "the case starts empty, without the results of the warm-up run"
     assert warm["records"] == empty["records"] and "shadow" not in warm["stages_ms"]
-    assert warm["rmse"] == pytest.approx(empty["rmse"], rel=0.05), "it is the same view"
-    assert {"gbuffer", "direct"} <= set(warm["stages_ms"]), "every buffer of the view is drawn again"
+    assert warm["rmse"] == pytest.approx(empty["rmse"], rel=0.05), "both cases have the same view"
+    assert {"gbuffer", "direct"} <= set(warm["stages_ms"]), "a warm frame redraws each buffer of the view"
     assert moved["records"] >= empty["records"]
-    assert {"shadow", "gather"} <= set(light["stages_ms"]), "all of it is lit anew"
-    assert light["records"] >= empty["records"], "records are gathered again in place"
+    assert {"shadow", "gather"} <= set(light["stages_ms"]), "a moved light invalidates shadows and records"
+    assert light["records"] >= empty["records"], "a moved light refreshes records in place"
     assert all(run["size"] == [12, 10] and run["bounces"] == 1 for run in of.values())
     out = capsys.readouterr().out
     assert all(any(line.split()[:3] == ["cornell-paper", "default", case] for line in out.splitlines()) for case in CASES)
 
 
 @pytest.mark.few_sites
-def test_a_profile_has_every_stage_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wrapped functions are restored. Each reading of the clock is a second: outer is open for three, of which inner has one."""
+def test_a_profile_counts_nested_time_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each reading of the clock adds 1 s: outer lasts 3 s including 1 s of inner. The profile restores wrapped functions."""
     command = ["bench", "cornell", "--profile", "--bounces", "2", "--size", "24", "18", "--json", str(tmp_path / "b.json")]
     assert cli.main(command) == 0 and not hasattr(RayCaster.first_hits, "__wrapped__")
     (one,) = json.loads((tmp_path / "b.json").read_text())["profiles"]
@@ -93,18 +93,18 @@ def test_a_profile_has_every_stage_once(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.long
-def test_two_scenes_two_presets_and_flights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scenes_presets_and_flights_have_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
-    of = keep_the_contract(written, ("cornell-paper", "furnace"))
+    of = checked_rows(written, ("cornell-paper", "furnace"))
     expected = []
-    for scene, some in (("cornell-paper", CASES), ("furnace", CASES[:3])):  # no lamp, so none that could move
+    for scene, some in (("cornell-paper", CASES), ("furnace", CASES[:3])):  # the furnace has no light to move
         expected += [(scene, preset, case) for preset in ("paper", "default") for case in some]
         expected += [(scene, "default", f"flight {case}") for case in FLIGHTS]
     assert [*of] == expected
     assert of["furnace", "default", "empty"]["rmse"] < 0.01, "E is π everywhere"
-    assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane sees .945 of it"
+    assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane covers 0.945 of E"
 
     out = capsys.readouterr().out
     for name, ms, _ in paper_times.ROWS:
@@ -112,8 +112,8 @@ def test_two_scenes_two_presets_and_flights(tmp_path: Path, capsys: pytest.Captu
     assert "times faster than paper" in out and "8800 GT" in out and written["machine"]["renderer"] in out
 
 
-def test_the_truth_is_gathered_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each view and lamp has a file, which the next run reads; a damaged file is replaced."""
+def test_a_reference_is_gathered_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each view and each set of lights has a file. The next run reads this file and replaces a damaged one."""
     scene = irrsplat.load("cornell-paper")
     cache = tmp_path / "cache"
     with irrsplat.Renderer(scene, size=(16, 12), bounces=1) as renderer:
@@ -131,13 +131,13 @@ def test_the_truth_is_gathered_once(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert len([*cache.glob("*.npz")]) == 3 and capsys.readouterr().err == ""
         renderer.relight(scene.lights)
         file.write_bytes(kept[:-9])
-        mended = gather_truth.truth(renderer, camera)
-        assert mended is not None and np.array_equal(mended.irradiance, first.irradiance)
+        repaired = gather_truth.truth(renderer, camera)
+        assert repaired is not None and np.array_equal(repaired.irradiance, first.irradiance)
         assert "damaged" in capsys.readouterr().err and len(file.read_bytes()) == len(kept)
 
 
-def test_the_truth_of_a_small_bulb_is_free_of_noise() -> None:
-    """A bulb of 6 cm two metres above the floor: E = I·cosθ/d², I = π·r²·L; few of the directions hit it."""
+def test_the_reference_of_a_small_bulb_has_little_noise() -> None:
+    """A bulb of 6 cm at 2 m gives E = I·cosθ/d² with I = π·r²·L, although few hemisphere samples hit the bulb."""
     radius, centre = 0.03, np.array((0.3, 2.0, 0.1))
     bulb = sphere(centre, radius, material(0.0, 1e3), 12, 24)
     world = scene_of(floor(3.0, paint=material(0.0)), bulb, camera=Camera((0, 1.5, 0), (0, 0, 0), (0, 0, -1)))
@@ -152,8 +152,8 @@ def test_the_truth_of_a_small_bulb_is_free_of_noise() -> None:
 
 
 @pytest.mark.long
-def test_a_loop_costs_no_accuracy() -> None:
-    """After a flight about the scene the error at the first camera is at most 1.1 times a fresh render's."""
+def test_a_flight_keeps_the_accuracy_of_its_first_view() -> None:
+    """Records of other views add little error: at the first camera, at most 1.1 times the error of a fresh render."""
     scene, reference = irrsplat.load("cornell"), load_reference("cornell")
     first = scene.camera()
     path = load_path(Path(scene.path).parent / "flight.path", first.fov)
@@ -166,8 +166,8 @@ def test_a_loop_costs_no_accuracy() -> None:
 
 
 @pytest.mark.few_sites
-def test_the_flight_fills_the_cache_and_finds_it_full() -> None:
-    """Views that the first flight leaves incomplete are finished before the second, which adds next to nothing."""
+def test_the_second_flight_adds_few_records() -> None:
+    """The benchmark completes each view between the flights: the second flight adds at most 1 % of the records."""
     filling, warm = fly_through.fly(irrsplat.load("cornell-paper"), (24, 18), frames=4)
     own, made = fly_through.route(irrsplat.load("cornell")), fly_through.route(irrsplat.load("cornell-paper"))
     assert own.frames == 90 and made.frames == fly_through.FRAMES and made.camera(0) == made.camera(made.frames - 1)
@@ -178,8 +178,8 @@ def test_the_flight_fills_the_cache_and_finds_it_full() -> None:
 
 
 @pytest.mark.few_sites
-def test_a_row_of_growth_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The number of triangles is near the given one."""
+def test_a_row_of_growth_has_the_requested_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The time per record is the time of gathering and reduction divided by the number of records."""
     monkeypatch.setattr(scaling, "REPETITIONS", 1)
     row = scaling.measured(1000, 12)
     assert row.triangles == pytest.approx(1000, rel=0.1) and row.size == (12, 12) and row.pixels == 144
@@ -192,8 +192,8 @@ def row(case: str = "empty", seconds: float = 1.0, **more: Any) -> Any:
     return {"scene": "a", "preset": "default", "size": [8, 8], "case": case, "seconds": seconds, "rmse": None} | more
 
 
-def test_a_row_says_how_many_times_faster() -> None:
-    """2 s then and 0.5 s now: 4 times; a row of one bounce is none of two, and what has no counterpart is named."""
+def test_a_comparison_has_the_ratio_of_times() -> None:
+    """2 s then and 0.5 s now have the ratio 4. Rows with different bounces are not compared; unmatched rows are listed."""
     then = [row(seconds=2.0, rmse=0.02), row("warm"), row("moved")]
     now = [row(seconds=0.5, rmse=0.01), row("warm", bounces=2), row("moved", bounces=1)]
     head, *lines = compare.table(then, now)
@@ -208,7 +208,7 @@ def test_a_row_says_how_many_times_faster() -> None:
     "text",
     ["", "{", '{"runs": [1]}', json.dumps({"runs": [row(seconds=0.0)]}), json.dumps({"runs": [row(rmse="small")]}), "\udcff"],
 )
-def test_a_foreign_file_is_refused_in_one_line(tmp_path: Path, refused: Callable[..., str], text: str) -> None:
+def test_an_invalid_file_is_refused_in_one_line(tmp_path: Path, refused: Callable[..., str], text: str) -> None:
     path = tmp_path / "then.json"
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
     assert str(path) in refused(["bench", "--compare", str(path)])

@@ -1,5 +1,4 @@
-"""`irrsplat bench --peers`: scenes in Radiance's words, what the table says of who gets where, and small races where others are
-installed."""
+"""`irrsplat bench --peers`: export to Radiance, the ratios of the table, and short comparisons with installed programs."""
 
 from __future__ import annotations
 
@@ -16,23 +15,23 @@ from irrsplat.app.bench.peers.judging import Measurement, Series
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Scene
 
-here = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
+needs_radiance = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
 
 
 def measurements(system: str, *found: tuple[float, float]) -> tuple[Measurement, ...]:
-    """Measurements of these seconds and errors, each with a further view in a tenth of the time."""
+    """Return measurements with these seconds and errors; a further view takes a tenth of each time."""
     return tuple(Measurement(system, "q", seconds, rmse, seconds / 10.0, rmse) for seconds, rmse in found)
 
 
-# ---- Radiance's words ----------------------------------------------------------------------------------------------------
+# ---- export to Radiance --------------------------------------------------------------------------------------------------
 
 
 def words(scene: Scene) -> list[list[str]]:
     return [line.split() for line in radiance_scene.text(scene).splitlines() if line]
 
 
-def test_a_scene_in_radiances_words() -> None:
-    """Lambertian paint, a mesh by file, and a point light as an invisible sphere: I = L·π·r²."""
+def test_export_of_a_scene_to_radiance() -> None:
+    """Materials are Lambertian, meshes are files, and a point light is an invisible sphere of intensity I = L·π·r²."""
     scene = irrsplat.load("cornell")
     lines = words(scene)
     meshes = [mesh for mesh in scene.meshes if len(mesh.faces)]
@@ -48,10 +47,11 @@ def test_a_scene_in_radiances_words() -> None:
     assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.BULB])
 
 
-# ---- who gets where ------------------------------------------------------------------------------------------------------
+# ---- ratios of times -----------------------------------------------------------------------------------------------------
 
 
-def test_the_verdict_is_a_ratio_to_ours() -> None:
+def test_the_verdict_is_a_ratio_to_the_time_of_irrsplat() -> None:
+    """`slow` takes 30 s for the error that irrsplat reaches in 2 s: 15 times. Noise falls with 1/√samples: (0.1/0.05)² · 1 s."""
     found = [
         Series(measurements("irrsplat", (2.0, 0.04)), "as it is"),
         Series(measurements("slow", (1.0, 0.2), (30.0, 0.05)), "after 1 s"),
@@ -68,12 +68,12 @@ def test_the_verdict_is_a_ratio_to_ours() -> None:
     assert race.plot("cornell", found).shape[2] == 3
 
 
-# ---- small races ---------------------------------------------------------------------------------------------------------
+# ---- short comparisons ---------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Ours at two settings, everybody else briefly, and truths of the test's own."""
+    """Limit irrsplat to two settings and Radiance to one, with small references in a folder of the test."""
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 64)
@@ -84,8 +84,8 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.skipif(find_spec("mitsuba") is None or find_spec("pyoidn") is None, reason="the extra `peers` is not installed")
 @pytest.mark.long
-def test_open_image_denoise_takes_the_noise_of_a_plane() -> None:
-    """Independent noise of 30 % on constant light: a filter over hundreds of pixels leaves less than a fourth."""
+def test_open_image_denoise_removes_the_noise_of_a_plane() -> None:
+    """Pixels have independent noise of 30 %: a filter over hundreds of pixels leaves less than a fourth of the noise."""
     from irrsplat.reference import trace_points
 
     mask = np.ones((64, 96), bool)
@@ -96,11 +96,10 @@ def test_open_image_denoise_takes_the_noise_of_a_plane() -> None:
         assert found.shape == E.shape and np.sqrt(np.mean((found - 2.0) ** 2)) < 0.15
 
 
-@here
+@needs_radiance
 @pytest.mark.long
 def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
-    """One bounce in a box whose lamp hangs free, direct light taken off: the same irradiance, within what its rays leave to
-    chance. Its ambient file makes a second look cheap, and says the same."""
+    """One-bounce indirect irradiance is equal within the noise of Radiance's rays; its ambient file repeats the result."""
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
         view = judging.judged_view(renderer, scene.camera())

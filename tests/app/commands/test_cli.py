@@ -27,18 +27,18 @@ SMALL = ["--size", "2", "2"]
 def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A switch never takes the scene as its value."""
     assert cli.main(["render", "-o", "a.npz"]) == 0
-    assert (fake.asked.scene.name, fake.asked.size, fake.asked.preset) == ("cornell", (800, 800), "default")
-    assert fake.asked.settings == {} and fake.asked.figures is False
+    assert (fake.arguments.scene.name, fake.arguments.size, fake.arguments.preset) == ("cornell", (800, 800), "default")
+    assert fake.arguments.settings == {} and fake.arguments.figures is False
     assert capsys.readouterr() == ("", "")  # piped: silence
     values = {"a": "0.3", "tolerance": "4", "blend": "1", "exposure": "-1.5", "bounces": "0", "gather": "plane", "seed": "7"}
     flags = [word for name, value in values.items() for word in (f"--{name}", value)]
     assert cli.main([*RENDER, "--size", "6", "4", "--preset", "preview", "--gather-size=64", *flags]) == 0
-    assert (fake.asked.size, fake.asked.preset) == ((6, 4), "preview")
+    assert (fake.arguments.size, fake.arguments.preset) == ((6, 4), "preview")
     requested = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
-    assert fake.asked.settings == {**requested, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
+    assert fake.arguments.settings == {**requested, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
     for words, value in ((["--fill-holes"], True), (["--fill-holes", "OFF"], False), (["--fill-holes=off"], False)):
         assert cli.main(["render", *SMALL, "-o", "a.png", "--viewer-samples", "5", *words, "plain.scene"]) == 0
-        assert fake.asked.scene.name == "plain" and fake.asked.settings == {
+        assert fake.arguments.scene.name == "plain" and fake.arguments.settings == {
             "viewer_samples": 5,
             "fill_holes": value,
             "samples": 16,
@@ -72,7 +72,7 @@ def test_cameras(fake: Any, place: Path) -> None:
         (["--camera", "side", "--fov", "20"], (5, 0, 0), (0, 0, 0), (0, 0, 1), 20),
     ):
         assert cli.main([*RENDER, *SMALL, *words]) == 0
-        camera = fake.asked.camera
+        camera = fake.arguments.camera
         assert [camera.eye, camera.target, camera.up, camera.fov] == requested
 
 
@@ -170,7 +170,7 @@ def test_the_progress_line_is_for_a_terminal_only(
     from rich.progress import Progress as Bar
 
     assert cli.main([*RENDER, *SMALL]) == 0
-    assert fake.asked.progress is None and capsys.readouterr() == ("", "")
+    assert fake.arguments.progress is None and capsys.readouterr() == ("", "")
     shown: list[tuple[str, float]] = []
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setattr(Bar, "update", lambda self, task, **what: shown.append((what["description"], what["completed"])))
@@ -181,7 +181,7 @@ def test_the_progress_line_is_for_a_terminal_only(
     ):
         shown.clear()
         told: dict[str, Any] = {"coverage": coverage, "sampled": sampled, "error": error}
-        fake.told = Progress(round=2, records=9, new=0, **{name: x for name, x in told.items() if x is not None})
+        fake.reported = Progress(round=2, records=9, new=0, **{name: x for name, x in told.items() if x is not None})
         assert cli.main([*RENDER, "-o", "b.npz", "--stats", "s.json", *SMALL, *flags]) == 0
         assert [line for line, _ in shown] == [f"round 2: 9 records, {words}"] and shown[0][1] == pytest.approx(share)
         out, err = capsys.readouterr()

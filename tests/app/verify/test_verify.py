@@ -220,7 +220,7 @@ def test_the_table(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -
     assert found["direct light RMSE"] == "100.00 %"
     assert found["albedo"] == "0.5000"
     assert found["truth"] == "8" and "traced before and kept" in out
-    assert (fake.asked.size, fake.asked.preset, fake.asked.settings) == ((6, 4), "preview", {"bounces": 1, "a": 0.3})
+    assert (fake.arguments.size, fake.arguments.preset, fake.arguments.settings) == ((6, 4), "preview", {"bounces": 1, "a": 0.3})
     assert list(place.glob("*.png")) == []
 
 

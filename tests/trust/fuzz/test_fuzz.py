@@ -35,13 +35,13 @@ FOUND = [
 
 
 @pytest.mark.parametrize(("name", "data"), FOUND)
-def test_what_once_broke_a_reader_breaks_it_no_more(name: str, data: bytes | dict[str, np.ndarray]) -> None:
+def test_inputs_of_past_faults_are_read_or_refused(name: str, data: bytes | dict[str, np.ndarray]) -> None:
     whole = data if isinstance(data, bytes) else readers.npz({**readers.cache_arrays(), **data})
     assert readers.judge(name, whole) in ("read", "refused")
 
 
 @pytest.mark.parametrize("name", readers.READERS)
-def test_seeds_are_read_and_odd_input_is_read_or_refused(name: str) -> None:
+def test_seeds_are_read_and_mutations_are_read_or_refused(name: str) -> None:
     assert "read" in {readers.judge(name, data) for data in readers.seeds(name)}
     cut = [
         data[:end] for data in readers.seeds(name) for end in range(0, len(data), len(data) // 30 + 1)
@@ -52,7 +52,7 @@ def test_seeds_are_read_and_odd_input_is_read_or_refused(name: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", readers.READERS)
-def test_much_odd_input_is_read_or_refused(name: str) -> None:
+def test_many_mutations_are_read_or_refused(name: str) -> None:
     fuzz(name, CASES)
 
 

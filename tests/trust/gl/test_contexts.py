@@ -15,7 +15,7 @@ SIZE = (24, 20)
 
 
 @pytest.mark.parametrize("given", [False, True], ids=("own context", "a host's"))
-def test_a_lost_context_is_one_line_and_can_be_left(given: bool) -> None:
+def test_a_lost_context_raises_an_error_and_can_be_released(given: bool) -> None:
     ctx = context.create()
     renderer = Renderer(room(), SIZE, ctx=ctx if given else None, **FAST)
     renderer.render()
@@ -31,7 +31,7 @@ def test_a_lost_context_is_one_line_and_can_be_left(given: bool) -> None:
     ctx.release()
 
 
-def test_two_renderers_by_turns_one_in_a_host_s_context() -> None:
+def test_renderers_alternate_with_a_host() -> None:
     """The host draws with its own state between rounds: each renderer has the records and pictures of a separate one."""
     scenes = room(), room(sky=0.7)
     alone = [irrsplat.render(scene, SIZE, **FAST) for scene in scenes]

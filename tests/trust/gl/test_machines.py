@@ -57,7 +57,7 @@ def _width(bits: str, again: str = "") -> Case:
     return Case(f"{bits}-bit vectors{again}", {"LP_NATIVE_VECTOR_WIDTH": bits}, same=False, driver=f"{bits} bits")
 
 
-# Vector widths share the shader cache with all cases before them, which Mesa confuses (see gpu.context.prepare).
+# Mesa's shader cache confuses vector widths; these cases therefore share it with all cases before (see gpu.context.prepare).
 CASES = (
     Case("plain again"),
     *map(_version, ("3.3", "4.1", "4.5")),
@@ -169,7 +169,7 @@ with context.create() as ctx:  # so that silence is known to mean something
 """
 
 
-def test_khr_debug_tells_of_no_fault() -> None:
+def test_khr_debug_reports_no_fault() -> None:
     *faults, heard = run(LISTEN, list(SCENES), {"MESA_DEBUG": "context"}).split("\n")[:-1]
     if heard == "deaf":
         pytest.skip("KHR_debug tells nothing here")
@@ -193,8 +193,8 @@ sys.exit(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *sys.argv[2:]]))
 """
 
 
-@pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="glslangValidator is not here (glslang-tools)")
-def test_glslang_takes_all_programs(tmp_path: Path) -> None:
+@pytest.mark.skipif(shutil.which("glslangValidator") is None, reason="needs glslangValidator (glslang-tools)")
+def test_glslang_compiles_all_programs(tmp_path: Path) -> None:
     """All programs that some tests link compile with glslang."""
     run(LINK, [str(tmp_path), *LINKING], {})
     numbers = sorted({path.stem for path in tmp_path.iterdir()})

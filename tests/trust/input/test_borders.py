@@ -14,7 +14,7 @@ from irrsplat import Camera, InputError, Light, Material, Mesh, Scene, Settings
 NAN, HUGE = float("nan"), 1e300
 POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 MESH = Mesh(POSITIONS, np.tile(np.array([0, 0, 1], np.float32), (3, 1)), np.array([[0, 1, 2]], np.int32), name="tri")
-LIGHT = Light((0, 0, 2), (1, 1, 1), name="lamp")
+LIGHT = Light((0, 0, 2), (1, 1, 1), name="bulb")
 CAMERA = Camera((0, 0, 3), (0, 0, 0))
 SCENE = Scene((MESH,), (LIGHT,), (CAMERA,))
 ODD_TRIPLES = [(NAN, 0, 0), (HUGE, 0, 0), (1, 2), "abc", None, 3, (1, 2, "x"), [[1, 2, 3]], (10**400, 0, 0)]
@@ -24,7 +24,7 @@ TRIPLES = [(LIGHT, "position color attenuation"), (CAMERA, "eye up"), (SCENE, "s
 
 
 @pytest.mark.parametrize(("thing", "fields"), TRIPLES)
-def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None:
+def test_triples_are_three_finite_numbers(thing: Any, fields: str) -> None:
     for field in fields.split():
         for value in ODD_TRIPLES:
             with pytest.raises(InputError, match=f"{field}.* takes 3 finite numbers"):
@@ -32,9 +32,9 @@ def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("thing", "field", "value", "said"),
+    ("thing", "field", "value", "message"),
     [
-        (LIGHT, "color", (-1, 0, 0), "the color of light 'lamp'"),
+        (LIGHT, "color", (-1, 0, 0), "the color of light 'bulb'"),
         (LIGHT, "attenuation", (0, 0, 0), "division by zero"),
         (LIGHT, "spot_cutoff", -4, "spot_cutoff"),
         (replace(LIGHT, directional=True), "position", (0, 0, 0), "direction towards it"),
@@ -58,20 +58,20 @@ def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None
     ],
     ids=str,
 )  # fmt: skip
-def test_what_cannot_be_is_refused_as_it_is_made(thing, field, value, said):
+def test_invalid_values_are_refused_at_construction(thing, field, value, message):
     with pytest.raises(InputError) as caught:
         replace(thing, **{field: value})
-    assert said in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_numbers_of_any_kind_are_the_same_numbers():
+def test_arrays_and_lists_give_equal_values():
     light = Light(np.array([0, 0, 2]), [1, np.float32(1), 1.0])  # type: ignore[arg-type]
     assert light.key == replace(LIGHT, name="").key and light == replace(LIGHT, name="")
     assert Scene([MESH], [LIGHT], [CAMERA]).meshes == (MESH,)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("act", "said"),
+    ("act", "message"),
     [
         (lambda r: r.relight([3]), "is a Light, not int"),
         (lambda r: r.repaint(0, None), "is a Material"),
@@ -85,9 +85,9 @@ def test_numbers_of_any_kind_are_the_same_numbers():
         (lambda r: r.load_cache("a\0b"), "no file can be called"),
     ],
 )
-def test_a_renderer_checks_what_it_is_told_and_goes_on(renderer, act, said):
+def test_a_refused_call_leaves_a_renderer_unchanged(renderer, act, message):
     before = renderer.scene, renderer.settings, renderer.size
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         act(renderer)
     assert (renderer.scene, renderer.settings, renderer.size) == before
 
@@ -98,7 +98,7 @@ def renderer():
         yield made
 
 
-def test_other_entries_check_what_they_are_given():
+def test_module_functions_refuse_invalid_arguments():
     odd: Any = 3
     for wrong in (
         lambda: irrsplat.render(odd),
@@ -116,7 +116,7 @@ def test_other_entries_check_what_they_are_given():
     assert Material().albedo == (0.5, 0.5, 0.5)
 
 
-def test_an_eye_on_a_corner_of_the_room_needs_no_more_records_than_others() -> None:
+def test_a_camera_in_a_corner_needs_few_records() -> None:
     room = irrsplat.load("cornell")
     corner = tuple(room.bounds[1] * [0.0, 0.0, 1.0])
     with irrsplat.Renderer(room, (32, 32), bounces=1, gather_size=8) as r:

@@ -45,7 +45,7 @@ def solid(folder, name, side, mode="1"):
     return folder / name
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("ending", [".scene", ".obj", ".ply", ".stl", ".glb", ".gltf"])
 def test_a_pipe_is_refused_at_once(tmp_path, ending):
     os.mkfifo(tmp_path / f"a{ending}")
@@ -55,8 +55,8 @@ def test_a_pipe_is_refused_at_once(tmp_path, ending):
         cache_file.read(tmp_path / f"a{ending}", readers.cache_key())
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no such device here")
-def test_a_device_is_refused_even_where_its_folder_is_allowed(tmp_path):
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="needs /dev/zero")
+def test_a_device_is_refused_in_an_allowed_folder(tmp_path):
     (tmp_path / "a.scene").write_text("obj /dev/zero\n")
     with pytest.raises(InputError, match="outside the scene's folder"):
         irrsplat.load(tmp_path / "a.scene")
@@ -65,7 +65,7 @@ def test_a_device_is_refused_even_where_its_folder_is_allowed(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["obj {}", "light {}", "sky {}"])
-def test_a_scene_reads_nothing_outside_its_folder(tmp_path, text):
+def test_files_outside_the_folder_of_a_scene_are_refused(tmp_path, text):
     inside = tmp_path / "inside"
     inside.mkdir()
     for name in ("secret", "secret.light", "secret.hdr"):
@@ -82,7 +82,7 @@ def test_a_scene_reads_nothing_outside_its_folder(tmp_path, text):
         irrsplat.load(inside / "a.scene")
 
 
-def test_folders_that_are_allowed_are_read(tmp_path, capsys):
+def test_allowed_folders_are_read(tmp_path, capsys):
     (tmp_path / "inside").mkdir()
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "t.obj").write_text(TRIANGLE)
@@ -96,7 +96,7 @@ def test_folders_that_are_allowed_are_read(tmp_path, capsys):
     assert "there is no folder" in capsys.readouterr().err
 
 
-def test_materials_and_images_outside_are_left_out_and_told(tmp_path):
+def test_materials_and_images_outside_are_skipped_with_a_notice(tmp_path):
     inside = tmp_path / "inside"
     inside.mkdir()
     (tmp_path / "p.png").write_bytes(readers.png())
@@ -114,7 +114,7 @@ def test_materials_and_images_outside_are_left_out_and_told(tmp_path):
     assert irrsplat.load(inside / "b.obj", allow=tmp_path).meshes[0].material.textures
 
 
-def test_files_beyond_their_size_are_refused_before_they_are_read(tmp_path):
+def test_too_large_files_are_refused_unread(tmp_path):
     for name, most in (("a.scene", paths.MOST_TEXT), ("a.stl", paths.MOST_GEOMETRY), ("a.glb", paths.MOST_GEOMETRY)):
         with open(tmp_path / name, "wb") as file:
             file.truncate(most + 1)  # sparse: no disk space
@@ -128,7 +128,7 @@ def test_files_beyond_their_size_are_refused_before_they_are_read(tmp_path):
 
 
 def test_an_image_of_few_bytes_and_many_pixels_is_not_decoded(tmp_path, monkeypatch):
-    monkeypatch.setattr(images, "_rgba", lambda picture: pytest.fail("it was decoded"))
+    monkeypatch.setattr(images, "_rgba", lambda picture: pytest.fail("the image was decoded"))
     data = solid(tmp_path, "bomb.png", 12_000).read_bytes()
     assert len(data) < 30_000
     with pytest.raises(InputError, match=r"12000 × 12000 pixels in .* bytes"):
@@ -141,7 +141,7 @@ def test_an_image_of_few_bytes_and_many_pixels_is_not_decoded(tmp_path, monkeypa
         read_image(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n%%EOF\n", "a.eps")
 
 
-def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
+def test_the_limit_of_pixels_covers_all_images_of_a_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, pixels=3 * 64**2))
     monkeypatch.setattr(paths, "PIXELS_PER_BYTE", 0)
     for i in range(5):
@@ -150,8 +150,8 @@ def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
     assert [bool(mesh.material.textures) for mesh in scene.meshes] == [True, True, True, False, False]
 
 
-def test_all_copies_of_meshes_count_together(tmp_path, monkeypatch):
-    """A triangle has three vertices: three copies have nine, and a fourth one is refused, in a line, a node or an instance."""
+def test_the_limit_of_copies_covers_all_meshes_of_a_scene(tmp_path, monkeypatch):
+    """Three copies of a triangle have nine vertices, the limit; a fourth copy by a line, a node or an instance is refused."""
     monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, copies=9))
     (tmp_path / "t.obj").write_text(TRIANGLE)
     (tmp_path / "four.scene").write_text("obj t.obj\n" * 4)
@@ -170,14 +170,14 @@ def test_all_copies_of_meshes_count_together(tmp_path, monkeypatch):
             irrsplat.load(path)
 
 
-def test_the_same_image_is_kept_once_however_often_it_is_named(tmp_path):
+def test_equal_images_are_stored_once(tmp_path):
     for i in range(20):
         (tmp_path / f"{i}.png").write_bytes(readers.png())
     scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i // 2}.png"} for i in range(40)]))
     assert len({id(mesh.material.textures[0].image) for mesh in scene.meshes}) == 1
 
 
-def test_a_packed_cache_is_refused_unpacked(tmp_path):
+def test_a_compressed_cache_is_refused(tmp_path):
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as whole:
         header = io.BytesIO()
@@ -189,11 +189,11 @@ def test_a_packed_cache_is_refused_unpacked(tmp_path):
         cache_file.read(tmp_path / "a.cache", readers.cache_key())
 
 
-def test_an_array_that_says_it_is_larger_than_its_bytes_is_refused(tmp_path):
+def test_an_array_with_a_false_header_is_refused(tmp_path):
     data = readers.npz({**readers.cache_arrays(), "position": np.zeros((3, 4), "f4")})
     bad = data.replace(b"'shape': (3, 4), }    ", b"'shape': (3, 4000000000)")[: len(data)]
     assert bad != data
-    late = readers.npz({**readers.cache_arrays(), "clocks": np.full(3, np.iinfo(np.int64).max)})  # and no clock can go on
+    late = readers.npz({**readers.cache_arrays(), "clocks": np.full(3, np.iinfo(np.int64).max)})  # full clocks cannot advance
     for payload in (bad, data.replace(b"<f4", b"|O8"), late):
         (tmp_path / "a.cache").write_bytes(readers.cache_bytes(payload))
         with pytest.raises(InputError, match="a damaged record cache"):
@@ -208,7 +208,7 @@ def calls(path):
 
 
 @pytest.mark.long
-def test_the_work_for_materials_grows_as_their_number(tmp_path):
+def test_the_work_of_loading_is_linear_in_materials(tmp_path):
     found = []
     (tmp_path / "a.mtl").write_text("".join(f"newmtl m{i}\nKd 0 0 {i / 2400}\n" for i in range(2400)))
     for count in (60, 600, 1200, 2400):  # the first load imports modules

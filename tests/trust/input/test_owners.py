@@ -35,7 +35,7 @@ def in_thread(act):
     return found[0]
 
 
-def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
+def test_each_thread_uses_only_its_own_renderer():
     with irrsplat.Renderer(EMPTY, (8, 8), bounces=1) as renderer:
         picture = renderer.render().image
         for act in (renderer.render, renderer.release, lambda: renderer.relight([])):
@@ -45,8 +45,8 @@ def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
         assert (renderer.render().image == picture).all()
 
 
-def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
-    """It is freed at once if its context is current; otherwise at its thread's next use of OpenGL. Its views end."""
+def test_an_unreferenced_renderer_is_freed_by_its_own_thread():
+    """A renderer is freed at once if its context is current, else at its thread's next use of OpenGL; its views then raise."""
     one, two = irrsplat.Renderer(EMPTY, (8, 8), bounces=1), irrsplat.LightMeter(EMPTY)
     first, second = one.ctx, two.ctx
     view, _ = one.frame()
@@ -62,7 +62,7 @@ def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
     assert context.is_gone(second)
 
 
-def test_a_renderer_in_a_context_of_a_host_is_freed_by_the_next_call_there():
+def test_an_unreferenced_renderer_is_freed_by_the_next_call_in_a_host():
     host = context.create()
     host.extra = None  # `create` stores data of its own contexts here
     with host:
@@ -93,14 +93,14 @@ for act in (renderer.render, lambda: irrsplat.render(EMPTY, (8, 8))):
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
-def test_a_forked_process_is_told_instead_of_hanging():
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_process_raises_instead_of_hanging():
     done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=300, check=True)
     first, second = done.stdout.splitlines()
     assert "only in the process that made it" in first and "start processes by spawn" in second
 
 
-def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_construction_frees_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[moderngl.Context] = []
     plain = context.create
 

@@ -2,9 +2,8 @@
 
     python tests/trust/mutants/run.py [NAME …] [--list]
 
-NAME: a part of a mutant's name; default: all. The tests run once without a fault, and must pass. Exit status: 0 if each
-fault is
-found, 1 if one is not, 2 for a wrong command line.
+NAME: a part of a mutant's name; default: all. The tests run once without a fault, and must pass. Exit status: 0 if a test
+detects each fault, 1 for an undetected fault, 2 for a wrong command line.
 """
 
 from __future__ import annotations

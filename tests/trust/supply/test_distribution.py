@@ -35,7 +35,7 @@ NEEDS = {  # extra: Python that fails without it
 }
 WINDOWS = ("win32", "AMD64", ("win_amd64",))  # requirement markers, and the tags of its wheels
 MAC = ("darwin", "arm64", tuple(f"macosx_{version}_0_arm64" for version in (11, 12, 13, 14)))
-GUARDED = ("irrsplat/core/files.py", "irrsplat/lighting/memory.py", "app/bench/machine.py")  # they have fallbacks
+GUARDED = ("irrsplat/core/files.py", "irrsplat/lighting/memory.py", "app/bench/machine.py")  # files with fallbacks
 # Assumptions that fail on other systems, in installed code: a pattern, a description, and the files with a fallback.
 ASSUMPTIONS = (
     (r"[\"'](?:/tmp|/usr|/home|/var|/proc|/etc)\b", "a path of Unix", GUARDED),
@@ -65,7 +65,7 @@ def run(*words: str | Path, cwd: Path = ROOT, **environment: str) -> str:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, made from the sdist of a clone, as for package indices."""
+    """Return the wheel, made from the sdist of a clone, as for package indices."""
     pytest.importorskip("build.__main__", reason="needs: pip install build twine pipx uv")
     folder = tmp_path_factory.mktemp("dist")
     run("git", "clone", "--quiet", ROOT, folder / "source")
@@ -75,7 +75,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @net
-def test_an_index_would_take_wheel_and_sdist(wheel: Path) -> None:
+def test_wheel_and_sdist_pass_the_checks_of_an_index(wheel: Path) -> None:
     run(sys.executable, "-m", "twine", "check", "--strict", wheel, *wheel.parent.glob("*.tar.gz"))
     with zipfile.ZipFile(wheel) as archive:
         names = {name.split("/")[0] for name in archive.namelist()}
@@ -84,7 +84,7 @@ def test_an_index_would_take_wheel_and_sdist(wheel: Path) -> None:
 
 @net
 @pytest.mark.parametrize("tool", ["pipx run --spec", "uv tool run --from"])
-def test_it_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None:
+def test_the_program_runs_by_pipx_and_uvx(tool: str, wheel: Path, tmp_path: Path) -> None:
     """The tools use new caches and environments in another folder."""
     words = (sys.executable, "-m", *tool.split(), str(wheel), "irrsplat")
     (place := tmp_path / "work").mkdir()
@@ -120,7 +120,7 @@ def test_there_are_wheels_for_other_systems(system: tuple[str, str, tuple[str, .
     run(*words, *(word for tag in tags for word in ("--platform", tag)), *chosen)
 
 
-def test_nothing_of_one_system_is_taken_for_granted() -> None:
+def test_system_specific_code_has_a_fallback() -> None:
     """Patterns of system-specific code occur only in files with a fallback."""
     found = []
     for path in (*(ROOT / "irrsplat").rglob("*.py"), *(ROOT / "app").rglob("*.py")):
@@ -135,12 +135,12 @@ def test_nothing_of_one_system_is_taken_for_granted() -> None:
     assert found == [] and len(shaders) > 50
 
 
-def test_every_extra_is_tried_and_all_has_those_of_users() -> None:
+def test_every_extra_has_a_test_and_all_has_those_of_users() -> None:
     assert set(OFFERED) - {"all"} <= set(NEEDS)
     assert set(IN_ALL) == set(OFFERED) - {"all", "dev", "docs", "embree"}
 
 
-def test_the_version_is_one_and_the_changelog_has_it() -> None:
+def test_the_version_is_unique_and_in_the_changelog() -> None:
     version = PROJECT["version"]
     assert irrsplat.__version__ == version
     assert re.search(rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.M)
