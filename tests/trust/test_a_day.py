@@ -18,7 +18,7 @@ import pytest
 
 from irrsplat.app.viewer.input.commands import KEYS
 from irrsplat.scene import bundled
-from tests.app.editing.test_at_random import ACTS, QUICK
+from tests.app.editing.test_random_actions import ACTS, QUICK
 from tests.app.viewer.test_viewer_leaks import LEFT_OUT, Watch, resident
 from tests.renderer.test_no_holes import holes
 from tests.support.viewing import Driver, viewing, write_room

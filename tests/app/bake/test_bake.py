@@ -25,7 +25,7 @@ FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "light_samples": 0, "sha
 
 
 def square(z: float = 0.0, side: float = 2.0, **material: Any) -> Mesh:
-    """A square that faces up the z axis, its coordinates over all of it."""
+    """Return a square that faces along z, with texture coordinates from 0 to 1."""
     corners = side * np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]) + (0.0, 0.0, z)
     uvs = np.tile([[0, 1], [1, 1], [1, 0], [0, 0]], (1, 2))
     normals = np.tile([0.0, 0.0, 1.0], (4, 1))
@@ -36,12 +36,12 @@ def square(z: float = 0.0, side: float = 2.0, **material: Any) -> Mesh:
 
 
 def under_a_sky(*meshes: Mesh) -> Scene:
-    """Meshes under a sky of one radiance."""
+    """Return a scene of these meshes under a sky of constant radiance."""
     return Scene(meshes, (), (Camera((0, 0, 5), (0, 0, 0)),), sky=SKY)
 
 
 def parts(path: Path) -> tuple[dict[str, Any], bytes]:
-    """The JSON and the buffer of a .glb."""
+    """Return the JSON and the buffer of a .glb."""
     data = path.read_bytes()
     assert struct.unpack("<4sII", data[:12]) == (b"glTF", 2, len(data))
     length = struct.unpack("<I", data[12:16])[0]
@@ -50,7 +50,7 @@ def parts(path: Path) -> tuple[dict[str, Any], bytes]:
 
 @pytest.fixture(scope="module")
 def textured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
-    """The two forms of a lightmap of a square of two colours, under a sky, in a folder; and the lightmap."""
+    """Return a folder with both forms of a lightmap, and the lightmap: a square of two colours under a sky."""
     pytest.importorskip("xatlas")
     from irrsplat.app.bake import bake_lightmap
 
@@ -64,21 +64,20 @@ def textured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
     return folder, made
 
 
-def test_a_square_under_a_sky_is_lit_by_pi_times_its_radiance(textured: tuple[Path, Any]) -> None:
-    # E = π·L, the same everywhere, also where filtering looks beyond the chart
-    # and ρ·E/π = ρ·L: the red half reflects no green
+def test_the_irradiance_under_a_constant_sky_is_pi_times_its_radiance(textured: tuple[Path, Any]) -> None:
+    """E = π·L in all texels, including the margin for filtering; ρ·E/π = ρ·L, and the red half reflects no green."""
     made = textured[1]
     assert np.abs(made.irradiance / (np.pi * np.array(SKY)) - 1.0).max() < 0.01
     assert made.converged
     assert (made.owner >= 0).mean() > 0.5
-    assert made.charts.chart.tolist() == [0, 0]  # one square, one chart: else its halves are scaled apart
+    assert made.charts.chart.tolist() == [0, 0]  # with two charts the halves could differ in scale
     red = made.lit.seen & (made.lit.albedo[..., 1] < 0.1)
     white = made.lit.seen & (made.lit.albedo[..., 1] > 0.4)
     assert np.median(made.radiance[red][:, 1]) < 1e-3 and min(red.sum(), white.sum()) > 100
     assert np.abs(np.median(made.radiance[white], axis=0) / (0.5 * np.array(SKY)) - 1.0).max() < 0.02
 
 
-def test_the_glb_emits_the_map_and_its_materials_are_black(textured: tuple[Path, Any]) -> None:
+def test_the_glb_has_black_materials_that_emit_the_map(textured: tuple[Path, Any]) -> None:
     folder, made = textured
     document, data = parts(folder / "radiance.glb")
     (material,) = document["materials"]
@@ -90,31 +89,31 @@ def test_the_glb_emits_the_map_and_its_materials_are_black(textured: tuple[Path,
     shown = np.asarray(Pillow.open(folder / "inside.png")).astype(float) / 255.0
     linear = strength * np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
     seen = made.lit.seen
-    # dithered: the mean is right though each texel is one of 256
+    # dithering keeps the mean, although each texel has one of 256 values
     assert np.abs(linear[seen].mean(0) / made.radiance[seen].mean(0) - 1.0).max() < 0.01
-    # and another reader finds the mesh
+    # trimesh reads the mesh
     (mesh,) = trimesh.load_scene(folder / "radiance.glb").geometry.values()
     assert len(mesh.faces) == 2
 
 
-def test_the_other_form_keeps_the_scenes_materials_and_names_the_map(textured: tuple[Path, Any]) -> None:
-    """An EXR and a PNG of 16 bits next to it hold the same map."""
+def test_the_irradiance_form_keeps_materials_and_refers_to_the_map(textured: tuple[Path, Any]) -> None:
+    """An EXR contains the map's exact values, and a PNG has 16 bits."""
     import OpenEXR
 
     folder, made = textured
     document, _ = parts(folder / "irradiance.glb")
     (material,) = document["materials"]
-    told = material["extras"]["lightMap"]
-    assert told["texCoord"] == 1 and document["textures"][told["index"]]["source"] == 0
-    assert told["strength"] == pytest.approx(made.irradiance.max(), rel=0.02)
-    again = irrsplat.load(str(folder / "irradiance.glb"))  # its own reader finds the same colours where they were
+    light_map = material["extras"]["lightMap"]
+    assert light_map["texCoord"] == 1 and document["textures"][light_map["index"]]["source"] == 0
+    assert light_map["strength"] == pytest.approx(made.irradiance.max(), rel=0.02)
+    again = irrsplat.load(str(folder / "irradiance.glb"))  # irrsplat reads the original colours
     assert again.meshes[0].material.albedo == (0.5, 0.5, 0.5) and again.meshes[0].material.albedo_texture is not None
     with OpenEXR.File(str(folder / "irradiance.exr")) as file:
         assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
-    assert (folder / "irradiance.png").read_bytes()[24:26] == bytes([16, 2])  # bits a channel, colours
+    assert (folder / "irradiance.png").read_bytes()[24:26] == bytes([16, 2])  # bits per channel, colour type RGB
 
 
-def test_what_is_hidden_is_filled_from_beside_it_and_not_from_other_charts() -> None:
+def test_hidden_texels_are_filled_from_their_own_chart() -> None:
     values = np.zeros((4, 6, 3))
     values[:, :3], values[:, 3:] = 1.0, 9.0
     chart = np.repeat([[0, 0, 0, 1, 1, -1]], 4, axis=0)
@@ -128,11 +127,11 @@ def test_what_is_hidden_is_filled_from_beside_it_and_not_from_other_charts() -> 
     assert np.allclose(found[:, 5], 9.0)
 
 
-def test_both_sides_of_a_seam_come_to_be_alike() -> None:
+def test_both_sides_of_a_seam_become_equal() -> None:
     pytest.importorskip("xatlas")
     from irrsplat.app.bake.unwrap import Charts
 
-    # a flat strip of two squares whose common edge lies in two places of the map
+    # in a flat strip, the common edge of two squares has two places in the map
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
     here = 2.0 + 10.0 * corners[[0, 1, 2, 3], :2]
@@ -143,14 +142,14 @@ def test_both_sides_of_a_seam_come_to_be_alike() -> None:
     values[:, :16], values[:, 16:] = 1.0, 2.0
     up = np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3))
     found = seams.matched(values, charts, corners[faces], up)
-    left, right = found[4:10, 11:13].mean(), found[4:10, 17:19].mean()  # x = 12 and x = 18 are one edge
+    left, right = found[4:10, 11:13].mean(), found[4:10, 17:19].mean()  # both sides of the edge
     assert abs(left - right) < 0.02
     assert abs(left - 1.5) < 0.1
     assert found[6, 6, 0] == 1.0
     assert found[6, 24, 0] == 2.0
 
 
-def test_cut_triangles_have_no_vertex_in_a_neighbours_edge() -> None:
+def test_divided_triangles_have_no_vertex_within_an_edge() -> None:
     receivers = Receivers.of(under_a_sky(square()))
     cut, random = Cut.whole(receivers), np.random.default_rng(1)
     for _ in range(5):
@@ -160,7 +159,7 @@ def test_cut_triangles_have_no_vertex_in_a_neighbours_edge() -> None:
     areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
     assert areas.min() > 0.0
     assert areas.sum() == pytest.approx(4.0)
-    # each edge within is of two faces, each one on the rim of one
+    # an inner edge belongs to two faces, an outer edge to one
     edges = cut.edges(receivers)
     middle = cut.positions(receivers)[edges.ends].mean(1)
     rim = np.abs(np.abs(middle[:, :2]).max(1) - 1.0) < 1e-6
@@ -190,7 +189,7 @@ def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path) -> None:
 def test_the_command_writes_and_says_what_came_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The statistics hold the counts that the terminal shows."""
+    """The terminal and the statistics show the same counts."""
     monkeypatch.chdir(tmp_path)
     words = ["bake", "cornell", "-o", "v.glb", "--to", "vertices", "--most", "2000", "--stats", "s.json", "--bounces", "1"]
     assert cli.main([*words, "--gather-size", "8", "--shadow-size", "128"]) == 0

@@ -1,4 +1,4 @@
-"""The command line: what it accepts, what it writes, and what it prints."""
+"""The command line: arguments, files and printed output."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ SMALL = ["--size", "2", "2"]
 
 
 def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A switch never takes the scene as its value."""
+    """The renderer receives each flag's value; a flag without a value leaves the next word as the scene."""
     assert cli.main(["render", "-o", "a.npz"]) == 0
     assert (fake.arguments.scene.name, fake.arguments.size, fake.arguments.preset) == ("cornell", (800, 800), "default")
     assert fake.arguments.settings == {} and fake.arguments.figures is False
-    assert capsys.readouterr() == ("", "")  # piped: silence
+    assert capsys.readouterr() == ("", "")  # no output without a terminal
     values = {"a": "0.3", "tolerance": "4", "blend": "1", "exposure": "-1.5", "bounces": "0", "gather": "plane", "seed": "7"}
     flags = [word for name, value in values.items() for word in (f"--{name}", value)]
     assert cli.main([*RENDER, "--size", "6", "4", "--preset", "preview", "--gather-size=64", *flags]) == 0
     assert (fake.arguments.size, fake.arguments.preset) == ((6, 4), "preview")
     requested = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
-    assert fake.arguments.settings == {**requested, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
+    assert fake.arguments.settings == {**requested, "gather_size": 64, "samples": 16}, "a picture has 16 samples per pixel"
     for words, value in ((["--fill-holes"], True), (["--fill-holes", "OFF"], False), (["--fill-holes=off"], False)):
         assert cli.main(["render", *SMALL, "-o", "a.png", "--viewer-samples", "5", *words, "plain.scene"]) == 0
         assert fake.arguments.scene.name == "plain" and fake.arguments.settings == {
@@ -45,8 +45,8 @@ def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.Capture
         }
 
 
-def test_help(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every setting is a flag with range and default."""
+def test_help_lists_all_settings(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Help lists each setting as a flag with its range and default."""
     monkeypatch.setenv("COLUMNS", "1000")
     assert cli.main(["--version"]) == 0
     assert capsys.readouterr().out.split()[0] == "irrsplat"
@@ -59,11 +59,11 @@ def test_help(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatc
         assert loading == LoadOptions("z", 25.0, 1.5)
     for declaration in SETTINGS.values():
         assert f"{declaration.flag} " in text and f"({declaration.range}; default: " in text
-    assert grammar.parse(["verify", "--samples", "64"]).values == {}, "these samples are the path tracer's"
+    assert grammar.parse(["verify", "--samples", "64"]).values == {}, "--samples of verify is no setting of the renderer"
 
 
-def test_cameras(fake: Any, place: Path) -> None:
-    """Negative numbers of every spelling are none of flags; what a camera lacks comes from the scene."""
+def test_cameras_from_flags(fake: Any, place: Path) -> None:
+    """Negative numbers in all spellings are values, not flags; the scene's camera provides omitted values."""
     (place / "plain.scene").write_text((place / "plain.scene").read_text() + "cam side 5 0 0 0 0 0 0 0 1\n")
     numbers = ["--eye", "-1", "-.5", "-1e-3", "--target", "-2.5E+2", "+3", "-0", "--up", "0", "-1", "-1e0"]
     for words, *requested in (
@@ -76,8 +76,8 @@ def test_cameras(fake: Any, place: Path) -> None:
         assert [camera.eye, camera.target, camera.up, camera.fov] == requested
 
 
-def test_a_render_that_ends_early_is_written(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By Ctrl-C, with exit status 130, or with its rounds used up, as a notice."""
+def test_an_unfinished_render_is_written(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files are written after Ctrl-C, with exit status 130, and after the last allowed round, with a notice."""
     fake.stats = {"converged": False, "interrupted": True, "rounds": 4}
     assert cli.main([*RENDER, "--stats", "s.json", *SMALL]) == 130
     assert capsys.readouterr().err == "irrsplat: interrupted; the files hold what 4 whole rounds gave\n"
@@ -118,8 +118,8 @@ def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPa
     )
 
 
-def test_help_imports_no_library_and_has_openblas_threads_sleep() -> None:
-    """OpenBLAS reads its variable when numpy is loaded, so the program sets it before; `--help` loads no library at all."""
+def test_help_loads_no_library() -> None:
+    """`--help` loads no library. OpenBLAS reads its variable when numpy is loaded, and the program sets it earlier."""
     code = (
         "import os, sys; before = set(sys.modules); from irrsplat.app import cli; cli.main(); "
         "print(os.environ['OPENBLAS_THREAD_TIMEOUT'], *{name.split('.')[0] for name in set(sys.modules) - before}"
@@ -132,8 +132,8 @@ def test_help_imports_no_library_and_has_openblas_threads_sleep() -> None:
     assert done.stderr.split() == ["4"]
 
 
-def test_a_closed_pipe_is_no_error() -> None:
-    """The reader of `irrsplat info | head` has seen enough; run as a module."""
+def test_a_closed_pipe_is_ignored() -> None:
+    """`head` in `irrsplat info | head` closes the pipe early; the module then ends with status 0."""
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run([sys.executable, "-m", "irrsplat", "info"], stdout=write, stderr=subprocess.PIPE, check=False)
@@ -141,8 +141,8 @@ def test_a_closed_pipe_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-def test_end_to_end(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The real renderer, a triangle before a white sky, from the command line to every kind of file."""
+def test_a_render_writes_all_kinds_of_files(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The real renderer writes each kind of file; pixels of the white sky are exactly 1."""
     outputs = ["-o", "a.exr", "-o", "a.npz", "-o", "b.npz", "-o", "folder/", "--stats", "s.json", "--samples", "3"]
     assert cli.main([*RENDER, *outputs, "--size", "16", "12", "--gather-size", "8", "--bounces", "1"]) == 0
     assert capsys.readouterr() == ("", "")
@@ -160,13 +160,13 @@ def test_end_to_end(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main([*RENDER, "--samples", "0"]) == 2
 
 
-# ---- the progress line, and the names of files ---------------------------------------------------------------------------
+# ---- the progress line and the names of files ----------------------------------------------------------------------------
 
 
 def test_the_progress_line_is_for_a_terminal_only(
     fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It shows the share done of coverage, samples or error; at the end the files' names follow."""
+    """The line shows progress in coverage, samples or error; the names of the files follow at the end."""
     from rich.progress import Progress as Bar
 
     assert cli.main([*RENDER, *SMALL]) == 0
@@ -180,8 +180,8 @@ def test_the_progress_line_is_for_a_terminal_only(
         (1.0, None, 0.04, ["--quality", "2"], "error 4 % to 2 %", 0.25),
     ):
         shown.clear()
-        told: dict[str, Any] = {"coverage": coverage, "sampled": sampled, "error": error}
-        fake.reported = Progress(round=2, records=9, new=0, **{name: x for name, x in told.items() if x is not None})
+        values: dict[str, Any] = {"coverage": coverage, "sampled": sampled, "error": error}
+        fake.reported = Progress(round=2, records=9, new=0, **{name: x for name, x in values.items() if x is not None})
         assert cli.main([*RENDER, "-o", "b.npz", "--stats", "s.json", *SMALL, *flags]) == 0
         assert [line for line, _ in shown] == [f"round 2: 9 records, {words}"] and shown[0][1] == pytest.approx(share)
         out, err = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""--cache, the records of a render and of the viewer's window in a file, and `irrsplat cache`."""
+"""`--cache` stores the records of a render or of the viewer in a file; `irrsplat cache` merges and prunes files."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OnViewer = Callable[[viewer.Viewer], None]
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with a room in it."""
+    """Change to a working folder with a room; return the folder."""
     write_room(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
@@ -40,7 +40,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def window(monkeypatch: pytest.MonkeyPatch) -> Callable[[OnViewer], None]:
-    """Put the viewer's window into memory; the function given acts in it before it closes."""
+    """Return a function that replaces the loop of an off-screen viewer by `act`."""
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
 
     def do(act: OnViewer) -> None:
@@ -50,12 +50,12 @@ def window(monkeypatch: pytest.MonkeyPatch) -> Callable[[OnViewer], None]:
 
 
 def settle(shown: viewer.Viewer) -> None:
-    """Draw frames until nothing is left to do."""
+    """Render frames until the view has converged."""
     for _ in range(400):
         shown.frame(0.1)
         if shown.actions.session.at_rest:
             return
-    pytest.fail(f"not at rest: {shown.actions.session.progress}")
+    pytest.fail(f"not converged: {shown.actions.session.progress}")
 
 
 def stats(name: str) -> dict[str, Any]:
@@ -64,7 +64,7 @@ def stats(name: str) -> dict[str, Any]:
 
 @pytest.mark.few_sites
 def test_a_second_render_gathers_nothing(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Nor is its surface cache made a second time."""
+    """The second render has the same records and pictures without gathering and without a new surface cache."""
     all_bounces = [*RENDER, "--bounces", "all"]
     assert cli.main([*all_bounces, "-o", "a.npz", "--stats", "a.json"]) == 0
     assert cli.main([*all_bounces, "-o", "b.npz", "--stats", "b.json"]) == 0
@@ -75,11 +75,11 @@ def test_a_second_render_gathers_nothing(place: Path, capsys: pytest.CaptureFixt
         assert all(np.array_equal(one[name], other[name]) for name in one.files if name != "stats")
     assert capsys.readouterr() == ("", "")
     assert cli.main(["render", "room.scene", "--bounces", "0", "--size", "2", "2", "--cache", "none.cache", "-o", "c.png"]) == 0
-    assert not (place / "none.cache").exists(), "there are no records to keep"
+    assert not (place / "none.cache").exists(), "a render without records writes no file"
 
 
-def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C in the third round leaves two whole rounds."""
+def test_an_interrupted_render_keeps_its_records(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the third round keeps the records of two rounds, and a second render completes them."""
     advance, rounds = Frames.round, iter(range(10))
 
     def in_the_third(*args: Any, **rest: Any) -> Any:
@@ -94,20 +94,20 @@ def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytes
     assert 0 < stats("a.json")["records"] < stats("b.json")["records"] and stats("b.json")["converged"]
 
 
-def test_what_does_not_belong_together_is_refused_and_stays(place: Path, refused: Callable[..., str]) -> None:
-    """A cache of other settings, of another scene, a file that is none, and a folder that takes none."""
+def test_a_cache_of_another_render_is_refused(place: Path, refused: Callable[..., str]) -> None:
+    """A cache of other settings or of another scene, a file without records and an unwritable path are refused unchanged."""
     assert cli.main([*RENDER, "-o", "a.png"]) == 0
     for command in ([*RENDER, "-o", "b.png"], VIEW):
         err = refused([*command, "--gather-size", "12"])
         assert err.startswith("irrsplat: room.cache: ") and "made with --gather-size 8, not --gather-size 12" in err
-    for file, old, new, said in (
+    for file, old, new, message in (
         ("lamp.light", "3 3 3", "4 3 3", "other lights"),
         ("room.scene", "0.8 0.7 0.6 1", "0.8 0.7 0.5 1", "materials"),
         ("box.obj", "v 1 1 1", "v 1 1.1 1", "another scene"),
     ):
         before = (place / file).read_text()
         (place / file).write_text(before.replace(old, new))
-        assert said in refused([*RENDER, "-o", "b.png"])
+        assert message in refused([*RENDER, "-o", "b.png"])
         (place / file).write_text(before)
     assert "not a record cache" in refused([*RENDER[:-1], "lamp.light", "-o", "b.png"])
     for cache in ("none/room.cache", ".", "a.png"):
@@ -119,8 +119,8 @@ def places(path: Path) -> set[tuple[float, ...]]:
     return set(map(tuple, cache_file.read_any(path).state.records["position"]))
 
 
-def test_processes_that_share_a_file_keep_the_records_of_both(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two begin without a file and save, one twice: all of the first, and what they do not serve. A third gathers otherwise."""
+def test_processes_with_one_file_keep_the_records_of_both(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second process adds only records that the first ones do not cover; a third with other settings is refused."""
     files = [place / f"{i}.cache" for i in range(3)]
     for file, more in zip(files, ([], ["--eye", ".5", ".5", ".5", "--target", "0", "0", "0"], ["--bounces", "2"]), strict=True):
         assert cli.main([*RENDER[:-1], str(file), *more, "-o", "a.png"]) == 0
@@ -138,10 +138,10 @@ def test_processes_that_share_a_file_keep_the_records_of_both(place: Path, capsy
 # ---- the window ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_window_goes_on_where_it_was_closed(
+def test_the_viewer_reuses_its_records(
     place: Path, window: Callable[[OnViewer], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The second time the first frame is complete, and a render takes the same records."""
+    """After reopening, the first frame is covered without new records, and a render uses the same file."""
     counts: list[int] = []
 
     def look(shown: viewer.Viewer) -> None:
@@ -162,8 +162,8 @@ def test_the_window_goes_on_where_it_was_closed(
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_good_file_stays(place: Path, window: Callable[[OnViewer], None], capsys: pytest.CaptureFixture[str]) -> None:
-    """Records of other light do not overwrite it."""
+def test_edited_lights_keep_the_file(place: Path, window: Callable[[OnViewer], None], capsys: pytest.CaptureFixture[str]) -> None:
+    """Records of edited lights do not overwrite the records of the scene's own lights."""
 
     def relit(shown: viewer.Viewer) -> None:
         shown.frame(0.1)
@@ -180,18 +180,18 @@ def test_a_good_file_stays(place: Path, window: Callable[[OnViewer], None], caps
     assert (place / "room.cache").read_bytes() == content
 
 
-def test_a_changed_scene_renews_its_file(
+def test_update_refreshes_the_cache_of_a_changed_scene(
     place: Path, window: Callable[[OnViewer], None], capsys: pytest.CaptureFixture[str], refused: Callable[..., str]
 ) -> None:
-    """By --cache-mode update, in a render and in the window; then the file belongs to the scene as it is."""
+    """A render and the viewer with --cache-mode update refresh the file for the changed scene; later runs accept it."""
     assert cli.main([*RENDER, "-o", "a.png"]) == 0
     point_light, shown = place / "lamp.light", list[str]()
     dim = point_light.read_text()
     window(lambda it: shown.extend(message.text for message in it.actions.messages.lines))
     for brighter, command in (("4 3 3", [*RENDER, "-o", "a.png"]), ("5 3 3", VIEW)):
         point_light.write_text(dim.replace("3 3 3", brighter))
-        said = refused(command)
-        assert "made for other lights" in said
+        message = refused(command)
+        assert "made for other lights" in message
         assert cli.main([*command, "--cache-mode", "update"]) == 0
         shown += capsys.readouterr().err.splitlines()
         assert "room.cache was made for other lights" in shown.pop()
@@ -210,8 +210,8 @@ def count(name: str) -> int:
     return len(cache_file.read_any(name).state.records["id"])
 
 
-def test_the_tools(place: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]) -> None:
-    """Caches of two views in one file, and fewer of its records; then the refusals, which leave all files as they are."""
+def test_merge_prune_and_info(place: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]) -> None:
+    """`merge` joins two views without redundant records, `prune` keeps a number or a size, and refusals change no file."""
     render("a.cache")
     render("b.cache", "--eye", "0.3", "0", "0.6", "--target", "0.3", "0", "-1")
     a, b = count("a.cache"), count("b.cache")
@@ -227,18 +227,18 @@ def test_the_tools(place: Path, capsys: pytest.CaptureFixture[str], refused: Cal
     assert cli.main(["cache", "prune", "d.cache", "-o", "d.cache"]) == 0
     capsys.readouterr()
     assert cli.main(["cache", "info", "c.cache", "a.cache"]) == 0
-    told = capsys.readouterr().out
-    assert f"records      {c}\n" in told and "room: 3 meshes, 22 triangles" in told and "--gather-size 8" in told
+    out = capsys.readouterr().out
+    assert f"records      {c}\n" in out and "room: 3 meshes, 22 triangles" in out and "--gather-size 8" in out
     assert cli.main(["cache", "info", "c.cache", "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out)
     assert (one["records"], one["bytes"], one["bounces"], one["settings"]["gather_size"]) == (c, size, 1, 8)
 
     render("e.cache", "--seed", "1")
-    for words, said in (
+    for words, message in (
         (["merge", "a.cache", "e.cache", "-o", "f.cache"], "e.cache: this record cache was made with --seed 1, not --seed 0"),
         (["merge", "a.cache", "room.scene", "-o", "f.cache"], "room.scene: this is not a record cache"),
         (["merge", "a.cache", "-o", "none/f.cache"], "none"),
         (["prune", "a.cache", "-o", "f.cache", "--most", "1kB"], "allow more"),
         (["prune", "a.cache", "-o", "f.cache", "--most", "few"], "a number of records, or a size such as 20MB"),
     ):
-        assert said in refused(["cache", *words])
+        assert message in refused(["cache", *words])

@@ -1,4 +1,4 @@
-"""Refusals of the command line: one line on stderr, the right exit status, and no file left behind."""
+"""Refusals of the command line: one line on stderr, the exit status, and no new file."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{fr
         ([*BAKE, "a.glb", "--size", "8"], "16 to 8192 texels"),
     ],
 )
-def test_a_wrong_command_line_is_one_line_and_exit_status_2(
+def test_a_wrong_command_line_is_refused_in_one_line(
     argv: list[str], words: str, refused: Callable[..., str], place: Path, fake: Any
 ) -> None:
     (place / "a.light").write_text("position 0 1 0 1\nintensity 1 1 1\n")
@@ -101,7 +101,7 @@ def test_a_wrong_command_line_is_one_line_and_exit_status_2(
     assert words in refused(argv)
 
 
-def test_a_wrong_scene_is_one_line_before_any_notice(refused: Callable[..., str], place: Path, fake: Any) -> None:
+def test_a_wrong_scene_is_refused_without_notices(refused: Callable[..., str], place: Path, fake: Any) -> None:
     for text, words in (("sky 1 1 1\nbrdf diffuse 1 2\n", "plain.scene:2"), ("obj none.obj\n", "none.obj"), ("", "plain.scene")):
         (place / "plain.scene").write_text(text)
         assert words in refused(RENDER)
@@ -117,7 +117,7 @@ def test_a_wrong_scene_is_one_line_before_any_notice(refused: Callable[..., str]
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
 )
-def test_what_the_renderer_raises(
+def test_errors_of_the_renderer_are_one_line(
     error: BaseException, status: int, words: str, refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
@@ -133,29 +133,29 @@ def test_what_the_renderer_raises(
 def test_a_missing_module_is_one_line(
     module: str, argv: list[str], refused: Callable[..., str], place: Path, fake: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its own command ends with its name; the other commands work without it."""
+    """Only commands that need the module fail, with its name."""
     for name in [module, *(name for name in sys.modules if name.startswith(f"{module}."))]:
-        monkeypatch.setitem(sys.modules, name, None)  # which makes importing it fail
+        monkeypatch.setitem(sys.modules, name, None)  # makes its import fail
     package, _, attribute = module.rpartition(".")
-    if package:  # an earlier test may have imported it
+    if package:  # an earlier test may have imported the module
         monkeypatch.delattr(import_module(package), attribute, raising=False)
     assert module in refused(argv, 1)
     assert grammar.parse(["info"]).command == "info"
 
 
-def test_a_terminal_shows_names_and_does_not_act_upon_them(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A camera, and a file, whose names would colour the window and set its title; all that is printed takes this way."""
+def test_escape_sequences_in_names_are_printed_as_text(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Escape sequences in names of cameras and files are printed as text; each print goes through `terminal.py`."""
     scene = place / "\x1b[31mred.scene"
     scene.write_text((place / "plain.scene").read_text() + "cam \x1b]0;title\x07 0 0 5  0 0 0  0 1 0\n")
     assert cli.main(["info", scene.name]) == 0 and cli.main(["info", scene.name + "\u202e"]) == 2
-    said = "".join(capsys.readouterr())
-    assert said.replace("\n", "").isprintable() and r"\x1b[31mred" in said and r"'\x1b]0;title\x07'" in said
+    printed = "".join(capsys.readouterr())
+    assert printed.replace("\n", "").isprintable() and r"\x1b[31mred" in printed and r"'\x1b]0;title\x07'" in printed
     printing = {path.name for path in ROOT.glob("app/**/*.py") if re.search(r"(?<![\w.])print\(", path.read_text("utf-8"))}
     assert printing == {"terminal.py", "machine.py", "scaling.py"}  # the two print JSON to a parent process
 
 
-def test_closed_streams_and_a_locale_without_utf_8_are_no_error(place: Path) -> None:
-    """A shell closes them by `>&-`; in the locale C, names reach files and scenes as the bytes that they are."""
+def test_closed_streams_and_a_locale_without_utf_8_are_supported(place: Path) -> None:
+    """A shell closes streams by `>&-`; in the locale C, names of files and scenes keep their bytes."""
     (place / "ä.scene").write_text("obj ö.obj\n", encoding="utf-8")
     (place / "triangle.obj").rename(place / "ö.obj")
     run = f"'{sys.executable}' -m irrsplat render ä.scene --size 4 4 --gather-size 8 --bounces 1 -o ü.exr --stats ß.json"
@@ -166,7 +166,7 @@ def test_closed_streams_and_a_locale_without_utf_8_are_no_error(place: Path) -> 
     assert json.loads((place / "ß.json").read_text("utf-8"))["scene"] == "ä"
 
 
-# ---- mistakes of spelling ------------------------------------------------------------------------------------------------
+# ---- misspelled words ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -183,12 +183,12 @@ def test_closed_streams_and_a_locale_without_utf_8_are_no_error(place: Path) -> 
         ([*RENDER, "--overtur"], ""),  # a former flag
     ],
 )
-def test_what_was_meant_is_told(argv: list[str], meant: str, refused: Callable[..., str], place: Path) -> None:
+def test_a_message_suggests_the_right_spelling(argv: list[str], meant: str, refused: Callable[..., str], place: Path) -> None:
     line = refused(argv)
     assert meant in line and line.count("did you mean") == bool(meant)
 
 
-def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: Path) -> None:
+def test_all_mistakes_are_reported_in_one_line(refused: Callable[..., str], place: Path) -> None:
     argv = ["render", "cornel", "--exposre", "auto", "--a", "9", "--size", "4", "--preset", "fast", "--up", "0", "1", "0"]
     line = refused([*argv, "-o", "b.mp4", "-o", "missing/c.png", "--buffers", "dpth,colour", "--stats", "missing/s.json"])
     requested = ["(1) unknown flag --exposre", "--size: expected 2 arguments", "--preset: takes default|paper"]
@@ -201,19 +201,19 @@ def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: P
 @pytest.mark.parametrize(
     ("argv", "count"),
     [
-        ([*RENDER, "--eye", "0", "0", "x", *TARGET], 1),  # not: --target without --eye
-        ([*RENDER, *EYE, "--targt", "0", "0", "0"], 1),  # nor --eye without --target
-        (["render", "--outpt", "a.png"], 1),  # nor: -o is missing
-        ([*RENDER, "--presett", "paper", "--sizes", "4", "4"], 2),  # the values of wrong flags are no scenes
-        (["render", "--fill-hols", "plain.scene"], 2),  # it has no value, so that -o alone is missing
+        ([*RENDER, "--eye", "0", "0", "x", *TARGET], 1),  # without the mistake that --target lacks --eye
+        ([*RENDER, *EYE, "--targt", "0", "0", "0"], 1),  # without the mistake that --eye lacks --target
+        (["render", "--outpt", "a.png"], 1),  # without the mistake that -o is missing
+        ([*RENDER, "--presett", "paper", "--sizes", "4", "4"], 2),  # values of unknown flags are not read as scenes
+        (["render", "--fill-hols", "plain.scene"], 2),  # the flag has no value; the other mistake is the missing -o
     ],
 )
-def test_a_mistake_is_told_once_without_those_that_follow_from_it(argv: list[str], count: int) -> None:
+def test_a_mistake_is_reported_without_its_consequences(argv: list[str], count: int) -> None:
     _, mistakes = grammar.read(argv)
     assert len(mistakes.found) == count, mistakes.found
 
 
-def test_the_viewer_needs_its_packages_and_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_package_of_the_viewer_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("irrsplat.app.commands.view.find_spec", lambda name: None)
     assert cli.main(["view", "cornell"]) == 1
     assert "needs the package imgui-bundle" in capsys.readouterr().err

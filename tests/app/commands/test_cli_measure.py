@@ -14,7 +14,7 @@ from irrsplat.app import cli
 from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
 from irrsplat.meter.light_scale import LightScale, false_colours
 
-# a lamp of 1790 cd, 2 m above the middle of a black floor of 4 × 4 m, with a black block on it
+# a point light of 1790 cd, 2 m above the middle of a black floor of 4 × 4 m with a black block
 SCENE = """units photometric
 cam 0 3 5 0 0 0 0 1 0
 light lamp.light
@@ -34,7 +34,7 @@ MEASURE = ["measure", "lit.scene", *FAST]
 
 @pytest.fixture
 def lit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with the scene in it."""
+    """Change to a working folder with the scene; return the folder."""
     for name, text in (("lit.scene", SCENE), ("floor.obj", FLOOR), ("block.obj", BLOCK)):
         (tmp_path / name).write_text(text)
     (tmp_path / "lamp.light").write_text("position 0 2 0 1\nintensity 1790 1790 1790\n")
@@ -43,7 +43,7 @@ def lit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def expected(x: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Lux on the floor: I·h/d³."""
+    """Return the illuminance I·h/d³ in lux on the floor."""
     found: np.ndarray = 1790.0 * 2.0 / (x**2 + z**2 + 4.0) ** 1.5
     return found
 
@@ -53,28 +53,28 @@ def test_a_grid_in_a_csv_and_its_statistics(lit: Path, capsys: pytest.CaptureFix
     rows = list(csv.DictReader((lit / "a.csv").open()))
     assert list(rows[0]) == ["x", "y", "z", "direct", "indirect", "total", "status"]
     inside = [row for row in rows if row["status"] == "inside"]
-    assert [(row["x"], row["z"], row["total"]) for row in inside] == [("1.5", "1.5", "")], "the block"
+    assert [(row["x"], row["z"], row["total"]) for row in inside] == [("1.5", "1.5", "")], "one point lies in the block"
     counted = [row for row in rows if row["status"] == "ok"]
     assert len(rows) == 16 and len(counted) == 15
     x, z, total = (np.array([float(row[name]) for row in counted]) for name in ("x", "z", "total"))
-    truth = expected(x, z)
-    assert total == pytest.approx(truth, rel=1e-3), "what is given in candela is measured in lux"
+    lux = expected(x, z)
+    assert total == pytest.approx(lux, rel=1e-3), "a light in candela gives lux"
     stats = json.loads((lit / "a.json").read_text())
     assert (stats["unit"], stats["points"], stats["inside"], stats["behind"], stats["grid"]) == ("lux", 15, 1, 0, [4, 4])
     values = [stats[name] for name in ("mean", "minimum", "maximum", "uniformity")]
-    assert values == pytest.approx([truth.mean(), truth.min(), truth.max(), truth.min() / truth.mean()], rel=1e-3)
+    assert values == pytest.approx([lux.mean(), lux.min(), lux.max(), lux.min() / lux.mean()], rel=1e-3)
     out = capsys.readouterr().out
-    assert f"mean        {truth.mean():.4g} lux" in out and "left out    1 within solids" in out
-    assert f"U0 = {truth.min() / truth.mean():.3f}" in out
+    assert f"mean        {lux.mean():.4g} lux" in out and "left out    1 within solids" in out
+    assert f"U0 = {lux.min() / lux.mean():.3f}" in out
 
 
-def test_points_on_the_terminal_and_csv_in_a_pipe(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_points_as_a_table_and_as_csv(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = ["--point", "0", "0", "0", "0", "1", "0", "--point", "0", "1", "0", "0", "-3", "0"]
     assert cli.main([*MEASURE, *points, "--unit", "lux"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["x", "y", "z", "direct", "indirect", "total", "status"]
     assert lines[1].split() == ["0", "0", "0", "447.5", "0", "447.5", "ok"]
-    assert lines[2].split() == ["0", "1", "0", "0", "0", "0", "ok"], "it faces down, to a black floor"
+    assert lines[2].split() == ["0", "1", "0", "0", "0", "0", "ok"], "the point faces down to a black floor"
     assert cli.main([*MEASURE, *points, "-o", "-"]) == 0
     out, err = capsys.readouterr()
     head = [f"{kind}_{channel}" for kind in ("direct", "indirect", "total") for channel in "rgb"]
@@ -83,8 +83,8 @@ def test_points_on_the_terminal_and_csv_in_a_pipe(lit: Path, capsys: pytest.Capt
     assert "mean" in err and "mean" not in out
 
 
-def test_a_line_goes_from_end_to_end(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Under the lamp the light falls off as I·h/d³; its points are even, with both ends, and their metres go before them."""
+def test_a_line_includes_both_ends(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Points are evenly spaced and include both ends; the illuminance is I·h/d³, and the first column is the distance in m."""
     line = ["--line", "-1.5", "0", "-0.5", "1.5", "0", "-0.5", "--grid", "0.4", "--lux"]
     assert cli.main([*MEASURE, *line, "-o", "line.csv"]) == 0
     rows = list(csv.DictReader((lit / "line.csv").open()))
@@ -95,7 +95,7 @@ def test_a_line_goes_from_end_to_end(lit: Path, capsys: pytest.CaptureFixture[st
     assert "points      9 along 3 m, 9 of them count" in capsys.readouterr().out
 
 
-# a lamp of 10 W/sr, 2 m above a floor that is seen from straight above
+# a point light of 10 W/sr, 2 m above a floor; the camera looks straight down
 COLOURED = "cam 0 3 0 0 0 0 0 0 -1\nproj 60 1 0.1 100\nlight lamp.light\nbrdf diffuse {0} {0} {0} 1\nobj floor.obj\n"
 WIDE = "v -4 0 4\nv 4 0 4\nv 4 0 -4\nv -4 0 -4\nf 1 2 3 4\n"
 RENDER = ["render", "lit.scene", "--size", "48", "32", "--bounces", "1", "--gather-size", "8", "--light-samples", "0"]
@@ -103,7 +103,7 @@ RENDER = ["render", "lit.scene", "--size", "48", "32", "--bounces", "1", "--gath
 
 @pytest.fixture
 def point_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
-    """A working folder with the scene in it; the floor's albedo."""
+    """Change to a working folder with the scene; return the floor's albedo."""
     for name, text in (("lit.scene", COLOURED.format(0.5)), ("floor.obj", WIDE)):
         (tmp_path / name).write_text(text)
     (tmp_path / "lamp.light").write_text("position 0 2 0 1\nintensity 10 10 10\n")
@@ -111,8 +111,8 @@ def point_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
     return 0.5
 
 
-def place_of(picture: np.ndarray) -> np.ndarray:
-    """Where colours (…, 3), 0..1, stand on the scale."""
+def scale_position(picture: np.ndarray) -> np.ndarray:
+    """Return positions 0..1 on the scale for colours (…, 3)."""
     palette = false_colours(1001)
     found: np.ndarray = np.abs(picture[..., None, :] - palette).sum(-1).argmin(-1) / 1000.0
     return found
@@ -123,28 +123,26 @@ def read(path: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("unit", ["lux", "W/m2"])
-def test_the_light_on_a_floor_is_that_of_the_closed_form(point_light: float, unit: str) -> None:
-    """I·h/d³, times 179 in lux, whatever the floor reflects; every pixel in the colour of its place, and a legend."""
+def test_false_colours_show_the_illuminance_of_the_closed_form(point_light: float, unit: str) -> None:
+    """False colours show E = I·h/d³, times 179 in lux, independent of the floor's albedo, next to a legend."""
     factor = 179.0 if unit == "lux" else 1.0
     argv = ["--falsecolor", "--unit", unit, "--scale", str(5.0 * factor), "--lines", "off"]
     assert cli.main([*RENDER, *argv, "-o", "a.png", "-o", "a.npz"]) == 0
     picture = read("a.png")
-    assert picture.shape[0] == 32 and picture.shape[1] > 64, "a legend stands beside it"
+    assert picture.shape[0] == 32 and picture.shape[1] > 64, "the picture includes a legend"
     with np.load("a.npz") as data:
         p = data["position"]
-        assert data["image"].max() == pytest.approx(point_light / np.pi * 2.5, rel=0.02), (
-            "of the floor below the lamp; other files stay"
-        )
-    truth = 10.0 * 2.0 / np.linalg.norm(p - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
-    assert np.abs(place_of(picture[:, :48]) - truth / 5.0).max() < 0.02
+        assert data["image"].max() == pytest.approx(point_light / np.pi * 2.5, rel=0.02), "the .npz holds radiance ρ·E/π"
+    reference = 10.0 * 2.0 / np.linalg.norm(p - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
+    assert np.abs(scale_position(picture[:, :48]) - reference / 5.0).max() < 0.02
 
     log = ["--falsecolor", "light", "--unit", unit, "--scale", str(5.0 * factor), "--log", "1", "--lines", "off"]
     assert cli.main([*RENDER, *log, "-o", "b.png"]) == 0
-    assert np.abs(place_of(read("b.png")[:, :48]) - np.clip(1.0 + np.log10(truth / 5.0), 0.0, 1.0)).max() < 0.02
+    assert np.abs(scale_position(read("b.png")[:, :48]) - np.clip(1.0 + np.log10(reference / 5.0), 0.0, 1.0)).max() < 0.02
 
 
-def test_isolines_are_where_light_passes_a_step() -> None:
-    """Of light that rises to the right, one column each between ten steps; where nothing is seen, the ground."""
+def test_isolines_lie_at_steps_of_the_light() -> None:
+    """Light rises to the right: one column is dark at each of seven visible steps, and pixels without surface are GROUND."""
     light = np.tile(np.linspace(0.0, 999.0, 200), (20, 1))
     depth = np.ones(light.shape)
     depth[:, 150:] = np.inf

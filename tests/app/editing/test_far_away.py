@@ -1,4 +1,4 @@
-"""A scene far from 0 0 0 in the window: what one reads, records and saves is in world space."""
+"""A scene far from the origin in the viewer: shown, recorded and saved coordinates are in world space."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from tests.support.viewing import Driver, push, write_room
 PLACE = (2e6, -1e6, 5e5)
 
 
-def carry(path: Path) -> None:
-    """Move a room to PLACE: its cameras, its lamp, and all objects by a matrix."""
+def move(path: Path) -> None:
+    """Move the cameras and the light of a room file to PLACE, and all objects by a matrix."""
     lines = []
     for line in path.read_text().splitlines():
         words = line.split()
         if words and words[0] == "cam":
-            first = len(words) - 9  # behind a camera's name
+            first = len(words) - 9  # a camera may have a name first
             words[first : first + 6] = [repr(float(v) + PLACE[i % 3]) for i, v in enumerate(words[first : first + 6])]
         lines.append(" ".join(words))
         if words and words[0] == "proj":
@@ -34,10 +34,10 @@ def carry(path: Path) -> None:
     point_light.write_text(" ".join([word, *moved, last]) + "\n" + point_light.read_text().split("\n", 1)[1])
 
 
-def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Path) -> None:
-    """Positions and their profile, flights, and a saved scene."""
+def test_coordinates_are_in_world_space(driver: Driver, tmp_path: Path) -> None:
+    """The viewer renders relative to a local origin; positions, profiles, flights and saved scenes add it again."""
     (tmp_path / "far").mkdir()
-    carry(write_room(tmp_path / "far"))
+    move(write_room(tmp_path / "far"))
     session, actions = driver.session, driver.actions
     driver.resize((160, 120))
     actions.open(str(tmp_path / "far" / "room.scene"))
@@ -51,7 +51,7 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     low, high = (np.array([float(v) for v in end.split()]) for end in (legend.low, legend.high))
     assert np.abs(np.stack([low, high]) - scene.bounds).max() < 0.01
     profile = line_profile("position", source, (-0.5, -0.999, 0.2), (0.5, -0.999, 0.2))
-    assert np.nanmax(np.abs(profile.values[:, 1] - (PLACE[1] - 1.0))) < 0.05, "the floor"
+    assert np.nanmax(np.abs(profile.values[:, 1] - (PLACE[1] - 1.0))) < 0.05, "the floor's height"
 
     push(driver, "R")
     driver.frame(3, dt=0.3)

@@ -1,4 +1,4 @@
-"""A scene that is written and read again: the same lights, cameras and triangles; and what the format loses."""
+"""Saved scenes keep lights, cameras and triangles; a message lists the features that the format lacks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LIGHTS = (
 
 @pytest.fixture
 def room(tmp_path: Path) -> Scene:
-    """The room of the viewer's tests with its box moved and repainted, and a light of every kind."""
+    """Return the room of the viewer's tests with a moved and repainted box and a light of each kind."""
     scene = irrsplat.load(write_room(tmp_path))
     turn = np.eye(4)
     turn[:3, 3] = 0.123, 0.0456, 1.0 / 7.0
@@ -34,7 +34,7 @@ def room(tmp_path: Path) -> Scene:
     return replace(scene, meshes=(*scene.meshes[:2], box), lights=LIGHTS)
 
 
-def test_lights_cameras_and_triangles_come_back_exactly(room: Scene, tmp_path: Path) -> None:
+def test_lights_cameras_and_triangles_are_saved_exactly(room: Scene, tmp_path: Path) -> None:
     assert write_scene(room, tmp_path / "saved.scene") == ""
     found = irrsplat.load(tmp_path / "saved.scene")
     assert found.lights == room.lights and found.cameras == room.cameras and found.sky == room.sky
@@ -45,7 +45,7 @@ def test_lights_cameras_and_triangles_come_back_exactly(room: Scene, tmp_path: P
         assert (mesh.name, mesh.closed) == (before.name, before.closed)
 
 
-def test_nothing_is_overwritten_unasked(room: Scene, tmp_path: Path) -> None:
+def test_existing_files_are_not_overwritten(room: Scene, tmp_path: Path) -> None:
     path = tmp_path / "room.scene"
     text = path.read_text()
     with pytest.raises(InputError, match=r"room\.scene: this file exists already; give another name"):
@@ -60,7 +60,7 @@ def test_nothing_is_overwritten_unasked(room: Scene, tmp_path: Path) -> None:
     assert irrsplat.load(path).lights == room.lights
 
 
-def test_what_the_format_cannot_hold_is_one_line(room: Scene, tmp_path: Path) -> None:
+def test_features_that_the_format_lacks_are_listed_in_one_line(room: Scene, tmp_path: Path) -> None:
     image = Texture(Image(np.full((2, 2, 4), 255, np.uint8)))
     worn = Material((0.5, 0.5, 0.5), albedo_texture=image, normal_texture=image, alpha_mode="mask")
     left = replace(room.meshes[1], material=Material(double_sided=False), colors=np.ones_like(room.meshes[1].positions))
@@ -73,18 +73,18 @@ def test_what_the_format_cannot_hold_is_one_line(room: Scene, tmp_path: Path) ->
         cameras=(*room.cameras, other),
         sky_gradient=(0.1, 0.1, 0.1),
     )
-    said = write_scene(rich, tmp_path / "rich.scene")
-    assert said.startswith("rich.scene: a .scene does not hold ") and "\n" not in said
+    message = write_scene(rich, tmp_path / "rich.scene")
+    assert message.startswith("rich.scene: a .scene does not hold ") and "\n" not in message
     for what in (
         "textures (1)", "normal maps (1)", "opacity (1)", "colours at vertices (1)", "surfaces without a back (1)",
         "cones of 90 degrees or more (1)", "a field of view for each camera", "a sky that is brighter above",
     ):  # fmt: skip
-        assert what in said
+        assert what in message
     irrsplat.load(tmp_path / "rich.scene")
 
 
-def test_names_that_files_cannot_have(room: Scene, tmp_path: Path) -> None:
-    """Each thing gets a file of its own, and each camera a word of its own; hidden objects are left out."""
+def test_invalid_names_are_replaced(room: Scene, tmp_path: Path) -> None:
+    """Objects and lights have unique file names, cameras have unique words, and hidden objects are omitted."""
     first = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), fov=50.0)
     cameras = (first, replace(first, name="at the # door"), replace(first, name="7"), replace(first, name=""))
     meshes = tuple(replace(mesh, name=name) for mesh, name in zip(room.meshes, ("a/b", "A b", ""), strict=True))
@@ -98,4 +98,4 @@ def test_names_that_files_cannot_have(room: Scene, tmp_path: Path) -> None:
     assert {path.parent for path in map(Path, found.files[1:])} == {tmp_path / "odd-files"}
     write_scene(replace(room, lights=()), tmp_path / "dark.scene")
     dark = irrsplat.load(tmp_path / "dark.scene")
-    assert dark.sky == (0.0, 0.0, 0.0) and not dark.notices, "a dark scene stays dark"
+    assert dark.sky == (0.0, 0.0, 0.0) and not dark.notices, "a scene without lights gets no default light"

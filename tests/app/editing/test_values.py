@@ -1,4 +1,4 @@
-"""Edits as values: places of objects, colours by temperature, and the edited scene."""
+"""Edits as values: positions of objects, colour temperatures, and the edited scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.support.viewing import write_room
 REC_709_TO_XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
-BOX = 2  # the room's meshes are its walls, the left one, and a box
+BOX = 2  # the room's meshes: walls, the left wall, a box
 
 
 @pytest.fixture
@@ -31,17 +31,17 @@ def room(tmp_path: Path) -> Scene:
 
 
 @pytest.mark.parametrize(("kelvin", "x", "y"), [(2000.0, 0.5267, 0.4133), (2856.0, 0.4476, 0.4074), (6500.0, 0.3135, 0.3237)])
-def test_black_bodies_have_their_chromaticities(kelvin: float, x: float, y: float) -> None:
-    """2856 K is illuminant A (ISO 11664-2); the others are of the Planckian locus (Wyszecki and Stiles 2000)."""
+def test_chromaticities_of_black_bodies(kelvin: float, x: float, y: float) -> None:
+    """Chromaticities are those of illuminant A (2856 K, ISO 11664-2) and of the Planckian locus (Wyszecki and Stiles 2000)."""
     X, Y, Z = REC_709_TO_XYZ @ blackbody(kelvin)
     assert pytest.approx((x, y), abs=0.006) == (X / (X + Y + Z), Y / (X + Y + Z))
 
 
-def test_hotter_is_bluer_at_the_same_luminance() -> None:
+def test_higher_temperatures_are_bluer_at_equal_luminance() -> None:
     colours = np.array([blackbody(k) for k in np.linspace(COLDEST, HOTTEST, 40)])
     assert colours @ LUMINANCE == pytest.approx(1.0) and (colours >= 0.0).all()
     assert (np.diff(colours[:, 0]) < 0.0).all() and (np.diff(colours[:, 2]) >= 0.0).all()
-    assert np.array(blackbody(6500.0)) == pytest.approx(1.0, abs=0.06), "about white"
+    assert np.array(blackbody(6500.0)) == pytest.approx(1.0, abs=0.06), "6500 K is nearly white"
 
 
 @pytest.mark.parametrize(
@@ -56,8 +56,8 @@ def test_hotter_is_bluer_at_the_same_luminance() -> None:
     ],
     ids=["point", "quadratic", "spot", "attenuated", "sun", "physical sun"],
 )
-def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Light, unit: str) -> None:
-    """At 1 m, facing the light, candela are lux; a point sends 4π times as many lumens in all directions as candela in each."""
+def test_intensities_equal_the_readings_of_a_light_meter(ctx: moderngl.Context, light: Light, unit: str) -> None:
+    """On a surface 1 m away that faces the light, lux equal candela; a point light emits 4π lumens per candela."""
     with LightMeter(worlds.scene(worlds.floor(), lights=(light,)), ctx=ctx, bounces=0) as meter:
         lux = meter.measure([(0.0, 0.0, 0.0)], (0.0, 1.0, 0.0)).values("lux")["direct"]
     units = light_units(light)
@@ -65,8 +65,8 @@ def test_outputs_are_what_a_light_meter_reads(ctx: moderngl.Context, light: Ligh
     assert units.get("lumen", 4 * np.pi * units[unit]) == pytest.approx(4 * np.pi * units[unit])
 
 
-def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
-    """So that renderers do not take it for moved; painted meshes share their triangles, hidden ones lie within the others."""
+def test_unedited_meshes_are_the_same_objects(room: Scene) -> None:
+    """Renderers compare meshes by identity; painted meshes share arrays; a hidden mesh is a point within the bounds."""
     made, edit = EditedScene(room), SceneEdit.of(room)
     assert made.scene(edit).meshes is room.meshes and made.scene(edit).lights == room.lights
     moved = edit.with_object(BOX, ObjectEdit(offset=(0.1, 0.0, 0.0)))
@@ -85,4 +85,4 @@ def test_what_an_edit_leaves_alone_is_the_same_mesh(room: Scene) -> None:
     assert gone.bounds == pytest.approx(np.array([shown.min(0), shown.max(0)]))
     assert made.scene(edit).meshes is room.meshes
     none = np.zeros((0, 3), "f4")
-    assert not bounds_of(Mesh(none, none, none.astype("i4"), worlds.material())).any(), "F goes to a mesh without points, too"
+    assert not bounds_of(Mesh(none, none, none.astype("i4"), worlds.material())).any(), "an empty mesh has bounds, for the key F"

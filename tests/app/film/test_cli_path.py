@@ -20,14 +20,14 @@ FLIGHT = ["render", "plain.scene", *SMALL, "--path", "a.path"]
 
 @pytest.fixture
 def flight(place: File) -> File:
-    """The working folder, with a path of four frames in it."""
+    """Add a path of four frames to the working folder; return the folder."""
     (place / "a.path").write_text("frames 4\ncam 0 0 5  0 0 0  0 1 0\ncam 3 0 5  0 0 0  0 1 0\n")
     return place
 
 
 @pytest.fixture
-def asked(fake: Any, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The cameras that the stand-in for the renderer was asked for; the n-th of its frames has exposure n + 1."""
+def cameras(fake: Any, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Return the list of rendered cameras, filled by the renderer's stand-in; frame n has exposure n + 1."""
     cameras: list[Any] = []
     render = fake.render
 
@@ -45,36 +45,36 @@ def names(folder: File) -> set[str]:
     return {path.name for path in folder.iterdir()} - {"plain.scene", "triangle.obj", "a.path"}
 
 
-# ---- which frames, and where to ------------------------------------------------------------------------------------------
+# ---- frames and their files ----------------------------------------------------------------------------------------------
 
 
-def test_the_frames_are_those_of_a_python_slice(asked: list[Any], flight: File, capsys: pytest.CaptureFixture[str]) -> None:
-    """One frame alone needs no number in its name."""
+def test_frames_are_selected_by_a_python_slice(cameras: list[Any], flight: File, capsys: pytest.CaptureFixture[str]) -> None:
+    """`--frames` selects frames as a Python slice does. The file of a single frame needs no number in its name."""
     path = load_path("a.path", fov=70.0)
     for flags, numbers in (([], [0, 1, 2, 3]), (["--frames", "1:3"], [1, 2]), (["--frames", "2:"], [2, 3])):
-        asked.clear()
+        cameras.clear()
         assert cli.main([*FLIGHT, "-o", "f{frame:03d}.png", "--stats", "s.json", "--fov", "70", *flags]) == 0
         assert capsys.readouterr() == ("", "")
-        assert asked == [path.camera(number) for number in numbers]
+        assert cameras == [path.camera(number) for number in numbers]
         assert [stats["frame"] for stats in json.loads((flight / "s.json").read_text())["frames"]] == numbers
     assert names(flight) == {"s.json", *(f"f{number:03d}.png" for number in range(4))}
     assert cli.main([*FLIGHT, "-o", "still.png", "--frames", "3:4"]) == 0
-    assert asked[-1].eye == (3, 0, 5) and (flight / "still.png").is_file()
+    assert cameras[-1].eye == (3, 0, 5) and (flight / "still.png").is_file()
     assert all(len({numbered(f, n) for n in range(3000)}) == 3000 for f in ("{frame}", "{frame:04d}", "{frame:02x}"))
 
 
-def test_a_path_is_looked_for_beside_the_scene_too(asked: list[Any], place: File) -> None:
-    """A bundled scene's own path goes by its name, from any folder; a file of that name here comes first."""
+def test_a_path_is_also_found_next_to_the_scene(cameras: list[Any], place: File) -> None:
+    """The path of a bundled scene is found by its name from any folder; a file in the working folder has precedence."""
     command = ["render", "cornell", *SMALL, "--path", "flight.path", "--frames", ":1", "-o", "a.png"]
     assert cli.main(command) == 0
-    assert asked[-1] == irrsplat.load("cornell").camera()
+    assert cameras[-1] == irrsplat.load("cornell").camera()
     (place / "flight.path").write_text("cam 1 1 1 0 0 0 0 1 0\n")
     assert cli.main(command) == 0
-    assert asked[-1].eye == (1, 1, 1)
+    assert cameras[-1].eye == (1, 1, 1)
 
 
-def test_the_first_frame_meters_for_all(asked: list[Any], flight: File) -> None:
-    """The stand-in's frames have exposures 1 2 3 4, which would flicker: each is saved with the first one's."""
+def test_all_frames_have_the_exposure_of_the_first(cameras: list[Any], flight: File) -> None:
+    """The frames have different exposures, 1 to 4; all are saved with the exposure of the first, without flicker."""
     assert cli.main([*FLIGHT, "-o", "f{frame}.npz", "--stats", "s.json"]) == 0
     assert [stats["exposure"] for stats in json.loads((flight / "s.json").read_text())["frames"]] == [1.0] * 4
     for number in range(4):
@@ -84,10 +84,10 @@ def test_the_first_frame_meters_for_all(asked: list[Any], flight: File) -> None:
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_an_interrupted_frame_is_dropped_and_those_before_it_stay(
+def test_an_interrupted_frame_is_dropped_and_earlier_frames_are_kept(
     inside: bool, fake: Any, flight: File, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Ctrl-C in the rounds of frame 2 (Renderer.render returns what it has) or outside of them (it is raised)."""
+    """Ctrl-C within a round of frame 2 makes Renderer.render return early; outside of rounds Ctrl-C raises."""
     render, calls = fake.render, []
 
     def interrupted(self: Any, camera: Any, **options: Any) -> Frame:

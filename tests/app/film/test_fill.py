@@ -1,4 +1,4 @@
-"""`irrsplat fill`, and frames from the frozen cache that it leaves, in any order."""
+"""`irrsplat fill` gathers the records of a flight; frames from its frozen cache are independent of their order."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RENDER = ["render", "room.scene", *FLIGHT, "--cache-mode", "frozen"]
 
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a room, a flight of eight frames and the cache that it fills."""
+    """Return a folder with a room, a flight of eight frames and the filled cache."""
     folder = tmp_path_factory.mktemp("film")
     write_room(folder)
     (folder / "a.path").write_text("frames 8\ncam -0.3 0 0.9 0 0 -1 0 1 0\ncam 0.2 0.1 0.7 0.4 0 -1 0 1 0\n")
@@ -40,20 +40,19 @@ def place(filled: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return filled
 
 
-def test_every_frame_has_its_records(place: Path) -> None:
-    """Also those that later frames could have taken some from; and nothing is gathered a second time."""
-    told = json.loads((place / "fill.json").read_text())
-    assert [one["frame"] for one in told["frames"]] == list(range(8)) and told["records"] > 0
-    assert all(one["coverage"] == 1.0 for one in told["frames"])
+def test_every_frame_is_covered(place: Path) -> None:
+    """Each frame is covered completely, and a second run gathers no further record."""
+    stats = json.loads((place / "fill.json").read_text())
+    assert [one["frame"] for one in stats["frames"]] == list(range(8)) and stats["records"] > 0
+    assert all(one["coverage"] == 1.0 for one in stats["frames"])
     before = (place / "film.cache").read_bytes()
     assert cli.main(["fill", "room.scene", *FLIGHT, "--stats", "again.json"]) == 0
-    assert json.loads((place / "again.json").read_text())["records"] == told["records"]
-    (place / "film.cache").write_bytes(before)  # but for which views have seen which records
+    assert json.loads((place / "again.json").read_text())["records"] == stats["records"]
+    (place / "film.cache").write_bytes(before)  # undoes the second run's marks of used records
 
 
-def test_frozen_frames_are_the_same_in_whatever_order(place: Path) -> None:
-    """By the command line, all and some; and by a renderer that goes backwards, after it has gathered elsewhere and by another
-    cache. The exposure is frame 0's, rendered or not."""
+def test_frozen_frames_are_independent_of_their_order(place: Path) -> None:
+    """Frames equal those of other runs with fewer, earlier or later frames; all have the exposure of frame 0."""
     before = (place / "film.cache").read_bytes()
     assert cli.main([*RENDER, "-o", "f{frame}.npz", "-o", "f{frame}.png"]) == 0
     assert cli.main([*RENDER, "--frames", "5:7", "-o", "g{frame}.png", "--stats", "g.json"]) == 0
@@ -71,12 +70,12 @@ def test_frozen_frames_are_the_same_in_whatever_order(place: Path) -> None:
                 assert all(np.array_equal(file[name], getattr(frame, name)) for name in file.files if name != "stats")
         assert frame.stats["uncovered"] == 0 and frame.stats["converged"]
         exposures = [renderer.render(path.camera(number), gather=False).exposure for number in (0, 6)]
-    told = json.loads((place / "g.json").read_text())["frames"]
-    assert told[1]["exposure"] == pytest.approx(exposures[0], abs=1e-3) and abs(exposures[0] - exposures[1]) > 1e-2
+    stats = json.loads((place / "g.json").read_text())["frames"]
+    assert stats[1]["exposure"] == pytest.approx(exposures[0], abs=1e-3) and abs(exposures[0] - exposures[1]) > 1e-2
 
 
-def test_ctrl_c_keeps_what_is_there(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The same command goes on from it."""
+def test_ctrl_c_keeps_complete_frames(place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The cache then contains a part of the records, and the message counts the complete frames."""
     converge: Callable[..., Any] = irrsplat.Renderer.converge
     frames = iter(range(8))
 

@@ -25,14 +25,14 @@ COLOURS = [(255, 255, 255), (0, 0, 0), (128, 128, 128), (200, 40, 30), (40, 160,
 
 @pytest.fixture
 def pictures(tmp_path: Path) -> list[Path]:
-    """Six frames of odd size, each of one colour."""
+    """Write six frames of odd size, each of one colour; return their files."""
     for number, colour in enumerate(COLOURS):
         Image.new("RGB", (51, 37), colour).save(tmp_path / f"{number}.png")
     return [tmp_path / f"{number}.png" for number in range(len(COLOURS))]
 
 
 def decoded(path: Path) -> tuple[Any, list[np.ndarray]]:
-    """Return the film's description, and its frames as (H, W, 3) sRGB by the matrix and range that it names."""
+    """Return the film's description, and its frames (H, W, 3) in sRGB, converted by the film's colour matrix and range."""
     with av.open(str(path)) as file:
         stream = file.streams.video[0]
         frames = list(file.decode(stream))
@@ -56,7 +56,7 @@ def test_a_film_has_its_colours_its_length_and_every_frame(pictures: list[Path],
         assert np.abs(frame.astype(int) - colour).max() <= 3
 
 
-def test_a_film_appears_whole_or_not_at_all(pictures: list[Path], tmp_path: Path) -> None:
+def test_a_failed_film_keeps_the_earlier_file(pictures: list[Path], tmp_path: Path) -> None:
     Image.new("RGB", (20, 20)).save(pictures[3])
     (tmp_path / "a.mp4").write_bytes(b"before")
     with pytest.raises(irrsplat.IrrsplatError, match=r"3\.png: a frame of another size"):
@@ -76,11 +76,11 @@ def test_a_film_is_the_same_with_and_without_pictures_that_stay(place: Path) -> 
 
 
 @pytest.mark.parametrize(("end", "last"), [("whole", "is written"), ("stopped", ""), ("failed", "the film failed (status 1: no")])
-def test_a_film_in_the_background_is_whole_or_absent(
+def test_a_film_in_the_background_is_complete_or_absent(
     end: str, last: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its own process makes three frames; stopped or failed, it leaves the folder empty."""
-    film, said, scene = FilmInBackground(), [""], irrsplat.load(place / "room.scene")
+    """A separate process writes a film of three frames; a stopped or failed process leaves the folder empty."""
+    film, messages, scene = FilmInBackground(), [""], irrsplat.load(place / "room.scene")
     if end == "failed":
         monkeypatch.setattr(background, "_MAIN", "raise SystemExit('no memory')")
     path = CameraPath((scene.camera(),) * 2, 3)
@@ -89,10 +89,10 @@ def test_a_film_in_the_background_is_whole_or_absent(
         film.release()
     try:
         while film.busy:
-            film.update(lambda text, topic: said.append(text))
+            film.update(lambda text, topic: messages.append(text))
     except irrsplat.IrrsplatError as error:
-        said.append(str(error))
-    assert last in said[-1] and [path.name for path in tmp_path.iterdir()] == ["film.mp4"] * (end == "whole")
+        messages.append(str(error))
+    assert last in messages[-1] and [path.name for path in tmp_path.iterdir()] == ["film.mp4"] * (end == "whole")
     if end == "whole":
         with av.open(tmp_path / "film.mp4") as file:
             assert [frame.height for frame in file.decode(video=0)] == [24, 24, 24]

@@ -1,4 +1,4 @@
-"""`irrsplat verify`: measures, kept truths, the table and pictures, and the curve of errors."""
+"""`irrsplat verify`: error measures, stored references, the table and pictures, and the curve of errors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ VERIFY = ["verify", "plain.scene", "--size", "6", "4", "--samples", "8", "--boun
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache folder that is not there yet, and no path tracer besides that of `child`."""
+    """Set a cache folder that does not exist yet, without a path tracer except that of `child`; return the folder."""
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "mitsuba" else find(name, *rest))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
@@ -38,7 +38,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def plain(width: int, height: int, E: float = 0.8, spread: float = 0.02) -> dict[str, np.ndarray]:
-    """A truth of one irradiance, whose halves lie `spread` above and below it; its leftmost column is an edge."""
+    """Return a reference of constant irradiance; its halves are higher and lower by `spread`, its left column is an edge."""
     grey, yes = np.full((height, width, 3), 0.5, np.float32), np.ones((height, width), bool)
     inner = yes.copy()
     inner[:, 0] = False
@@ -54,8 +54,8 @@ def plain(width: int, height: int, E: float = 0.8, spread: float = 0.02) -> dict
     return {"halves": halves, "direct": grey, "emission": 0 * grey, **surface, **flags}
 
 
-def keep(name: str, arrays: dict[str, np.ndarray], bounces: int | str = 1) -> Path:
-    """Write a truth of 8 samples where `traced` looks for that of the scene's own view; return its file."""
+def store(name: str, arrays: dict[str, np.ndarray], bounces: int | str = 1) -> Path:
+    """Store a reference of 8 samples for the scene's own view in the cache folder of `traced`; return its file."""
     scene, (height, width) = irrsplat.load(name).recentred.local, arrays["seen"].shape
     path = disk_cache.folder() / f"truth-{key_of(scene, scene.camera(), (width, height), side_of(8), bounces)}.npz"
     disk_cache.write(path, arrays)
@@ -65,8 +65,8 @@ def keep(name: str, arrays: dict[str, np.ndarray], bounces: int | str = 1) -> Pa
 # ---- measures ------------------------------------------------------------------------------------------------------------
 
 
-def test_the_noise_is_that_of_both_halves_together() -> None:
-    """Halves with independent errors of 10 % of the mean: their mean is off by 10 %/√2, and the halves alone tell so."""
+def test_the_noise_of_a_reference_is_that_of_the_mean_of_its_halves() -> None:
+    """Halves have independent errors of 10 %: their mean is off by 10 %/√2, as estimated from the two halves alone."""
     random = np.random.default_rng(2)
     truth = Traced(**plain(100, 100) | {"halves": (1.0 + 0.1 * random.standard_normal((2, 100, 100, 3))).astype("f4")})
     off = np.sqrt(np.mean((truth.irradiance[truth.valid] - 1.0) ** 2))
@@ -74,10 +74,12 @@ def test_the_noise_is_that_of_both_halves_together() -> None:
     assert truth.noise == pytest.approx(off, rel=0.02)
 
 
-def test_spots_and_grain_are_told_from_what_is_smooth() -> None:
-    """A truth of 1 left and 0.1 right. Spots of 0.15: one too little where it is bright, one 150 % where it is dark, and one off
-    the valid pixels. A chessboard of ±0.05 is fine to the last digit but at the rims; a slope across 200 pixels, many times as
-    strong, hardly is."""
+def test_spots_and_fine_errors_exclude_smooth_errors() -> None:
+    """The reference is 1 on the left and 0.1 on the right.
+
+    A spot of 0.15 counts only on the right, where it is 150 %; an invalid pixel never counts. The fine error contains a
+    chessboard of ±0.05 but hardly a smooth slope across 200 pixels, although the slope is much stronger.
+    """
     arrays = plain(200, 100, E=1.0, spread=0.0)
     arrays["halves"][:, :, 100:] = 0.1
     truth = Traced(**arrays)
@@ -95,11 +97,11 @@ def test_spots_and_grain_are_told_from_what_is_smooth() -> None:
     assert noisy == pytest.approx(fine, rel=0.05)
 
 
-# ---- kept truths ---------------------------------------------------------------------------------------------------------
+# ---- stored references ---------------------------------------------------------------------------------------------------
 
 
-def test_the_key_depends_on_all_that_the_truth_does() -> None:
-    """Each change gives another key, but for names and for copies of the same numbers."""
+def test_the_key_depends_on_all_inputs_of_the_reference() -> None:
+    """Each change of an input of the reference changes the key; names and equal copies of arrays do not."""
     scene = irrsplat.load("cornell")
     camera, mesh = scene.cameras[0], scene.meshes[0]
     worn, shape = Texture(Image(np.full((2, 2, 4), 200, np.uint8))), photometry([0, 90], [0], lambert)
@@ -126,7 +128,7 @@ def test_the_key_depends_on_all_that_the_truth_does() -> None:
 
 
 def _flip_a_bit(data: bytes) -> bytes:
-    """One bit of the first array's own bytes is wrong: those behind the 30 bytes, name and extra field that head it in a zip."""
+    """Return a zip with one flipped bit in its first array's data, after the header of 30 bytes, the name and extra field."""
     name, extra = (int.from_bytes(data[k : k + 2], "little") for k in (26, 28))
     k = 30 + name + extra + 20
     return data[:k] + bytes([data[k] ^ 1]) + data[k + 1 :]
@@ -137,16 +139,16 @@ def _flip_a_bit(data: bytes) -> bytes:
     [lambda data: b"", lambda data: data[:-30], lambda data: b"junk" * 99, _flip_a_bit],
     ids=["empty", "cut", "junk", "bit"],
 )
-def test_a_damaged_file_is_not_taken(damage: Callable[[bytes], bytes]) -> None:
-    """A whole one is, bit by bit; where it is damaged, the path tracer is needed."""
-    scene, told = irrsplat.load("cornell"), list[str]()
-    path = keep("cornell", plain(40, 30))
-    kept = traced(scene, scene.camera(), (40, 30), 1, 7, notice=told.append)  # 7 samples are 2·2², as 8 are
-    assert all(np.array_equal(array, getattr(kept, name)) for name, array in plain(40, 30).items()) and not told
+def test_a_damaged_reference_is_refused(damage: Callable[[bytes], bytes]) -> None:
+    """An intact file gives its arrays exactly; a damaged file gives a notice and requires the path tracer."""
+    scene, notices = irrsplat.load("cornell"), list[str]()
+    path = store("cornell", plain(40, 30))
+    kept = traced(scene, scene.camera(), (40, 30), 1, 7, notice=notices.append)  # 7 samples are rounded to 8 = 2·2²
+    assert all(np.array_equal(array, getattr(kept, name)) for name, array in plain(40, 30).items()) and not notices
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(IrrsplatError, match="there is no path tracer here"):
-        traced(scene, scene.camera(), (40, 30), 1, 8, notice=told.append)
-    assert told == [f"{path}: damaged; the truth is traced again"]
+        traced(scene, scene.camera(), (40, 30), 1, 8, notice=notices.append)
+    assert notices == [f"{path}: damaged; the truth is traced again"]
 
 
 # ---- the process ---------------------------------------------------------------------------------------------------------
@@ -154,7 +156,7 @@ def test_a_damaged_file_is_not_taken(damage: Callable[[bytes], bytes]) -> None:
 
 @pytest.fixture
 def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
-    """Put a script in the path tracer's place, which has read its job as `job`."""
+    """Return a function that replaces the path tracer's process by a script; the script finds its input in `job`."""
     head = "import os, pickle, sys; job = pickle.load(sys.stdin.buffer)\ndef say(*it): pickle.dump(it, sys.stdout.buffer)\n"
 
     def put(script: str) -> None:
@@ -164,8 +166,8 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return put
 
 
-def test_what_the_process_answers_is_kept(child: Callable[[str], None], cache: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """It gets the view and the samples; what its libraries print is kept from the user. A full folder is a notice."""
+def test_a_traced_result_is_stored(child: Callable[[str], None], cache: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The process receives the view and the samples. The output of its libraries is hidden; a failure to store is a notice."""
     child("""import numpy as np
 say('progress', 0.5); print('noise', file=sys.stderr)
 (width, height), grey, yes = job[2], np.full((4, 6, 3), job[1].fov, 'f4'), np.ones((4, 6), bool)
@@ -173,14 +175,14 @@ names = 'direct', 'albedo', 'emission', 'normal', 'tint', 'glow'
 answer = dict.fromkeys(names, grey) | dict.fromkeys(('seen', 'valid', 'clear'), yes)
 say('done', answer | {'halves': np.stack([grey * job[3], grey * job[4]]), 'opacity': grey[..., 0] * job[0].triangles})
 """)
-    scene, shares, told = irrsplat.load("cornell"), list[float](), list[str]()
+    scene, shares, notices = irrsplat.load("cornell"), list[float](), list[str]()
     cache.write_text("a file where the folder should be")
-    found = traced(scene, scene.camera(), (6, 4), 3, 8, shares.append, told.append)
+    found = traced(scene, scene.camera(), (6, 4), 3, 8, shares.append, notices.append)
     fov = scene.camera().fov
     assert found.opacity == pytest.approx(fov * scene.triangles)
-    assert (found.halves[:, 0, 0, 0] == np.float32(fov) * np.array([2, 3], np.float32)).all(), "8 samples are 2·2², of 3 bounces"
+    assert (found.halves[:, 0, 0, 0] == np.float32(fov) * np.array([2, 3], np.float32)).all(), "2² of 8 samples per half"
     assert 0.5 in shares and capfd.readouterr() == ("", "")
-    assert told and all(str(cache) in line for line in told)
+    assert notices and all(str(cache) in line for line in notices)
     cache.unlink()
     traced(scene, scene.camera(), (6, 4), 3, 8)
     child("sys.exit(3)")
@@ -188,7 +190,7 @@ say('done', answer | {'halves': np.stack([grey * job[3], grey * job[4]]), 'opaci
     assert np.array_equal(again.halves, found.halves) and len(list(cache.glob("*.npz"))) == 1
 
 
-def test_a_process_that_fails_is_one_line(child: Callable[[str], None]) -> None:
+def test_a_failed_process_is_one_line(child: Callable[[str], None]) -> None:
     scene = irrsplat.load("cornell")
     child("print('Cannot select: fmaximum', file=sys.stderr, flush=True); os.abort()")
     with pytest.raises(IrrsplatError, match=r"SIGABRT: Cannot select: fmaximum.*libllvm19") as caught:
@@ -200,13 +202,13 @@ def test_a_process_that_fails_is_one_line(child: Callable[[str], None]) -> None:
 
 
 def rows(text: str) -> dict[str, str]:
-    """The table's values by their names."""
+    """Return the table's values by name."""
     return {match[1]: match[2] for line in text.splitlines()[1:] if (match := re.match(r"  (\S.*?)\s{2,}(\S.*?)(  |$)", line))}
 
 
 def test_the_table(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The stand-in frame is 1 everywhere, the truth 0.8 ± 2 % and 0.5 direct: too much by 1/0.8 − 1 = 25 %, and by 100 %."""
-    keep("plain.scene", plain(6, 4))
+    """The frame is 1 everywhere, the reference 0.8 ± 2 % and 0.5 direct: the errors are 1/0.8 − 1 = 25 % and 100 %."""
+    store("plain.scene", plain(6, 4))
     fake.stats = {"records": 1234}
     assert cli.main([*VERIFY, "--preset", "preview", "--a", "0.3"]) == 0
     out, _ = capsys.readouterr()
@@ -225,8 +227,8 @@ def test_the_table(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_pictures(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """A strip of picture, truth and error above a legend, or a folder; FLIP is left out where it is not installed."""
-    keep("plain.scene", plain(6, 4))
+    """The output is a strip of reference, picture and error with a legend, or a folder; a notice reports missing FLIP."""
+    store("plain.scene", plain(6, 4))
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     assert cli.main([*VERIFY, "-o", "shown"]) == 0
     out, err = capsys.readouterr()
@@ -239,19 +241,19 @@ def test_pictures(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert strip.shape[1] == 18 and np.array_equal(strip[:4], np.hstack([truth, picture, error[:4]]))
 
 
-def test_views_without_a_truth(fake: Any, place: Path, refused: Callable[..., str]) -> None:
-    """No path tracer is installed; the camera sees nothing; the scene is empty."""
+def test_views_without_a_reference_are_refused(fake: Any, place: Path, refused: Callable[..., str]) -> None:
+    """A missing path tracer, a view without valid pixels and an empty scene are refused."""
     err = refused([*VERIFY, "-o", "a.png"], 1)
     assert "pip install 'irrsplat[reference]'" in err and "--truth gather --bounces 1" in err
-    keep("plain.scene", plain(6, 4) | {"valid": np.zeros((4, 6), bool)})
+    store("plain.scene", plain(6, 4) | {"valid": np.zeros((4, 6), bool)})
     assert "no smooth surface" in refused(VERIFY)
     camera = Camera((0, 0, 1), (0, 0, 0))
     with pytest.raises(InputError, match="no surfaces"):
         traced(Scene((), (), (camera,)), camera, (6, 4), 1)
 
 
-def test_the_truth_of_a_fine_gather(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """In the closed furnace each record and each pixel of the truth is π·L_e = π."""
+def test_the_reference_of_a_fine_gather(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the closed furnace the irradiance of each record and each reference pixel is π·L_e = π."""
     monkeypatch.setattr(measure, "GATHERED", 40)
     assert cli.main(["verify", "furnace", "--size", "16", "12", "--truth", "gather", "--gather-size", "8", "--bounces", "1"]) == 0
     out, _ = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""Hands on the scene: picking, handles, panels, undo and redo."""
+"""Editing in the viewer: picking, handles, panels, undo and redo."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ WALLS, _, BOX = range(3)
 
 @pytest.fixture
 def editor(driver: Driver) -> Editor:
-    """The editor of a view whose records are frozen."""
+    """Freeze the records of the view; return its editor."""
     driver.session.options.frozen = True
     return driver.actions.editor
 
 
 def box_at(driver: Driver) -> tuple[float, float]:
-    """Return the place of the middle of the box in the window."""
+    """Return the window coordinates of the box's centre."""
     x, y, z = bounds_of(driver.session.scene.meshes[BOX]).mean(0).tolist()
     return driver.seen((x, y, z))
 
@@ -38,7 +38,7 @@ def hidden(editor: Editor) -> list[int]:
 
 
 def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) -> None:
-    """The wall behind it is seen then, and the converged view is covered."""
+    """Without the box its pixel shows the wall, and the converged view is covered."""
     editor, records = driver.actions.editor, driver.session.renderers[0].cache.count
     push(driver, "Delete")
     assert "nothing is selected" in driver.said and not editor.changed and driver.session.renderers[0].cache.count == records
@@ -57,8 +57,8 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) 
         assert hidden(editor) == expected
 
 
-def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None:
-    """By either key; a step that is refused is none."""
+def test_undo_and_redo_return_each_edit(driver: Driver, editor: Editor) -> None:
+    """Undo and redo return each earlier edit, by both keys of redo; a refused edit adds no step."""
     states = [editor.edit]
     for x in (0.1, 0.2):
         editor.set_object(BOX, ObjectEdit(offset=(x, 0.0, 0.0)))
@@ -74,36 +74,36 @@ def test_steps_are_undone_and_done_again(driver: Driver, editor: Editor) -> None
         push(driver, key)
         assert editor.edit == expected
     assert driver.said.endswith("nothing to redo")
-    assert not driver.session.options.points and driver.session.tracing.traced is None, "the keys without Ctrl are others"
+    assert not driver.session.options.points and driver.session.tracing.traced is None, "Ctrl+Z is not Z"
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
-    """The desktop has no dialog here. The file is the newest of the recent scenes."""
+    """Without a file dialog, the scene is saved under a free name and is the newest of the recent scenes."""
     push(driver, "Ctrl+S")
     assert "room-2.scene is written" in driver.said
     editor.set_light(0, replace(editor.lights[0], stops=1.0))
     bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
-    assert driver.actions.prompt is None, "saved where it was saved"
+    assert driver.actions.prompt is None, "the second save replaces the first file without a prompt"
     assert irrsplat.load("room-2.scene").lights == bright and driver.actions.title == "room-2"
     assert driver.actions.preferences.recent[0] == os.path.abspath("room-2.scene")
     push(driver, "Ctrl+Shift+S")
     assert driver.actions.saved_as == "room-3.scene"
 
 
-def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Editor) -> None:
-    """The corners of its bounding box are marked. Esc ends the choice, and a drag picks nothing."""
+def test_a_click_selects_and_outlines_the_visible_object(driver: Driver, editor: Editor) -> None:
+    """The corners of the box's bounds are marked over an unchanged picture. Esc deselects, and a drag selects nothing."""
     canvas = driver.canvas()
     driver.click(*box_at(driver))
-    assert editor.mesh == BOX and np.array_equal(driver.canvas(), canvas), "the picture itself is as before"
+    assert editor.mesh == BOX and np.array_equal(driver.canvas(), canvas), "the outline is no part of the picture"
     window, positions, layout = driver.window(), driver.session.scene.meshes[BOX].positions, driver.viewer.interface.layout
     for corner in product(*zip(positions.min(0).tolist(), positions.max(0).tolist(), strict=True)):
         place = layout.seen(driver.session.camera, corner)
         assert place is not None
-        if place[1] > 120.0:  # below the legend
+        if place[1] > 120.0:  # the legend hides it
             continue
         around = window[int(place[1]) - 2 : int(place[1]) + 3, int(place[0]) - 2 : int(place[0]) + 3].astype(int)
-        assert (around[..., 0] - around[..., 2] > 80).any(), "amber"
+        assert (around[..., 0] - around[..., 2] > 80).any(), "the mark is amber"
     x, y = box_at(driver)
     push(driver, "Esc")
     assert editor.mesh is None
@@ -111,8 +111,8 @@ def test_a_click_picks_what_is_seen_and_outlines_it(driver: Driver, editor: Edit
     assert editor.mesh is None
 
 
-def test_a_right_click_opens_a_menu_and_the_list_selects(driver: Driver, editor: Editor) -> None:
-    """Without a drag alone: with one, it is a look around. Each entry is an action of the table."""
+def test_a_right_click_opens_a_menu_and_the_outliner_selects(driver: Driver, editor: Editor) -> None:
+    """A right click without a drag opens the menu of the object; a right drag rotates the camera."""
     x, y = box_at(driver)
     driver.move(x, y)
     driver.frame()
@@ -137,8 +137,8 @@ def test_a_right_click_opens_a_menu_and_the_list_selects(driver: Driver, editor:
     assert editor.mesh == WALLS
 
 
-def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) -> None:
-    """The arrow along x points to the right; the camera stays, and there is no hole after it."""
+def test_a_drag_of_a_handle_is_one_step_of_undo(driver: Driver) -> None:
+    """Dragging the arrow along x moves the box with the mouse, as one step of undo, with a still camera and no hole."""
     editor = driver.actions.editor
     camera, edit = driver.session.camera, editor.edit
     editor.mesh = BOX
@@ -148,7 +148,7 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     driver.drag((x + 25.0, y), (x + 65.0, y))
     offset = editor.edit.objects[BOX].offset
     assert offset[0] > 0.1 and offset[1:] == pytest.approx((0.0, 0.0), abs=1e-5) and driver.session.camera == camera
-    assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "it goes with the mouse"
+    assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "the box follows the mouse"
     assert editor.mesh == BOX and len(editor.past) == 1
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
@@ -156,7 +156,7 @@ def test_a_drag_on_the_handles_moves_the_object_and_is_one_step(driver: Driver) 
     assert editor.edit == edit and driver.session.scene.meshes is editor.loaded.meshes
 
 
-def test_the_object_panel_sets_what_an_object_emits(driver: Driver, editor: Editor) -> None:
+def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> None:
     editor.mesh, driver.actions.panels.controls = BOX, True
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
@@ -167,8 +167,8 @@ def test_the_object_panel_sets_what_an_object_emits(driver: Driver, editor: Edit
     assert len(editor.past) == 2
 
 
-def test_lights_are_heated_and_deleted(driver: Driver, editor: Editor) -> None:
-    """Lit by no light, the picture is covered."""
+def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor: Editor) -> None:
+    """A colour temperature keeps the luminance. Without lights, the converged view is covered."""
     driver.actions.toggle("lights")
     driver.resize((760, 900), density=0.125)
     driver.frame(3)
@@ -187,8 +187,8 @@ def test_lights_are_heated_and_deleted(driver: Driver, editor: Editor) -> None:
     assert driver.session.scene.lights == editor.loaded.lights
 
 
-def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -> None:
-    """128 of 255 is a linear 0.2159 (IEC 61966-2-1), for objects and for lights, relative to the brightest component."""
+def test_colour_fields_are_srgb(driver: Driver, editor: Editor) -> None:
+    """In sRGB, 128 of 255 is a linear 0.2159 (IEC 61966-2-1); colours of lights are relative to the brightest component."""
     driver.resize((760, 640), density=0.125)
     editor.mesh, driver.actions.panels.controls = 1, True
     driver.frame(4)
@@ -209,10 +209,10 @@ def _third(field: Widget) -> tuple[float, float, float, float]:
     return left, top, left + 0.2 * (right - left), bottom
 
 
-def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before the window closes, and before another scene opens. The answers are cancel, discard, and save.
+def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Quitting and opening another scene prompt for unsaved changes, with the answers cancel, discard and save.
 
-    A film in the making is warned about, and its progress leaves the warning in place.
+    Quitting during a film gives a warning, and the film's progress messages do not replace the warning.
     """
     with monkeypatch.context() as filming:
         filming.setattr(FilmInBackground, "busy", True)

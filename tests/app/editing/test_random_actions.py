@@ -1,4 +1,4 @@
-"""A user who does anything at all: no action leaves a hole, an OpenGL error or an exception, and all edits can be undone.
+"""Random user actions: no action leaves a hole, an OpenGL error or an exception, and all edits can be undone.
 
 IRRSPLAT_EDITS: the number of actions (8). IRRSPLAT_SEED: their random numbers.
 """
@@ -24,7 +24,7 @@ from tests.support.viewing import Driver, push
 
 EDITS = int(os.environ.get("IRRSPLAT_EDITS", "8"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "7"))
-CHECKED = 8  # actions after which the view comes to rest and is checked
+CHECKED = 8  # actions between two checks of the converged view
 SIZES = (96, 64), (128, 72), (64, 96), (80, 60)
 BOX = 2
 QUICK: SettingValues = {"warmup": 20, "a": 0.8, "gather_size": 8, "shadow_size": 64, "exposure": 1.0}
@@ -44,7 +44,7 @@ def triple(draw: Draw, high: float, low: float | None = None) -> Point:
 
 
 def set_object(driver: Driver, draw: Draw) -> None:
-    """Move or turn the box; paint, light or hide any object."""
+    """Move or turn the box, or change albedo, emission or visibility of any object."""
     made, number, turn = editor(driver), int(draw.integers(3)), Rotation.from_rotvec(triple(draw, 1.5))
     one = made.edit.objects[number]
     made.set_object(*[
@@ -57,7 +57,7 @@ def set_object(driver: Driver, draw: Draw) -> None:
 
 
 def set_lights(driver: Driver, draw: Draw) -> None:
-    """Delete one; or move, heat, dim and switch one."""
+    """Delete a light, or change its position, colour temperature, intensity and switch."""
     made = editor(driver)
     if not made.lights:
         return
@@ -70,7 +70,7 @@ def set_lights(driver: Driver, draw: Draw) -> None:
 
 
 def move_camera(driver: Driver, draw: Draw) -> None:
-    """Fly, then orbit or click."""
+    """Fly by keys, then orbit or click."""
     key = str(draw.choice(list("WASDEQ")))
     driver.down(key)
     driver.frame(int(draw.integers(1, 5)), dt=0.1)
@@ -78,12 +78,12 @@ def move_camera(driver: Driver, draw: Draw) -> None:
     start, by = draw.uniform((0.0, 24.0), 60.0).tolist(), float(draw.choice([0.0, 12.0]))
     driver.move(*start)
     driver.frame(2)
-    if not driver.viewer.backend.wants_mouse:  # over a panel, a click might do anything
+    if not driver.viewer.backend.wants_mouse:  # a click on a panel may have any effect
         driver.drag((start[0], start[1]), (start[0] + by, start[1] + 0.4 * by))
 
 
 def press(driver: Driver, draw: Draw) -> None:
-    """A key: cameras, overlays, panels, the cache's state, or another preset."""
+    """Press a random key of cameras, overlays, panels or the cache, or select another preset."""
     if draw.random() < 0.3:
         driver.actions.use_preset(str(draw.choice(("paper", "default"))))
         driver.session.change(driver.session.options.side, **QUICK)
@@ -92,7 +92,7 @@ def press(driver: Driver, draw: Draw) -> None:
 
 
 def show(driver: Driver, draw: Draw) -> None:
-    """Another buffer, window or split, or one of its sides alone."""
+    """Show another buffer in another window size, with or without split, or one side of the split."""
     driver.actions.show(str(draw.choice([name for name in BUFFERS if not BUFFERS[name].needs_reference])))
     driver.resize(SIZES[draw.integers(len(SIZES))])
     driver.frame()
@@ -110,7 +110,7 @@ ACTS: list[tuple[Act, float]] = [(set_object, 5.0), (set_lights, 4.0), (move_cam
 
 
 def check(driver: Driver, done: list[str]) -> None:
-    """Check that in the converged view each pixel that sees a surface has a record, on both sides."""
+    """Assert that in the converged view each pixel with a surface has a record, on both sides."""
     session = driver.session
     session.options.frozen = False
     driver.settle(3000)
@@ -120,8 +120,8 @@ def check(driver: Driver, done: list[str]) -> None:
 
 
 @pytest.mark.long
-def test_no_action_of_a_user_leaves_a_hole_and_all_can_be_undone(driver: Driver) -> None:
-    """Edits, undone and done again, equal those of a list. After all of them are undone, the scene is the loaded one."""
+def test_random_actions_leave_no_hole_and_can_be_undone(driver: Driver) -> None:
+    """After undo and redo, the edit equals the tracked one of a list; after undoing all edits, the scene is the loaded one."""
     driver.resize(SIZES[0])
     driver.actions.panels.scale = 0.75
     driver.session.change(0, **QUICK)
