@@ -113,10 +113,7 @@ def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def free_dropped(one: moderngl.Context) -> None:
-    """Free the objects that tests dropped in the shared context; moderngl does not free them, and a session grows by gigabytes.
-
-    Contexts of single tests are released as a whole; the product's own contexts then show objects without an owner.
-    """
+    """Free the objects that tests dropped in the shared context; without this a session grows by gigabytes."""
     while one.objects:
         dropped = one.objects.popleft()
         if not isinstance(dropped, moderngl.InvalidObject):  # an invalid object has been released already

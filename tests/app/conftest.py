@@ -93,10 +93,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """Return a function that runs a failing command line in `tmp_path` and returns its one line on stderr.
-
-    The command line must end with `status`, print nothing on stdout and change no file.
-    """
+    """Return a function that runs a refused command line, asserts its effects and returns the one line of stderr."""
     monkeypatch.chdir(tmp_path)
 
     def files() -> dict[Path, bytes | None]:

@@ -75,10 +75,9 @@ def test_the_noise_of_a_reference_is_that_of_the_mean_of_its_halves() -> None:
 
 
 def test_spots_and_fine_errors_exclude_smooth_errors() -> None:
-    """The reference is 1 on the left and 0.1 on the right.
+    """A spot of 0.15 counts only on the valid right side, where it is 150 % of 0.1.
 
-    A spot of 0.15 counts only on the right, where it is 150 %; an invalid pixel never counts. The fine error contains a
-    chessboard of ±0.05 but hardly a smooth slope across 200 pixels, although the slope is much stronger.
+    The fine error contains a chessboard of ±0.05, and hardly a stronger smooth slope across 200 pixels.
     """
     arrays = plain(200, 100, E=1.0, spread=0.0)
     arrays["halves"][:, :, 100:] = 0.1

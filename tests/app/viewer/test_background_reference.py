@@ -1,4 +1,4 @@
-"""The path-traced truth in the viewer: its pixels, its pictures, when it holds, and its end."""
+"""The path-traced reference in the viewer: its buffers, its validity, and the end of tracing."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
 
 
 def here(driver: Driver) -> TracedReference | None:
-    """Return the truth of the view on show."""
+    """Return the reference of the visible view, or None."""
     on = driver.session
     return on.reference(on.camera, on.settings(0)[1])
 
 
 def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The truth as irradiance is shown, the error in the colours of `verify`. The cursor finds the same numbers."""
+    """The buffers show the reference as irradiance and the error in the colours of `verify`; the cursor reads equal values."""
     tracer, session = Tracer(monkeypatch, early=1), driver.session
     push(driver, "Y")
     tracer.wait(driver)
@@ -64,7 +64,7 @@ def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyP
 
 
 def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
-    """Frames go on while the tracer is held, over a dim grey picture; the progress is in words."""
+    """The viewer renders frames during tracing, with a dim grey picture and a text of the progress."""
     driver.actions.show("reference")
     push(driver, "Y")
     tracer.begin(driver)
@@ -78,7 +78,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
 
 
 def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer) -> None:
-    """Views of one eye, size, lighting and number of bounces have one truth. Any other view has none, or its own."""
+    """The reference is valid for one camera, size, lighting and number of bounces, and becomes valid again after an undo."""
     session, editor = driver.session, driver.actions.editor
     truth, home, bounces = traced_truth(driver, tracer), session.camera, session.settings(0)[1].bounces
     point_light = editor.lights[0]
@@ -102,7 +102,7 @@ def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer)
 
 
 def test_a_move_ends_the_tracing_and_its_samples_stay(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the first view again, its 8 samples are on show."""
+    """After a return to the first view, the viewer shows its 8 samples again."""
     tracer, home = Tracer(monkeypatch, early=1), driver.session.camera
     push(driver, "Y")
     first = tracer.wait(driver)
@@ -118,7 +118,7 @@ def test_a_move_ends_the_tracing_and_its_samples_stay(driver: Driver, monkeypatc
 def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
     driver: Driver, monkeypatch: pytest.MonkeyPatch, extra: str
 ) -> None:
-    """The entry of the menu has the same words under the cursor."""
+    """Without its packages an action is disabled, and its message names the extra."""
     monkeypatch.setattr(actions, "find_spec", lambda name: None)
     driver.session.path_recorder.path = Path((driver.session.camera,) * 2, 2)
     (command,) = (one for one in COMMANDS if one.extra == extra)
@@ -130,7 +130,7 @@ def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
 
 
 def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The process ends though it has sent nothing yet, and would send nothing for an hour."""
+    """Stopping ends a process that has not sent any result."""
     script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
     monkeypatch.setattr(worker, "_REFINE", script)
     monkeypatch.setattr(worker, "require", lambda: None)
@@ -155,7 +155,7 @@ def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder
 
 
 def test_passes_count_by_their_samples() -> None:
-    """The mean of 8, 8 and 32 samples, each half by itself."""
+    """The estimate is the mean of 8, 8 and 32 samples, weighted by number, for each half separately."""
     passes, seen = np.random.default_rng(2).uniform(0.0, 2.0, (3, 2, 4, 5, 3)).astype("f4"), np.ones((4, 5), bool)
     made = Estimate(passes[0], seen, seen, 8).and_pass(8, passes[1]).and_pass(32, passes[2])
     assert made.samples == 48

@@ -1,4 +1,4 @@
-"""Every buffer on the screen, against what display.py makes of the same numbers; numbers and records under the cursor."""
+"""Each buffer in the viewer, compared with its picture by numpy; values and records under the cursor."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_reference]
 
 @pytest.fixture(scope="module")
 def shared_cornell() -> Iterator[ShownView]:
-    """The Cornell box after two rounds; the records of the second are splatted, and some pixels still lack records."""
+    """Provide the Cornell box after two rounds of gathering; some pixels still lack records."""
     with context.shared():
         made = shown_view(irrsplat.load("cornell"))
     yield made
@@ -42,14 +42,14 @@ def shared_cornell() -> Iterator[ShownView]:
 
 @pytest.fixture
 def cornell(shared_cornell: ShownView) -> Iterator[ShownView]:
-    """Provide the same with its context current. No test may change it."""
+    """Provide the shared view with its context current; tests must not change the view."""
     with context.shared():
         yield shared_cornell
 
 
 @pytest.fixture
 def target(ctx: moderngl.Context) -> Iterator[Target]:
-    """A float target, so that nothing is rounded; no picture has its colour."""
+    """Provide a float target, without rounding, filled with a colour that no picture has."""
     target = Target(ctx, SIZE, (4,))
     clear(target, UNTOUCHED)
     yield target
@@ -74,7 +74,7 @@ def test_a_map_of_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderng
 
 
 def test_positions_and_depths_run_through_the_scene_s_bounds(cornell: ShownView, target: Target) -> None:
-    """A position's colour is its place within the bounds; depths run from the nearest to the farthest corner of the bounds."""
+    """Colours of positions are linear within the scene's bounds; the scale of depth spans the corners of the bounds."""
     (low, high), seen, camera = cornell.source.scene.bounds, cornell.seen, cornell.source.view.camera
     expected = (cornell.frame.position[seen] - low) / (high - low)
     assert np.abs(cornell.draw(target, "position")[seen] - expected).max() < 1e-3
@@ -85,7 +85,7 @@ def test_positions_and_depths_run_through_the_scene_s_bounds(cornell: ShownView,
 
 
 def test_the_contour_runs_between_pixels_on_different_sides(cornell: ShownView, target: Target) -> None:
-    """White where a pixel has enough and one of its four neighbours has not, black on that other side, the scale elsewhere."""
+    """The contour is white above the threshold and black below it, at pixels with a neighbour on the other side."""
     weight, threshold, seen = cornell.frame.weight, cornell.source.settings.threshold, cornell.seen
     below, line = weight < threshold, np.zeros(weight.shape, bool)
     for axis in (0, 1):
@@ -107,7 +107,7 @@ def test_the_contour_runs_between_pixels_on_different_sides(cornell: ShownView, 
 
 
 def test_values_are_those_of_the_pixel_under_the_cursor(cornell: ShownView) -> None:
-    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but depth, image and alpha."""
+    """(0, 0) is the upper left pixel; without a surface only depth, image and alpha have values."""
     rng, seen = np.random.default_rng(3), cornell.seen
     places = [*rng.permutation(np.argwhere(seen))[:6], *rng.permutation(np.argwhere(~seen))[:2]]
     for name in CHANNELS.keys() & BUFFERS.keys():
@@ -123,7 +123,7 @@ def test_values_are_those_of_the_pixel_under_the_cursor(cornell: ShownView) -> N
 
 
 def test_a_region_bounds_what_is_drawn_and_every_buffer_has_a_legend(cornell: ShownView, target: Target) -> None:
-    """Inside of the region lies what lies there without it; outside nothing is drawn."""
+    """The pixels in the region are those of the whole picture; other pixels are unchanged."""
     x, y, width, height = region = (31, 7, 40, 33)
     inside = np.zeros((SIZE[1], SIZE[0]), bool)
     inside[SIZE[1] - y - height : SIZE[1] - y, x : x + width] = True
@@ -144,11 +144,10 @@ def test_a_region_bounds_what_is_drawn_and_every_buffer_has_a_legend(cornell: Sh
 
 @pytest.mark.parametrize("kind", ["spot", "sun"])
 def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, target: Target, kind: str) -> None:
-    """Straight above a floor: its tile sees the floor at one distance, a box's top of height 1 nearer by 1.
+    """A light straight above a floor has one distance to the floor, and a distance shorter by 1 to a box of height 1.
 
-    The sun's tile covers all bodies but the floor, so that two posts widen it.
-
-    A spot at height 3 stores near/z, the sun z in a depth of 1.001 diagonals about the middle of the bounds.
+    The sun's tile covers all bodies except the floor; two posts make it wider. A spot at height 3 stores near/z, the sun
+    stores z in a depth of 1.001 diagonals around the centre of the bounds.
     """
     posts = (worlds.box((x - 0.1, 0.0, x - 0.1), (x + 0.1, 1.0, x + 0.1)) for x in (-1.9, 1.9))
     bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3)), *posts
@@ -170,19 +169,19 @@ def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, targ
 
 
 def lux_of(shown: ShownView) -> np.ndarray:
-    """Return (H, W) lux by the frame's buffers: irradiance, and π/ρ times the direct radiance. No surface of the box is black."""
+    """Return lux (H, W) from the frame: indirect irradiance, and π/ρ times the direct radiance; no surface has ρ = 0."""
     albedo = np.where(shown.seen[..., None], shown.frame.albedo, 1.0)
     return photometric((shown.frame.irradiance + np.pi / albedo * shown.frame.direct).astype(float))
 
 
 def scaled(shown: ShownView, **scale: object) -> ShownView:
-    """Return the same with another scale of light, up to 1000 lux without lines."""
+    """Return the view with another scale of light, by default up to 1000 lux without lines."""
     light_scale = LightScale(**{"highest": 1000.0, "lines": False, **scale})  # type: ignore[arg-type]
     return replace(shown, source=replace(shown.source, light_scale=light_scale))
 
 
 def test_light_in_false_colours(cornell: ShownView, target: Target) -> None:
-    """The colour at light/1000 lux; a pixel's light is that of both kinds."""
+    """A pixel's colour is that of its direct and indirect light on a scale up to 1000 lux."""
     light, seen = lux_of(cornell), cornell.seen
     colours = false_colours()
     at = np.clip(light / 1000.0, 0.0, 1.0) * (len(colours) - 1)
@@ -203,7 +202,7 @@ def test_the_light_under_the_cursor_is_in_lux(cornell: ShownView) -> None:
 
 
 def test_weights_of_records_add_up_and_the_greatest_is_picked(cornell: ShownView) -> None:
-    """Σw at a pixel is the sum over all records of what each weighs there: the splat buffer's, but for pixels at a rim."""
+    """The weights of all records at a pixel add up to Σw of the splat buffer, except for rounding at the rims of records."""
     renderer, view, frame = cornell.renderer, cornell.source.view, cornell.frame
     sums, found = [], []
     inspector = RecordInspector(cornell.programs)
@@ -219,7 +218,7 @@ def test_weights_of_records_add_up_and_the_greatest_is_picked(cornell: ShownView
 
 
 def test_a_record_under_a_sky_sees_one_radiance(ctx: moderngl.Context) -> None:
-    """The sky over a floor emits L in all directions: every texel of a hemisphere is L, tone-mapped."""
+    """The sky over a floor emits L in all directions: each texel of a record's hemisphere is the tone-mapped L."""
     L = (0.9, 0.3, 0.1)
     with (
         shown_view(worlds.scene(worlds.floor(), sky=L), rounds=1, placement="tiles") as made,

@@ -1,4 +1,4 @@
-"""The flight: what each motion keeps and what it changes, derived from rotations; and that no sequence breaks the camera."""
+"""Motions of the free camera, compared with rotations; random sequences of motions leave a valid camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def forward(flight: FreeCamera) -> np.ndarray:
 
 
 def on_screen(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
-    """Return (2,) where the camera sees `point`, in units of the distance along its axis."""
+    """Return the image coordinates (2,) of `point`, as tangents of angles from the view axis."""
     x, y, z = camera.axes @ np.subtract(point, camera.eye)
     return np.array([x, y]) / -z
 
@@ -34,13 +34,13 @@ def pitch(flight: FreeCamera, up: tuple[float, float, float] = Y) -> float:
 
 
 def level(flight: FreeCamera, up: tuple[float, float, float] = Y) -> bool:
-    """Return True if right is perpendicular to the world's up, and the picture's up is not below the horizon."""
+    """True if right is perpendicular to the world's up, and the picture's up is not below the horizon."""
     return abs(flight.camera.axes[0] @ up) < 1e-9 and float(flight.camera.axes[1] @ up) > 0.0
 
 
 @pytest.mark.parametrize("camera", [PLAIN, OBLIQUE])
 def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
-    """The level part of the old right becomes the heading, at the same pitch p: forward' = cos p · right + sin p · up."""
+    """A turn by 90° keeps the pitch p, and the heading becomes the former right: forward' = cos p · right + sin p · up."""
     flight = FreeCamera(camera, DIAGONAL)
     side, p, before = flight.camera.axes[0], math.radians(pitch(flight)), forward(flight)
     flight.look(90, 0, DEGREE)
@@ -55,7 +55,7 @@ def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
 @pytest.mark.parametrize("camera", [PLAIN, OBLIQUE, ROLLED], ids=["plain", "oblique", "rolled"])
 @pytest.mark.parametrize("pivot", [PIVOT, (3.0, 2.5, 9.0)])
 def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[float, float, float]) -> None:
-    """The view space position of the pivot stays: its distance, and its place on the screen, even behind the eye."""
+    """An orbit keeps the pivot's position in view space: its distance and its pixel, even behind the eye."""
     flight = FreeCamera(camera, DIAGONAL)
     for dx, dy in [(40, 0), (0, 15), (-170, -60), (13, 400)]:
         flight.orbit(pivot, dx, dy, DEGREE)
@@ -68,7 +68,7 @@ def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[floa
 
 
 def test_a_step_of_the_wheel_leaves_nine_tenths_and_never_passes_the_pivot() -> None:
-    """The view does not turn, and the pivot stays under the cursor."""
+    """The wheel moves along the line to the pivot: the direction and the pivot's pixel stay."""
     flight = FreeCamera(PLAIN, DIAGONAL)
     flight.dolly(1)
     np.testing.assert_allclose(flight.camera.eye, [0, 1, 4.5])
@@ -85,7 +85,7 @@ def test_a_step_of_the_wheel_leaves_nine_tenths_and_never_passes_the_pivot() -> 
 @pytest.mark.parametrize("up", [Y, Z, (0.0, -1.0, 0.0)])
 @pytest.mark.parametrize("heading, degrees", [(0.0, 0.0), (0.8, 60.0), (4.0, -60.0)])
 def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, degrees: float) -> None:
-    """Straight up moves along the world's up; 60° down, the picture's up leans nearer to the horizon than to it."""
+    """Straight up moves along the world's up, even for a view 60° downwards with a nearly horizontal picture's up."""
     upward, p = np.array(up), math.radians(degrees)
     flat = np.roll(upward, 1) * math.cos(heading) + np.roll(upward, 2) * math.sin(heading)
     ahead, above = flat * math.cos(p) - upward * math.sin(p), flat * math.sin(p) + upward * math.cos(p)
@@ -98,8 +98,7 @@ def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, 
 
 @pytest.mark.parametrize(("place", "diagonal"), [(0.0, 12.0), (1e12, 1e-3), (1e6, 1e5)])
 def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) -> None:
-    """A Camera checks itself when made: it is finite, eye ≠ target, up is not parallel. The eye stays within 1000 diagonals.
-    Arguments that are not finite move nothing."""
+    """A Camera validates itself. The eye stays within 1000 diagonals, and motions that are not finite have no effect."""
     random = np.random.default_rng(7)
     ahead = diagonal + 1e-3 * place
     first = Camera((place, place, place), (place + ahead, place, place - ahead))

@@ -1,4 +1,4 @@
-"""Markers over a buffer: the places of dots, circles and edges, and what hides them."""
+"""Markers over a buffer: positions of dots, circles and edges, and their occlusion."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FREE = Settings(radius_min=0.0, radius_max=0.0)  # a·R is what R says
 
 @dataclass(frozen=True)
 class Stage:
-    """A view of a made-up scene, with nothing on its target yet."""
+    """View of a synthetic scene with an empty target."""
 
     renderer: Renderer
     view: View
@@ -39,21 +39,21 @@ class Stage:
     target: Target
 
     def drawn(self, draw: Callable[[Target], object]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the picture (H, W, 3), top row first, and where it is no longer the ground."""
+        """Return the picture (H, W, 3), top row first, and the mask of drawn pixels."""
         clear(self.target, GROUND)
         draw(self.target)
         picture = self.target.read()[..., :3]
         return picture, (picture != np.array(GROUND, "f4")).any(-1)
 
     def marks(self, kind: str, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
-        """Return those of one of the markers of records."""
+        """Return the picture and the mask of one kind of markers."""
         scene, draw = self.renderer.scene, self.markers.records
         return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, None))
 
 
 @pytest.fixture
 def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
-    """Makes stages of meshes and a camera."""
+    """Provide a function that makes stages from meshes and a camera."""
     made: list[Stage] = []
 
     def stage(*meshes: object, camera: Camera = OBLIQUE) -> Stage:
@@ -72,7 +72,7 @@ def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
 
 
 def records(ctx: moderngl.Context, p: object, R: object = 0.5) -> Records:
-    """Return records of the floor at p (N, 3) with radii R, of unit irradiance that changes nowhere."""
+    """Return records of the floor at p (N, 3) with radii R and constant unit irradiance."""
     where = worlds.sites(p, (0.0, 1.0, 0.0))
     values = np.concatenate([np.ones((len(where), 3)), np.broadcast_to(R, len(where))[:, None]], axis=1)  # type: ignore[call-overload]
     cache = RecordCache(ctx)
@@ -89,25 +89,25 @@ def project(camera: Camera, p: np.ndarray) -> np.ndarray:
 
 
 def texels(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of the pixels that points (N, 2) lie in."""
+    """Return rows and columns of the pixels of points (N, 2)."""
     x, y = np.floor(points).astype(int).T
     return y, x
 
 
 def distance_to(points: np.ndarray, lit: np.ndarray) -> np.ndarray:
-    """Return for every lit pixel the distance in pixels from its centre to the nearest of `points` (N, 2)."""
+    """Return the distance in pixels from the centre of each lit pixel to the nearest of `points` (N, 2)."""
     y, x = np.nonzero(lit)
     centres = np.stack([x, y], -1) + 0.5
     return np.linalg.norm(centres[:, None] - points[None], axis=-1).min(1)
 
 
 def grown(lit: np.ndarray) -> np.ndarray:
-    """Return where a pixel or one of its eight neighbours is lit."""
+    """Return the mask of lit pixels and their eight neighbours."""
     return np.any([np.roll(lit, (dy, dx), (0, 1)) for dy in (-1, 0, 1) for dx in (-1, 0, 1)], axis=0)
 
 
 def test_a_dot_marks_its_record_s_pixel(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
-    """In the colour of its radius: of a·R on a logarithmic scale; nothing lies farther from it than a dot's few pixels."""
+    """A dot covers a few pixels around its record, in the colour of a·R on a logarithmic scale."""
     world = stage(worlds.floor())
     p, R = np.array([(-0.8, 0, 0.4), (0.3, 0, -0.5), (0.9, 0, 0.9)]), np.array([0.05, 0.4, 1.2])
     picture, lit = world.marks("points", records(ctx, p, R=R))
@@ -120,7 +120,7 @@ def test_a_dot_marks_its_record_s_pixel(ctx: moderngl.Context, stage: Callable[.
 
 @pytest.mark.parametrize("kind", ["points", "discs"])
 def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callable[..., Stage], kind: str) -> None:
-    """A wall stands at z = 1 between the eye and the first record; the second lies under the floor, the third behind the eye."""
+    """A wall at z = 1 hides the first record, the floor hides the second, and the third is behind the eye."""
     world = stage(worlds.floor(3.0), worlds.quad((-2, 0, 1), (4, 0, 0), (0, 1, 0)))
     _, lit = world.marks(kind, records(ctx, [(0.2, 0, 0.5), (0.1, -0.4, 1.5), (0, 1.6, 8)], R=0.3))
     assert not lit.any()
@@ -135,9 +135,9 @@ def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callab
 def test_a_disc_is_the_circle_of_its_radius(
     ctx: moderngl.Context, stage: Callable[..., Stage], camera: Camera, settings: Settings
 ) -> None:
-    """Every lit pixel lies within three pixels of the circle of radius a·R in the floor, and all of it is lit within one.
+    """Lit pixels are near the circle of radius a·R in the floor, and each point of the circle has a lit pixel next to it.
 
-    a·R lies between radius_min and radius_max percent of the image's height at the record's distance.
+    a·R is limited to radius_min and radius_max, in percent of the image's height at the record's distance.
     """
     world, p, R = stage(worlds.floor(4.0), camera=camera), np.array([0.2, 0.0, 0.3]), 0.9
     percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p - camera.eye) / 100.0

@@ -1,4 +1,4 @@
-"""The viewer's memory: what is saved comes back, and nothing in a file stops the viewer."""
+"""Preferences of the viewer: saved values are restored, and a damaged file does not stop the viewer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FULL = Preferences(
 
 @pytest.fixture(autouse=True)
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of this test, which does not exist yet, inside one that is empty otherwise."""
+    """Return the folder of preferences, which does not exist yet, in an otherwise empty folder."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config" / "irrsplat"))
     return tmp_path / "config" / "irrsplat"
 
@@ -38,7 +38,7 @@ def one_line(text: Any) -> bool:
 
 
 def test_what_is_saved_comes_back(place: Path) -> None:
-    """Types come back, too; no partial file stays. Without files there are defaults, and reading makes no folder."""
+    """Values and their types are restored without temporary files. Missing files give defaults, and reading makes no folder."""
     assert load() == (Preferences(), []) and not place.parent.exists()
     assert save(FULL) is None
     (place / "viewer.json").write_bytes(b"\xef\xbb\xbf" + (place / "viewer.json").read_bytes())  # an editor's byte order mark
@@ -71,7 +71,7 @@ def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
 
 
 def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path) -> None:
-    """There is no notice about the unknown key `later`."""
+    """Each wrong value has a notice; the unknown key `later` has none."""
     save(FULL)
     data = json.loads((place / "viewer.json").read_text())
     data |= {"preset": "gone", "later": 1, "size": [0, 100], "recent": ["relative.obj", "/kept.obj", 7]}
@@ -93,7 +93,7 @@ def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path)
 
 
 def test_what_cannot_be_written_or_read_is_told_and_nothing_is_lost(place: Path) -> None:
-    """A file stands where the folder should be, a folder where the file; JSON cannot hold the value."""
+    """A file in place of the folder, a folder in place of the file, and a value outside of JSON each give a message."""
     place.parent.write_text("kept")
     said = save(FULL)
     assert one_line(said) and str(place) in str(said)

@@ -1,4 +1,4 @@
-"""Files that the viewer reads while it runs: scenes and paths, correct and wrong ones."""
+"""Files that a running viewer opens: valid and invalid scenes and paths."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.support.viewing import ROOM, Driver, push, write_room
 
 @pytest.fixture
 def room(one: Driver) -> Iterator[Path]:
-    """The file of the scene on show, put back in the end."""
+    """Provide the file of the open scene; restore it at the end."""
     path = Path(one.actions.source)
     yield path
     write_room(path.parent)
@@ -26,7 +26,7 @@ def errors(driver: Driver) -> list[str]:
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
-    """From its own first camera, remembered as the newest. One whose file is called `scene` has the name of its folder."""
+    """A dropped scene has its first camera and is the newest recent scene; a file called `scene` has its folder's name."""
     driver.session.options.frozen = True
     driver.session.change(0, a=0.7)
     (tmp_path / "hall").mkdir()
@@ -58,7 +58,7 @@ def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path)
 
 
 def test_a_picture_that_cannot_be_written_is_named(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file stands where the pictures folder should be. The message has the path and the cause in words."""
+    """A file is in place of the pictures folder: the message contains the path and the cause."""
     (tmp_path / "taken").write_text("")
     monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "taken"))
     push(driver, "F12")

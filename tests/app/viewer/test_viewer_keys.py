@@ -1,4 +1,4 @@
-"""Every key of the viewer does its documented action, by numbers or by pixels."""
+"""Each key of the viewer has its documented effect on values or pixels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_every_key_has_its_case() -> None:
 
 @pytest.mark.parametrize("group", LISTED)
 def test_a_key_does_its_action(driver: Driver, group: str) -> None:
-    """One key after the other, from home. No key leads to an error."""
+    """Each key of the group starts from the first camera and has its effect without an error."""
     if group == "View/Camera":
         driver.resize((80, 60))
         driver.settle()
@@ -47,7 +47,7 @@ def test_a_key_does_its_action(driver: Driver, group: str) -> None:
 
 @case("F")
 def frame(driver: Driver, shown: str) -> None:
-    """It goes back in the same direction until all is seen, or nearer to a picked box."""
+    """Framing keeps the direction and shows the whole scene, or a selected box from nearer."""
     first, editor = driver.session.camera, driver.actions.editor
     push(driver, "F")
     far = driver.session.camera
@@ -63,7 +63,7 @@ def frame(driver: Driver, shown: str) -> None:
 
 @case("R")
 def record(driver: Driver, shown: str) -> None:
-    """The file's path, 30 frames a second, is where the flight was."""
+    """The recorded path follows the flight at 30 frames per second."""
     begin, speed = driver.session.camera, driver.session.free_camera.speed
     push(driver, "R")
     for _ in range(10):
@@ -81,7 +81,7 @@ def record(driver: Driver, shown: str) -> None:
 
 @case(*(key.shown for key in BUFFERS_BY_KEY))
 def show_buffer(driver: Driver, shown: str) -> None:
-    """Another picture, and nothing else is drawn again; a message has the title."""
+    """Only the picture changes, without new passes; a message has the buffer's title."""
     name = next(str(k.argument) for k in BUFFERS_BY_KEY if k.shown == shown)
     push(driver, "2" if name == "image" else "1")
     canvas = driver.canvas()
@@ -91,7 +91,7 @@ def show_buffer(driver: Driver, shown: str) -> None:
 
 
 def changed(driver: Driver, shown: str) -> float:
-    """Return the share of pixels that the key changes. Nothing below is drawn again, and the next press undoes it."""
+    """Return the share of pixels that the key changes; assert that no pass runs and that a second press undoes the change."""
     before = driver.canvas()
     push(driver, shown)
     after = driver.canvas()
@@ -103,13 +103,13 @@ def changed(driver: Driver, shown: str) -> float:
 
 @case("Z", "X")
 def overlay(driver: Driver, shown: str) -> None:
-    """Part of the pixels change."""
+    """An overlay changes a part of the pixels."""
     assert 0.002 < changed(driver, shown) < 1.0
 
 
 @case("Shift+F")
 def freeze(driver: Driver, shown: str) -> None:
-    """From elsewhere, the cache stays as it is until it thaws."""
+    """From another camera, a frozen cache gets no records; after thawing, the view is covered."""
     session, cache = driver.session, driver.session.renderers[0].cache
     count = cache.count
     push(driver, shown)
@@ -126,7 +126,7 @@ def freeze(driver: Driver, shown: str) -> None:
 
 @case("Tab")
 def split(driver: Driver, shown: str) -> None:
-    """The left half stays what it was, up to the white line between; a second time, all of it is one picture."""
+    """The left half is unchanged up to the white divider; a second press restores the single picture."""
     before, middle = driver.canvas(), driver.wnd.width // 2
     driver.session.options.frozen = True  # the paper's own settings take a while
     push(driver, shown)
@@ -143,7 +143,7 @@ def split(driver: Driver, shown: str) -> None:
 
 @case("Space")
 def flip(driver: Driver, shown: str) -> None:
-    """To the right side, and back; it stays there, and is the one that keys change."""
+    """The key alternates between the sides; later keys change the visible side."""
     left = driver.canvas()
     driver.split_presets()
     for side in (1, 0, 1):
@@ -165,7 +165,7 @@ def covered(driver: Driver) -> float:
 
 @case("F1")
 def keys(driver: Driver, shown: str) -> None:
-    """It covers more of the picture, which stays what it is below; and goes again."""
+    """The list of keys covers more of an unchanged picture, and Esc closes it."""
     before = covered(driver)
     push(driver, shown)
     assert covered(driver) > before + 0.05 and driver.session.ms == {}
@@ -176,7 +176,7 @@ def keys(driver: Driver, shown: str) -> None:
 
 @case("F3", "F4")
 def section(driver: Driver, shown: str) -> None:
-    """The side panel opens with the section, and stays open without it; the picture is fitted into the rest."""
+    """The side panel opens with the section and stays open without it; the picture is fitted into the remaining width."""
     before, panels, titles = driver.session.size, driver.actions.panels, {"F3": "settings", "F4": "lights"}
     driver.session.options.frozen = True
     for titled in (True, False):
@@ -196,7 +196,7 @@ def enlarge(driver: Driver, shown: str) -> None:
 
 @case("F2")
 def hide(driver: Driver, shown: str) -> None:
-    """Not a pixel of the interface is left; but errors show all the same."""
+    """No pixel of the interface is visible, except for errors."""
     push(driver, shown)
     driver.actions.messages.lines.clear()
     assert covered(driver) == 0.0
@@ -209,7 +209,7 @@ def hide(driver: Driver, shown: str) -> None:
 
 @case("F12")
 def screenshot(driver: Driver, shown: str) -> None:
-    """The PNG in the pictures folder is the picture, to the pixel."""
+    """The PNG in the pictures folder equals the picture exactly."""
     folder = Path("pictures").absolute()
     before = set(folder.glob("irrsplat-room-*.png"))
     push(driver, shown)
@@ -226,7 +226,7 @@ def quits(driver: Driver, shown: str) -> None:
 
 
 def test_escape(driver: Driver) -> None:
-    """It lets go of the mouse and of a panel, and never quits."""
+    """Esc releases the mouse, closes a panel and removes errors, and never quits."""
     driver.move(200, 120)
     driver.button(True, 2)
     push(driver, "F1")

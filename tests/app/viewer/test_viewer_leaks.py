@@ -1,4 +1,4 @@
-"""Neither OpenGL objects nor scenes stay behind. A day of anything is in tests/trust/test_a_day.py."""
+"""OpenGL objects and scenes are freed; tests/trust/test_a_day.py does many more actions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEFT_OUT = RARE | {"trace"}  # actions that are not tried at random: these, and 
 
 
 class Watch:
-    """All OpenGL objects that are made while it lasts, by kind, but for those that are gone."""
+    """Counter of the living OpenGL objects by kind, of those created since its construction."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.made: list[tuple[str, Any]] = []
@@ -46,14 +46,14 @@ class Watch:
 
 
 def resident() -> float:
-    """Return MiB of memory that this process has now, after it gave back what it can."""
+    """Return the memory of this process in MiB, after it has returned its free memory."""
     gc.collect()
     memory.trim()
     return pages()
 
 
 def pages() -> float:
-    """Return MiB of memory that this process has now."""
+    """Return the memory of this process in MiB."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024.0
@@ -61,8 +61,7 @@ def pages() -> float:
 
 
 def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Once another scene is open, nothing holds a renderer or a scene of before: a large one is gigabytes.
-    Once the viewer is closed, no OpenGL object is alive but the window's own."""
+    """Another scene replaces all references to earlier renderers and scenes; a closed viewer leaves only the window's objects."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     watch = Watch(monkeypatch)
     with viewing(write_room(tmp_path), (160, 120), radius_min=8.0, radius_max=40.0) as driver:
@@ -103,7 +102,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other C libraries")
 def test_large_arrays_leave_nothing_behind() -> None:
-    """Arrays of pictures that end in another order than they began, with small ones between, return their memory."""
+    """Large arrays return their memory, even if they are freed in another order with small arrays between them."""
     program = """
 import numpy as np
 from irrsplat.app.viewer import memory

@@ -1,4 +1,4 @@
-"""Light that the viewer measures: on a horizontal plane, and at one point by its sources."""
+"""Measured light in the viewer: on a horizontal plane, and at one point by source."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.viewing import Driver, push
 
 
 def test_the_plane_has_the_values_of_a_light_meter(driver: Driver) -> None:
-    """Its own process finds what LightMeter finds here; it is drawn between its edges at the back wall and in front."""
+    """The viewer's process measures the values of a LightMeter; the plane is drawn between its front and back edges."""
     session = driver.session
     push(driver, "Ctrl+M")
     while session.plane.share is not None:
@@ -38,8 +38,7 @@ def test_the_plane_has_the_values_of_a_light_meter(driver: Driver) -> None:
 
 
 def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> None:
-    """Surfaces that reflect nothing have direct light alone: lights, an emitter and the sky; a shelf hides two of them. Rays over
-    the hemisphere find emitter and sky to a few percent."""
+    """Black surfaces reflect nothing: lights, emitters and the sky add up to the light meter's direct and indirect values."""
     black, glowing, aim = worlds.material(0.0), worlds.material(0.0, 5.0), (0.3, 0.0, 0.0)
     shelf = replace(worlds.quad((-2.0, 1.0, -1.0), (1.5, 0, 0), (0, 0, 2.0), black), name="shelf")
     panel = replace(worlds.quad((0.5, 1.5, -0.5), (1.0, 0, 0), (0, 0, 1.0), glowing), name="panel")
@@ -65,7 +64,7 @@ def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> No
 
 
 def test_a_click_explains_the_light_of_a_point(driver: Driver) -> None:
-    """The floor behind the box does not see the light; all of its light is indirect, as much as the picture has there."""
+    """The box hides the light from the floor behind it: the light there is indirect, and the picture's value is positive."""
     push(driver, "Ctrl+D")
     session = driver.session
     driver.settle()

@@ -1,4 +1,4 @@
-"""Flying by keys and mouse, clicks, the divider, and whether panel or picture gets the mouse."""
+"""Flight by keys and mouse, clicks, the divider, and distribution of mouse events to panel or picture."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ DT = 0.05
 
 
 def gone(driver: Driver, since: Camera) -> np.ndarray:
-    """Return (3,) metres that the eye has gone."""
+    """Return the motion (3,) of the eye in metres."""
     return np.subtract(driver.session.camera.eye, since.eye)
 
 
 def test_a_held_key_flies_its_way(driver: Driver) -> None:
-    """The first camera looks down -z: so long as the key is held, at the flight's speed, by Shift and Alt at another pace. The
-    window that loses the keyboard lets go of all keys."""
+    """A held key moves the eye at the flight's speed, changed by Shift and Alt; a window without focus releases all keys."""
     ways = {"S": (0, 0, 1), "A": (-1, 0, 0), "E": (0, 1, 0)}
     driver.session.options.frozen = True
     metre = DT * driver.session.free_camera.speed
@@ -48,8 +47,7 @@ def test_a_held_key_flies_its_way(driver: Driver) -> None:
 
 
 def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
-    """A motion of the window's height turns by the field of view; the first one after the capture is a jump, and none. While
-    the button is held, the wheel sets the speed."""
+    """A motion of the window's height turns by the field of view. The first motion after the capture is a jump and ignored."""
     before, speed = driver.session.camera, driver.session.free_camera.speed
     driver.move(*WALL)
     driver.button(True, RIGHT)
@@ -70,7 +68,7 @@ def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
 
 
 def test_wheel_and_left_drag_keep_the_point_under_the_cursor(driver: Driver) -> None:
-    """The wheel goes a tenth of the way a step. A drag orbits: the picked point keeps its place and its distance."""
+    """A step of the wheel moves by a tenth of the distance. A drag orbits with constant pixel and distance of the point."""
     driver.move(*WALL)
     driver.frame()
     point, before = driver.display.point_at((60, 100)), driver.session.camera
@@ -91,7 +89,7 @@ def test_wheel_and_left_drag_keep_the_point_under_the_cursor(driver: Driver) -> 
 
 
 def test_the_record_under_the_cursor_is_of_its_side(driver: Driver) -> None:
-    """A click moves nothing, and selects nothing while records are inspected."""
+    """A click inspects a record of the clicked side; the camera and the selection stay."""
     before = driver.session.camera
     driver.split_presets()
     push(driver, "I")
@@ -103,7 +101,7 @@ def test_the_record_under_the_cursor_is_of_its_side(driver: Driver) -> None:
 
 
 def test_the_divider_is_dragged_and_keys_are_about_the_side_that_was_clicked(driver: Driver) -> None:
-    """Left of it the one preset, right of it the other, wherever it stands; never past the window's edges."""
+    """Each side of the divider shows its preset at each position; the divider stays within the window."""
     whole, options = {}, driver.session.options
     driver.split_presets()
     for side in (1, 0):
@@ -128,7 +126,7 @@ def test_the_divider_is_dragged_and_keys_are_about_the_side_that_was_clicked(dri
 
 
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
-    """The mouse may come to a panel and press within one slow frame: who is under it counts, not who was."""
+    """The mouse may reach a panel and press within one slow frame: the event belongs to the panel or picture under it."""
     driver.resize((640, 240))
     driver.actions.panels.controls = driver.session.options.frozen = True
     driver.settle()
@@ -157,7 +155,7 @@ def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driv
 
 
 def test_a_click_counts_where_the_last_motion_was(driver: Driver) -> None:
-    """A slow frame delays the handling of events. glfw then gives a button's event the cursor's position of that time."""
+    """A slow frame delays events, and glfw gives a button's event a later position of the cursor, which is ignored."""
     controls = driver.viewer.controls
     wall = driver.display.mesh_at((int(WALL[0]), int(WALL[1])))
     driver.move(*WALL)

@@ -1,4 +1,4 @@
-"""The panels by the mouse: widgets of settings, presets, menus, the lights, the buttons over the picture; and Tab."""
+"""Panels by mouse and keyboard: widgets of settings, presets, menus, lights, and the key Tab."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STAGES = ("view", "composite", "examine", "splat", "gather", "shadow")
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A tall window of few pixels; without bounces, since what is gathered is not of interest to most of these tests."""
+    """Provide a tall window of few pixels without bounces, because most of these tests need no indirect light."""
     with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, bounces=0) as driver:
         driver.density = 0.25  # drawing takes most of the time
         yield driver
@@ -31,13 +31,13 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
 
 @pytest.fixture
 def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest; it remembers and writes in `tmp_path`."""
+    """Provide the viewer in its initial converged state; it writes to `tmp_path`."""
     yield from fresh(one, tmp_path, monkeypatch)
 
 
 @pytest.fixture
 def panel(driver: Driver) -> Driver:
-    """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
+    """Unfold all stages of the settings, freeze the cache and show an empty view, for fast frames."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
     driver.actions.panels.controls = driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
@@ -53,7 +53,7 @@ def value(driver: Driver, name: str) -> Any:
 
 
 def shown(driver: Driver) -> set[str]:
-    """Return the labels of all widgets but those that unfold others."""
+    """Return the labels of all widgets except collapsible headers."""
     return {w.label.split("##")[0] for w in driver.widgets if w.kind != "collapsing_header"}
 
 
@@ -62,8 +62,7 @@ def label(name: str) -> str:
 
 
 def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: Driver) -> None:
-    """Every setting of views has a widget. A number is typed by Ctrl+click, also beyond the slider's span; a choice is clicked in
-    its list; a box is clicked."""
+    """Each setting of a view has a widget: a number typed after Ctrl+click, also beyond the slider's range, a list or a box."""
     assert {label(name) for name in SETTINGS.keys() - OF_RENDERS} <= shown(panel)
     changes = {"max_records": 9000, "radius_max": 60.0, "tolerance": 4.0, "weights": "paper", "gradients": False}
     for name, expected in changes.items():
@@ -85,7 +84,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
 
 
 def test_a_slider_is_dragged(panel: Driver) -> None:
-    """To its span's ends, and to the geometric mean in the middle of a logarithmic one: √(0.01·2)."""
+    """A logarithmic slider reaches the ends of its range, and in its middle their geometric mean √(0.01·2)."""
     for along, expected in ((0.99, SETTINGS["a"].high), (0.0, SETTINGS["a"].low), (0.5, 0.02**0.5)):
         panel.drag(panel.find("a").at(0.3), panel.find("a").at(along))
         assert value(panel, "a") == pytest.approx(expected, rel=0.1)
@@ -100,7 +99,7 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver) -> None:
 
 
 def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(panel: Driver) -> None:
-    """Esc leaves the fields. A click into the panel leaves the keys to the picture: none is typed into a setting."""
+    """Esc leaves the fields. After a click into the panel, keys still belong to the picture and change no setting."""
     panel.down("LEFT_CTRL")
     panel.click(*panel.find("a").at())
     panel.press("A")
@@ -128,7 +127,7 @@ def test_tab_goes_to_the_next_field_and_outside_of_fields_to_the_next_split(pane
 
 
 def test_the_menus(driver: Driver) -> None:
-    """Each buffer is in one, overlays toggle, cameras are gone to, the view is split."""
+    """The menus select buffers, overlays and cameras."""
     options, session = driver.session.options, driver.session
     options.frozen = True
     driver.resize((760, 900), density=0.25)
@@ -145,7 +144,7 @@ def test_the_menus(driver: Driver) -> None:
 
 
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
-    """Switched off, or with 0 candela, the room is black, for nothing else lights it."""
+    """The room has one light: switched off, or with 0 candela, it leaves the room black."""
     (loaded,) = driver.session.scene.lights
     driver.actions.toggle("lights")
     driver.frame(3)
@@ -171,7 +170,7 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
 
 
 def test_a_scene_of_two_millimetres_is_edited_and_measured_as_a_room_is(panel: Driver, tmp_path: Path) -> None:
-    """The handles drag an object to the left. The plane is at half the height, of 4 points a side; one of 20 km has 50."""
+    """Handles move an object by the mouse's motion; the plane at half the height has 4 points per side, one of 20 km has 50."""
     path = write_room(tmp_path)
     small = ROOM.replace("cam 0 0 2.6", "cam 0 0 0.0026").replace("obj walls", "push\nscale 0.001 0.001 0.001\nobj walls")
     path.write_text(f"{small}pop\n")

@@ -1,4 +1,4 @@
-"""The window's size and its end, what it remembers, and its message without a display."""
+"""The window's size, preferences and events, and its message without a display."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.support.viewing import FAST, SIZE, Driver, push, viewing, write_room
 
 
 def test_another_size_keeps_the_records(driver: Driver) -> None:
-    """Down to a single pixel, and nothing at all while minimised; then the first picture comes back. Both presets follow."""
+    """The view follows the window down to one pixel; the first size gives the first picture again. Both sides are resized."""
     before, count = driver.canvas(), driver.session.renderers[0].cache.count
     for size in ((200, 260), (1, 1)):
         driver.resize(size)
@@ -44,9 +44,9 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
 
 
 def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The view of a camera that hardly moves looks like the whole one. Marks keep the size of the window.
+    """A moving view has half the resolution and is enlarged; marks have the window's resolution.
 
-    An enlarged picture is soft at edges: 3 of 255 in the mean. A picture that is shifted or scaled wrongly differs by tens.
+    An enlarged picture is soft at edges, 3 of 255 in the mean; a wrongly shifted or scaled picture differs by tens.
     """
     monkeypatch.setattr(moving, "divisor_after", lambda *_: 2)
     before, half = driver.window(), (SIZE[0] // 2, SIZE[1] // 2)
@@ -64,7 +64,7 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
 
 
 def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Settings, overlays, panels, size and the scene are remembered; a failure to write them is told."""
+    """Settings, overlays, panels, size and the scene are restored; a failure to write them gives a message."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     room = write_room(tmp_path)
     with viewing(room, (64, 48)) as driver:
@@ -98,7 +98,7 @@ def test_without_a_display_one_line_says_what_to_do(tmp_path: Path) -> None:
 
 
 def test_on_a_finer_monitor_text_is_larger(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Twice the scale, twice the height of the menu bar: as many rows again hold nothing of the picture."""
+    """Twice the scale gives twice the height of the menu bar, counted in rows without the picture."""
     rows = []
     for scale in (1.0, 2.0, 1.0):
         monkeypatch.setattr(Desktop, "scale", scale)
@@ -108,7 +108,7 @@ def test_on_a_finer_monitor_text_is_larger(driver: Driver, monkeypatch: pytest.M
 
 
 def test_a_click_waits_for_a_pass_of_the_interface(driver: Driver) -> None:
-    """Events come in one burst."""
+    """Events of one burst are handled one pass at a time, so that the interface sees each click."""
     desktop, handled = Desktop(driver.wnd), list[str]()
     for kind in ("cursor_pos", "mouse_button", "key", "window_size", "cursor_pos", "scroll"):
         desktop._keeping(kind, lambda *_, kind=kind: handled.append(kind))(None, 0, 0, 0)
@@ -116,7 +116,7 @@ def test_a_click_waits_for_a_pass_of_the_interface(driver: Driver) -> None:
 
 
 def test_a_key_that_is_pressed_in_a_tick_of_flight_moves_its_picture(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tick begins anew with what the key does, and gathers nothing."""
+    """A key during a tick restarts the tick with the key's motion, before any gathering."""
     desktop, session = driver.viewer.desktop, driver.session
     driver.down("W")
     driver.frame(3)

@@ -1,4 +1,4 @@
-"""The automatic exposure: steady while a view fills, and right once all light is there."""
+"""Automatic exposure is steady during gathering and correct for the converged view."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from irrsplat.gpu import context
 
 @pytest.mark.few_sites
 def test_a_filling_dark_scene_keeps_its_exposure_until_all_light_is_there() -> None:
-    """With 2⁻¹³ of the light: less than 0.05 stops a tick, and in the end 13 stops more than the bright scene needs.
-    A change of the blend alone, and a view that stays black, leave it as it is."""
+    """With 2⁻¹³ of the light, the exposure rises by 13 stops, by less than 0.05 per tick; blend and black views keep it."""
     scene = irrsplat.load("cornell")
     dark = [replace(light, color=cast(Any, tuple(2.0**-13 * c for c in light.color))) for light in scene.lights]
     values: Any = {"gather_size": 8, "viewer_samples": 0, "viewer_quality": 0.0}

@@ -1,4 +1,4 @@
-"""The first minute: menus, palette, and what to do outside of the scene."""
+"""First use of the viewer: early input, menus and the palette of actions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.support.viewing import LEFT, RIGHT, Driver, push
 
 
 def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scene is open, and has not been drawn yet. Each action runs, or says why it cannot."""
+    """Before the first frame of a new scene, each action runs or gives a message."""
     monkeypatch.setattr(type(driver.actions), "trace", lambda self: None)  # takes minutes
     driver.actions.open("furnace")
     assert not driver.session.views
@@ -26,7 +26,7 @@ def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, mo
 
 
 def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
-    """At 640 pixels, twice as large as the window is made for. Esc closes a menu, and what it has opened."""
+    """All titles of menus fit into 640 pixels at scale 2. Esc closes a menu and its submenus."""
     driver.resize((640, 400), density=0.25)
     driver.frame(2)
     driver.choose("Help")
@@ -44,7 +44,7 @@ def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
 
 
 def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None:
-    """The palette finds an action by its name, so that no two may share one; `enabled` is a property of the actions."""
+    """The palette finds an action by its name, which must be unique; `enabled` is a property of the actions."""
     names = [(one.menu, one.title) for one in COMMANDS if not (one.action == "redo" and one.shift)]
     assert len(set(names)) == len(names)
     for one in COMMANDS:
@@ -64,7 +64,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 def test_the_palette_finds_actions_settings_and_scenes(
     driver: Driver, typed: str, found: Callable[[Driver], bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Words are typed, and Enter runs the first entry. Where there is none, the list says so. Esc closes the palette."""
+    """Enter runs the first match of the typed words; without a match the list shows a message. Esc closes the palette."""
     said = list[str]()
     monkeypatch.setattr(imgui, "text_disabled", said.append)
     driver.session.options.frozen = True

@@ -35,8 +35,7 @@ def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
 
 @pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 2.0), ((1280, 720), 1.5)])
 def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int, int], scale: float) -> None:
-    """The window shows the whole picture, pixel for pixel, right of the panel and below the menus; without the panel it fills the
-    window. A click picks the mesh at that pixel. The first settings are within the panel."""
+    """The unscaled picture is next to the panel and below the menus, or fills the window; a click selects the pixel's mesh."""
     driver.session.options.frozen = driver.actions.panels.controls = True
     driver.actions.panels.scale = scale
     driver.resize(size)
@@ -57,8 +56,7 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
 
 
 def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
-    """At 640×400 and scale 2, between arrow and cross of a section there is room for its title, and a slider is wide enough for
-    its number."""
+    """At 640×400 and scale 2, the title of a section fits between its arrow and cross, and a slider's number fits."""
     options, panels = driver.session.options, driver.actions.panels
     options.frozen = panels.controls = True
     driver.actions.panels.scale = 2.0
@@ -76,7 +74,7 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
 
 
 def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
-    """At 640×400 and scale 2, the question about unsaved changes and a legend with a colour scale are not cut off."""
+    """At 640×400 and scale 2, the prompt for unsaved changes and a legend with a colour scale fit into the window."""
     driver.session.options.frozen = driver.actions.panels.controls = True
     driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
@@ -105,8 +103,7 @@ def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver,
 
 
 def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -> None:
-    """Windows over the picture leave each other free. A question hides all behind it. A slider's number is readable on its grab:
-    4.5 : 1 (WCAG 2.1, 1.4.3)."""
+    """Windows over the picture do not overlap. A slider's number on its grab has a contrast of 4.5 : 1 (WCAG 2.1, 1.4.3)."""
     options, panels = driver.session.options, driver.actions.panels
     options.frozen = options.inspect = options.discs = options.profile = panels.controls = True
     driver.resize((800, 600))

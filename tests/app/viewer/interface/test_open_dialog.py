@@ -1,4 +1,4 @@
-"""The dialogs that open and save scenes, and framing a scene."""
+"""Dialogs for opening and saving scenes, and framing of a scene."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.support.viewing import Driver, push, write_room
 
 
 def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
-    """A path from the working folder, a whole path, a bundled name. Esc closes the prompt."""
+    """The prompt accepts a relative path, an absolute path and a bundled name; Esc closes the prompt."""
     (tmp_path / "inner").mkdir()
     whole = write_room(tmp_path / "inner").rename(tmp_path / "inner" / "found.scene")
     driver.session.options.frozen = True
@@ -38,7 +38,7 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
 def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
     driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stand-in for zenity answers with a path; it gets the folder of the scene on show. No answer: nothing happens."""
+    """A stand-in for zenity receives the open scene's folder and returns a path; without a path nothing happens."""
     other, program = write_room(tmp_path).rename(tmp_path / "other.scene"), tmp_path / "zenity"
     driver.session.options.frozen = True
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
@@ -67,7 +67,7 @@ def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
     (Camera((9, 9, 9), (20, 9, 7), (0, 1, 1), 70.0), 2.5),
 ])  # fmt: skip
 def test_all_of_a_box_is_in_the_picture_and_the_direction_stays(camera: Camera, aspect: float) -> None:
-    """Its corners are within the picture, and one is within a twentieth of the border, in the narrower direction or the other."""
+    """All corners of the box are in the picture, and one is within a twentieth of its border."""
     bounds = np.array([(-1.0, 0.0, 2.0), (3.0, 5.0, 4.0)])
     flight = FreeCamera(camera, 7.0)
     axes = flight.camera.axes

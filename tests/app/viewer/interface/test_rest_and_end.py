@@ -1,4 +1,4 @@
-"""A viewer without work draws nothing until an event wakes it; messages vanish; signals end it."""
+"""A viewer without work sleeps until an event; messages expire; signals end the viewer."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.support.viewing import FAST, Driver, Tracer, write_room
 
 
 def sleeps(driver: Driver, clock: CountedClock) -> bool:
-    """Return True if the converged view is not drawn any more after a minute without an event."""
+    """True if the viewer renders no frame of the converged view after a minute without an event."""
     driver.settle()
     driver.actions.messages.lines.clear()
     clock.advance(60.0)
@@ -28,7 +28,7 @@ def sleeps(driver: Driver, clock: CountedClock) -> bool:
 
 
 def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
-    """An event, a message, a key, a turn of the camera, and an empty cache."""
+    """An event, a message, a key, a turn of the camera and a cleared cache wake the viewer."""
     driver.resize((96, 64))
     acts: dict[str, Callable[[], Any]] = {
         "event": driver.viewer.wake,
@@ -47,7 +47,7 @@ def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
 
 
 def test_at_rest_it_waits_for_events_and_sigterm_keeps_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process ends the viewer during the first wait that follows a frame without work."""
+    """SIGTERM during the wait after a frame without work ends the viewer, with cache and preferences saved."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path))
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(Desktop, "wait", lambda desktop, seconds: signal.raise_signal(signal.SIGTERM))
@@ -77,7 +77,7 @@ def test_a_notice_stays_until_the_first_picture_and_five_seconds_more(driver: Dr
 
 
 def test_a_notice_goes_and_an_error_stays(clock: CountedClock) -> None:
-    """A notice stays for five seconds, an error until it is closed. Steps of one thing are one line."""
+    """A notice expires after five seconds, an error stays; a new message replaces the earlier one of its topic."""
     messages = Messages()
     messages.say("kept")
     messages.say("wrong", error=True)
@@ -96,7 +96,7 @@ def test_a_notice_goes_and_an_error_stays(clock: CountedClock) -> None:
 
 
 def test_signals_are_taken_while_it_lasts_and_no_longer() -> None:
-    """A second Ctrl-C ends whatever is under way."""
+    """The first signal requests the end; a second Ctrl-C raises KeyboardInterrupt. Earlier handlers are restored."""
     called: list[int] = []
     numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.getsignal(number) for number in numbers]

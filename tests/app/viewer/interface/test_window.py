@@ -1,4 +1,4 @@
-"""A real window on a virtual display, driven by xdotool: from the start of `irrsplat view` to its end."""
+"""A real window on a virtual display, driven by xdotool, from the start of `irrsplat view` to its end."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A virtual display for this test alone, as large as the window."""
+    """Provide a virtual display for one test, as large as the window."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.setenv(name, "")  # both are restored
     with x_drop.display(SIZE):
@@ -45,7 +45,7 @@ def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def hand(*words: object) -> str:
-    """Send mouse or keyboard events by xdotool. Return its output."""
+    """Send mouse or keyboard events by xdotool; return its output."""
     return subprocess.run(["xdotool", *map(str, words)], capture_output=True, text=True, check=False).stdout.strip()
 
 
@@ -55,9 +55,9 @@ def seen() -> np.ndarray:
 
 
 def until(found: Callable[[], Any], what: str, *words: object) -> Any:
-    """Return the first true result of `found`, which is tried until then.
+    """Call `found` until its result is true; return the result.
 
-    words: for `hand`, before each try, since a new window may lose an event.
+    words: events for `hand` before each call, because a new window may lose an event.
     """
     end = time.monotonic() + SAFETY
     while time.monotonic() < end:
@@ -71,17 +71,17 @@ def until(found: Callable[[], Any], what: str, *words: object) -> Any:
 
 
 def differ(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the share of the pixels in which two pictures differ visibly."""
+    """Return the share of pixels with a visible difference between two pictures."""
     return float((np.abs(one - other).max(axis=2) > 12).mean())
 
 
 def normals_shown() -> bool:
-    """Return True if the back wall has the colour of its normal: (0, 0, -1) is (0.5, 0.5, 0)."""
+    """True if the back wall has the colour of its normal: (0, 0, -1) is (0.5, 0.5, 0)."""
     return bool(np.abs(seen()[WALL[1], WALL[0]] - (128, 128, 0)).max() <= 3)
 
 
 def hide_interface() -> None:
-    """Hide menus and panels, and wait until the menu bar is gone."""
+    """Hide menus and panels; wait until the menu bar is invisible."""
     bar = seen()[:20]
     hand("key", "F2")
     until(lambda: differ(bar, seen()[:20]) > 0.3, "the menu bar is gone")
@@ -89,7 +89,7 @@ def hide_interface() -> None:
 
 @contextmanager
 def viewer(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
-    """Start the viewer of the Cornell box with panels closed. Yield its process once its window shows a picture."""
+    """Start the viewer of the Cornell box with closed panels; yield its process after the first picture."""
     config = folder / "config"
     config.mkdir()
     closed = {"version": 1, "ui": {"controls": False}}
@@ -110,7 +110,7 @@ def viewer(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, list[str]]:
-    """Return the exit status and the lines on stderr, but those of drivers."""
+    """Return the exit status and the lines on stderr without those of drivers."""
     _, said = process.communicate(timeout=SAFETY)
     return process.returncode, [line for line in said.splitlines() if not line.startswith(("MESA:", "glx:"))]
 
@@ -127,7 +127,7 @@ def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: None, tmp_path: 
 
 
 def test_files_are_dropped_on_it(display: None, tmp_path: Path) -> None:
-    """One file is opened, of several the first. A folder and a damaged file are refused, and the window goes on."""
+    """The viewer opens the first of the dropped files; it refuses a folder and a damaged file and continues."""
     bad = tmp_path / "bad.obj"
     bad.write_text("f 1 2\n")
     scenes = paths.folder("scenes")
@@ -144,7 +144,7 @@ def test_files_are_dropped_on_it(display: None, tmp_path: Path) -> None:
 
 
 def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(display: None, tmp_path: Path) -> None:
-    """In the normals, which are all there at once. With W down, which flies ahead, Ctrl+O and Ctrl+Q do nothing."""
+    """While W is held, Ctrl+O and Ctrl+Q have no effect. The view of normals needs no gathering."""
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
         hide_interface()

@@ -1,4 +1,4 @@
-"""A virtual X11 display, and a source of drag and drop: it drops files as a file manager does (XDND, version 5), by Xlib."""
+"""A virtual X11 display, and a source of drag and drop by Xlib: it drops files like a file manager (XDND, version 5)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SIGNATURES: dict[str, tuple[object, list[object]]] = {  # of Xlib.h: result, arg
 
 
 def event_of(*fields: tuple[str, Any]) -> Any:
-    """Return the structure of an event: the begin of every event, then `fields`."""
+    """Return the structure of an event: the common first fields, then `fields`."""
     start = (("type", c_int), ("serial", c_ulong), ("send_event", c_int), ("display", c_void_p))
     return type("Event", (ctypes.Structure,), {"_fields_": (*start, *fields)})
 
@@ -44,14 +44,14 @@ Request = event_of(("owner", c_ulong), *SELECTION)  # XSelectionRequestEvent
 
 
 class Event(ctypes.Union):
-    """An XEvent."""
+    """Union of X11 events."""
 
     _fields_ = (("type", c_int), ("message", Message), ("request", Request), ("answer", Answer), ("pad", c_long * 24))
 
 
 @contextmanager
 def display(size: tuple[int, int]) -> Iterator[None]:
-    """A virtual screen of `size` (width, height), on which windows open meanwhile."""
+    """Run a virtual screen of `size` (width, height) for new windows."""
     reader, writer = os.pipe()
     words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
     server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
@@ -69,7 +69,7 @@ def display(size: tuple[int, int]) -> Iterator[None]:
 
 
 class DropSource:
-    """Drops files on the window of the number `target` on the display in DISPLAY."""
+    """Source of files for the window with the number `target` on the display in DISPLAY."""
 
     def __init__(self, target: int) -> None:
         self.x = ctypes.CDLL("libX11.so.6")
@@ -84,7 +84,7 @@ class DropSource:
         return int(self.x.XInternAtom(self.display, name.encode(), 0))
 
     def drop(self, paths: Sequence[Path], at: tuple[int, int]) -> bool:
-        """Drop `paths` at a point of the screen. Return True if the target reports success."""
+        """Drop `paths` at a point of the screen; return True if the target reports success."""
         uris = "".join(f"{path.as_uri()}\r\n" for path in paths).encode()
         self.x.XSetSelectionOwner(self.display, self.atom("XdndSelection"), self.window, 0)
         self._send("XdndEnter", VERSION << 24, self.atom("text/uri-list"), 0, 0)
@@ -107,7 +107,7 @@ class DropSource:
         self.x.XFlush(self.display)
 
     def _wait(self, kind: str, uris: bytes) -> list[int]:
-        """Return the values of the target's message of this kind; until then, hand out the files where they are requested."""
+        """Send the files on request until the target's message of this kind; return the message's values."""
         event, requested = Event(), self.atom(kind)
         while True:
             while self.x.XPending(self.display):
