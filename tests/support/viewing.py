@@ -192,7 +192,7 @@ class Driver:
             self.frame()
             if self.session.at_rest:
                 return self.frame()
-        pytest.fail(f"not at rest after {most} frames {when}: {self.session.progress}")
+        pytest.fail(f"not converged after {most} frames {when}: {self.session.progress}")
 
     def window(self) -> np.ndarray:
         """Return the window's pixels, (H, W, 3) uint8, top row first."""
@@ -526,7 +526,7 @@ class Tracer:
             found = driver.session.source(0).reference
             if found is not None and found.estimate.samples == 16 and driver.session.tracing.traced is None:
                 return driver.frame()
-        pytest.fail("no truth after 20 frames")
+        pytest.fail("no reference after 20 frames")
 
 
 # ---- keys and their cases ------------------------------------------------------------------------------------------------

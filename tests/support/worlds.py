@@ -276,20 +276,20 @@ def polygon_vector(corners: np.ndarray, p: np.ndarray) -> np.ndarray:
 # ---- pictures ---------------------------------------------------------------------------------------------------------
 
 
-def assert_pictures(name: str, picture: np.ndarray, truth: np.ndarray, limit: Any, where: Any = True) -> None:
-    """Fail for |picture - truth| > limit at pixels of `where`, and write picture, reference and difference."""
-    picture, truth = np.asarray(picture, float), np.broadcast_to(truth, np.shape(picture)).astype(float)
-    wrong = ~(np.abs(picture - truth) <= limit)  # NaN counts as wrong
+def assert_pictures(name: str, picture: np.ndarray, reference: np.ndarray, limit: Any, where: Any = True) -> None:
+    """Fail for |picture - reference| > limit at pixels of `where`, and write picture, reference and difference."""
+    picture, reference = np.asarray(picture, float), np.broadcast_to(reference, np.shape(picture)).astype(float)
+    wrong = ~(np.abs(picture - reference) <= limit)  # NaN counts as wrong
     counted = np.broadcast_to(where, picture.shape[:2])
     wrong = (wrong.any(-1) if wrong.ndim == 3 else wrong) & counted
     if wrong.any():
         FAILURES.mkdir(exist_ok=True)
-        white = max(float(np.nanpercentile(np.abs(truth), 99)), 1e-9)
-        difference = np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - truth), 0.0)
-        for kind, values in {"picture": picture, "reference": truth, "difference": difference}.items():
+        white = max(float(np.nanpercentile(np.abs(reference), 99)), 1e-9)
+        difference = np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - reference), 0.0)
+        for kind, values in {"picture": picture, "reference": reference, "difference": difference}.items():
             shown = np.clip(np.nan_to_num(values / white), 0.0, 1.0) ** (1 / 2.2) * 255.0 + 0.5
             Image.fromarray(shown.astype(np.uint8)).save(FAILURES / f"{name}_{kind}.png")
-    worst = np.nanmax(np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - truth), 0.0))
+    worst = np.nanmax(np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - reference), 0.0))
     assert not wrong.any(), (
         f"{name}: {wrong.sum()} of {counted.sum()} pixels are off, by {worst:.3g} at most: pictures in {FAILURES}"
     )

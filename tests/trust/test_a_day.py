@@ -72,7 +72,7 @@ def check(driver: Driver, done: list[str]) -> None:
 
 
 @pytest.mark.long
-def test_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_actions_over_laps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     monkeypatch.chdir(tmp_path)
     draw, often = np.random.default_rng(SEED), np.array([weight for _, weight in ACTS])

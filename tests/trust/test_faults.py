@@ -90,7 +90,7 @@ def check(place: Path, old: dict[str, bytes], parts: bool) -> Counter[str]:
     return found
 
 
-def laid(place: Path, draw: np.random.Generator) -> dict[str, bytes]:
+def write_old(place: Path, draw: np.random.Generator) -> dict[str, bytes]:
     """Write some outputs of an earlier run, including the folder `old`; return their contents by name."""
     (place / "old").mkdir()
     files = {name: b"old" for name in OUTPUTS if name not in ("new", "old", "a.cache") and draw.random() < 0.5}
@@ -99,7 +99,7 @@ def laid(place: Path, draw: np.random.Generator) -> dict[str, bytes]:
     return files
 
 
-def emptied(place: Path) -> None:
+def remove_outputs(place: Path) -> None:
     for path in sorted(place.rglob("*"), reverse=True):
         if path.is_dir():
             path.rmdir()
@@ -118,8 +118,8 @@ def test_killed_at_any_moment(times: int, place: Path) -> None:
     """
     draw, found = np.random.default_rng(SEED), Counter[str]()
     while found["killed"] < times:
-        emptied(place)
-        old = laid(place, draw)
+        remove_outputs(place)
+        old = write_old(place, draw)
         status, _ = rendered(place, RENDER, killed, int(draw.integers(1, 70)))
         assert status in (0, -signal.SIGKILL)
         found["killed" if status else "done before"] += 1
@@ -134,8 +134,8 @@ def test_a_full_disk(place: Path) -> None:
     """With a limit of the file size, shorter files are written, and one line names all others."""
     draw, found = np.random.default_rng(SEED), Counter[str]()
     for _ in range(TIMES):
-        emptied(place)
-        old, most = laid(place, draw), int(np.exp(draw.uniform(np.log(64), np.log(300_000))))
+        remove_outputs(place)
+        old, most = write_old(place, draw), int(np.exp(draw.uniform(np.log(64), np.log(300_000))))
         status, stderr = rendered(place, RENDER, limited, most)
         assert status in (0, 1) and stderr.count("\n") == status, stderr
         counts = check(place, old, parts=False)
@@ -156,8 +156,8 @@ def test_interrupted_at_any_moment(how: str, place: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(place)
     lines = run(lambda: cli.main(RENDER))[0] if "line" in how else 0
     for share in (np.arange(TIMES) + draw.random()) / TIMES:
-        emptied(place)
-        old = laid(place, draw)
+        remove_outputs(place)
+        old = write_old(place, draw)
         if lines:
             status, stderr = rendered(place, RENDER, at_line, int(share * lines))
         else:

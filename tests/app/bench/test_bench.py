@@ -147,8 +147,8 @@ def test_the_reference_of_a_small_bulb_has_little_noise() -> None:
             seen = paper_scan.read_back(view.gbuffer)
             found = fine_gather.gather(renderer.world, seen, 64, 100, 1e6)
     away = centre - seen.position[tuple(found.pixels.T)]
-    truth = np.pi * radius**2 * 1e3 * away[:, 1] / np.linalg.norm(away, axis=1) ** 3
-    assert len(truth) == 100 and np.abs(found.irradiance[:, 0] / truth - 1.0).max() < 0.05
+    expected = np.pi * radius**2 * 1e3 * away[:, 1] / np.linalg.norm(away, axis=1) ** 3
+    assert len(expected) == 100 and np.abs(found.irradiance[:, 0] / expected - 1.0).max() < 0.05
 
 
 @pytest.mark.long

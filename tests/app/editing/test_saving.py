@@ -17,7 +17,7 @@ from irrsplat.scene.motion import hidden, transformed
 from tests.support.viewing import write_room
 
 LIGHTS = (
-    Light((0.1, 0.7, 1.0 / 3.0), (3.0, 2.0, 1.0), physical=True, name="lamp"),
+    Light((0.1, 0.7, 1.0 / 3.0), (3.0, 2.0, 1.0), physical=True, name="bulb"),
     Light((0.3, 0.1, 0.2), (0.2, 0.3, math.pi), attenuation=(0.1, 0.2, 0.3), name="old"),
     Light((0.5, 0.5, 0.1), (4, 4, 4), False, True, spot_target=(0.1, -0.9, 0.3), spot_cutoff=31.7, spot_inner=12.3, name="spot"),
     Light((0.2, 1.0, 0.7), (0.25, 0.5, 0.75), directional=True, name="sun"),
@@ -89,7 +89,7 @@ def test_invalid_names_are_replaced(room: Scene, tmp_path: Path) -> None:
     cameras = (first, replace(first, name="at the # door"), replace(first, name="7"), replace(first, name=""))
     meshes = tuple(replace(mesh, name=name) for mesh, name in zip(room.meshes, ("a/b", "A b", ""), strict=True))
     gone = hidden(replace(room.meshes[0], name="gone"), np.zeros(3))
-    lights = tuple(replace(light, name="../lamp") for light in LIGHTS)
+    lights = tuple(replace(light, name="../bulb") for light in LIGHTS)
     write_scene(replace(room, cameras=cameras, meshes=(*meshes, gone), lights=lights), tmp_path / "odd.scene")
     found = irrsplat.load(tmp_path / "odd.scene")
     assert [c.name for c in found.cameras] == ["", "at_the_door", "7_2", "camera_2"] and found.cameras[0] == first

@@ -68,10 +68,10 @@ def store(name: str, arrays: dict[str, np.ndarray], bounces: int | str = 1) -> P
 def test_the_noise_of_a_reference_is_that_of_the_mean_of_its_halves() -> None:
     """Halves have independent errors of 10 %: their mean is off by 10 %/√2, as estimated from the two halves alone."""
     random = np.random.default_rng(2)
-    truth = Traced(**plain(100, 100) | {"halves": (1.0 + 0.1 * random.standard_normal((2, 100, 100, 3))).astype("f4")})
-    off = np.sqrt(np.mean((truth.irradiance[truth.valid] - 1.0) ** 2))
+    reference = Traced(**plain(100, 100) | {"halves": (1.0 + 0.1 * random.standard_normal((2, 100, 100, 3))).astype("f4")})
+    off = np.sqrt(np.mean((reference.irradiance[reference.valid] - 1.0) ** 2))
     assert off == pytest.approx(0.1 / np.sqrt(2), rel=0.02)
-    assert truth.noise == pytest.approx(off, rel=0.02)
+    assert reference.noise == pytest.approx(off, rel=0.02)
 
 
 def test_spots_and_fine_errors_exclude_smooth_errors() -> None:
@@ -81,15 +81,15 @@ def test_spots_and_fine_errors_exclude_smooth_errors() -> None:
     """
     arrays = plain(200, 100, E=1.0, spread=0.0)
     arrays["halves"][:, :, 100:] = 0.1
-    truth = Traced(**arrays)
-    spotted = truth.irradiance.copy()
+    reference = Traced(**arrays)
+    spotted = reference.irradiance.copy()
     spotted[50, [0, 30, 150]] += np.float32(0.15)
-    frame: Any = SimpleNamespace(irradiance=spotted, direct=truth.direct, albedo=truth.albedo, normal=truth.normal)
-    mean, count = truth.irradiance[truth.valid].mean(), truth.valid.sum()
-    assert compare(frame, truth)["spots"] == 1 / count
+    frame: Any = SimpleNamespace(irradiance=spotted, direct=reference.direct, albedo=reference.albedo, normal=reference.normal)
+    mean, count = reference.irradiance[reference.valid].mean(), reference.valid.sum()
+    assert compare(frame, reference)["spots"] == 1 / count
     row, column = np.indices((100, 200))
-    frame.irradiance = truth.irradiance + (0.05 * (-1.0) ** (row + column) + 0.01 * (column - 100))[..., None]
-    fine = compare(frame, truth)["fine"]
+    frame.irradiance = reference.irradiance + (0.05 * (-1.0) ** (row + column) + 0.01 * (column - 100))[..., None]
+    fine = compare(frame, reference)["fine"]
     assert fine is not None and 1.0 < fine * mean / 0.05 < 1.1
     noise = 0.2 * np.random.default_rng(3).standard_normal((2, 100, 200, 3))
     noisy = compare(frame, Traced(**arrays | {"halves": (arrays["halves"] + noise).astype("f4")}))["fine"]
@@ -235,9 +235,9 @@ def test_pictures(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert cli.main([*VERIFY, "-o", "strip.png"]) == 0
     names, strip = ("truth", "picture", "error"), np.asarray(Picture.open(place / "strip.png"))
     assert {path.name for path in (place / "shown").iterdir()} == {f"{name}.png" for name in names}
-    truth, picture, error = (np.asarray(Picture.open(place / "shown" / f"{name}.png")) for name in names)
-    assert (picture > truth).all() and (error[:4] == BRIGHT).all()  # too bright by 25 %
-    assert strip.shape[1] == 18 and np.array_equal(strip[:4], np.hstack([truth, picture, error[:4]]))
+    reference, picture, error = (np.asarray(Picture.open(place / "shown" / f"{name}.png")) for name in names)
+    assert (picture > reference).all() and (error[:4] == BRIGHT).all()  # too bright by 25 %
+    assert strip.shape[1] == 18 and np.array_equal(strip[:4], np.hstack([reference, picture, error[:4]]))
 
 
 def test_views_without_a_reference_are_refused(fake: Any, place: Path, refused: Callable[..., str]) -> None:
