@@ -186,7 +186,7 @@ def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path) -> None:
     assert np.allclose(trimesh.load_scene(path).bounds.mean(0), far, atol=0.02)
 
 
-def test_the_command_writes_and_says_what_came_of_it(
+def test_the_command_writes_and_reports_the_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The terminal and the statistics show the same counts."""

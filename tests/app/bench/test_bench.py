@@ -1,4 +1,4 @@
-"""`irrsplat bench`: its JSON, truth and flights, --growth and --compare."""
+"""`irrsplat bench`: its JSON, references and flights, --growth and --compare."""
 
 from __future__ import annotations
 
