@@ -65,7 +65,7 @@ def bounces_notice(stats: Mapping[str, object]) -> str | None:
     """Return the notice on light that is missing after the last bounce; None if the light is complete or bounces are limited."""
     if stats.get("bounces_converged") is not False or stats.get("bounces", 0) == 0:
         return None
-    return f"more than 1 % of the light is missing after {stats['bounces']} bounces; use reflectances below 0.99"
+    return f"more than 1 % of the light may be missing after {stats['bounces']} bounces; use reflectances below 0.97"
 
 
 def repeatable(stats: Statistics) -> Mapping[str, object]:

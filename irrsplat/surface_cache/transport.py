@@ -10,7 +10,7 @@ from irrsplat.core.timing.background import Steps
 
 CONVERGED = 0.01  # share of E that may be missing where the sum of all bounces ends
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_DECAYS = 0.97  # greatest ratio of successive bounces at which the light after the last bounce is well known
+_DECAYS = 0.999  # greatest ratio of successive bounces with an estimate of the rest: ratios of rooms are exact to about 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Transport:
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    converged: E includes an estimate of the light of all further bounces, and the estimate is less than CONVERGED or well known.
+    converged: E includes an estimate of the light of all further bounces, and the error of the estimate is less than CONVERGED.
     """
 
     irradiance: np.ndarray
@@ -74,8 +74,9 @@ class BouncedLight:
 def sum_bounces(
     E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool
 ) -> Steps[BouncedLight]:
-    """Return E_(N−1) at the sites for N = `most` bounces, or with `everything` for the first N after which less than CONVERGED
-    remains. Pause after each bounce.
+    """Return E_(N−1) at the sites for N = `most` bounces. Pause after each bounce.
+
+    With `everything`, add an estimate of the light of all further bounces, and end at the first N with an estimate below CONVERGED.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
@@ -89,8 +90,11 @@ def sum_bounces(
         if everything and decay.max() < 1.0:
             remainder = _remainder(term, after, decay)
             whole = total + after + remainder
-            if _share(remainder, whole) < CONVERGED or (made == most and decay.max() < _DECAYS):
+            if _share(remainder, whole) < CONVERGED:
                 return BouncedLight(whole, made, converged=True)
+            if made == most and decay.max() < _DECAYS:
+                greatest = (after * (decay / (1.0 - decay))).astype(np.float32)
+                return BouncedLight(whole, made, converged=_share(greatest - remainder, whole) < CONVERGED)
         if made == most:
             return BouncedLight(total, made)
         yield

@@ -238,7 +238,7 @@ def last(*arguments: Any) -> BouncedLight:
     return found
 
 
-@pytest.mark.parametrize("reflectance", [0.2, 0.9])
+@pytest.mark.parametrize("reflectance", [0.2, 0.9, 0.99])
 def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> None:
     """E = E_1 + F·E.
 
@@ -255,6 +255,8 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     assert np.abs(larger[:-1] - found.irradiance).max() < 1e-3 * E.mean()
     spread = last(np.outer([0.0, 1.0, 0.0], [1.0] * 3), by_rows(pair), np.array([1.0, 1.0, 1e3]), 64, True).irradiance
     assert spread[:, 0] == pytest.approx([0.9 / 0.19, 1.0 / 0.19, 0.0], rel=0.01)
+    doorway = by_rows(np.array([[0.98, 0.01], [0.01, 0.98]]))  # two rooms, which are not equally bright after 64 bounces
+    assert not last(np.outer([1.0, 0.0], [1.0] * 3), doorway, np.ones(2), 64, True).converged
 
 
 def test_as_many_bounces_as_are_asked_for() -> None:
