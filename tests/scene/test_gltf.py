@@ -222,6 +222,7 @@ def test_a_damaged_node_costs_only_itself(file, show):
     scene = show()
     assert {m.name: len(m.faces) for m in scene.meshes} == {"node 0": 4, "sheet": 2, "torn": 1}
     assert f"{scene.path}: node 'dot' is left out: its scale is 0" in scene.notices
+    assert f"{scene.path}: node 3 and 1 more part are left out: its parents form a cycle" in scene.notices
     assert f"{scene.path}: not shown: points, lines" in scene.notices
     assert any("3 triangles of node 'torn' is left out: its vertices are not finite" in notice for notice in scene.notices)
     np.testing.assert_array_equal(corners(scene)[-1], POINTS[FACES[0]])

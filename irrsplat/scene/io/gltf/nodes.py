@@ -44,12 +44,16 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
         if parent >= 0:
             below[parent].append(i)
     given: dict[int, np.ndarray | list[float]] = {}  # parents before children
-    pending = [i for i, parent in enumerate(parents) if parent < 0]  # nodes in a cycle are never reached
+    pending, unreached = [i for i, parent in enumerate(parents) if parent < 0], set(range(len(parents)))
     while pending:
         i = pending.pop()
-        with document.part(name(document, i)):
-            given[i] = _local_transform(document.entry("nodes", i), i, pose)
-            pending += below[i]
+        unreached.remove(i)
+        pending += below[i]
+        if parents[i] < 0 or parents[i] in given:
+            with document.part(name(document, i)):
+                given[i] = _local_transform(document.entry("nodes", i), i, pose)
+    for i in sorted(unreached):
+        document.leave_out(name(document, i), "its parents form a cycle")
     apart = [i for i, one in given.items() if isinstance(one, list)]
     columns = np.array([given[i] for i in apart], float).reshape(-1, 10)
     given |= zip(apart, transforms(*np.split(columns, [3, 7], axis=1)), strict=True)

@@ -99,7 +99,7 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
 
     known = {i: look_up(name) for i, name in enumerate(shape.names) if name}
     unknown = [shape.names[i] for i, material in known.items() if material is None]
-    if unknown and found:
+    if unknown and (found or not missing):
         others = f" and {len(unknown) - 1} more" * (len(unknown) > 1)
         notices.append(f"{path}: no material file defines {quote(unknown[0])}{others}; using grey 0.5")
     return {i: material for i, material in known.items() if material is not None}, tuple(reader.files)
