@@ -242,18 +242,15 @@ def last(*arguments: Any) -> BouncedLight:
 def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> None:
     """E = E_1 + F·E.
 
-    A dark area 10 000 times as large changes no value, also during convergence: two sites light each other, the first
-    initially dark.
+    A dark area 10 000 times as large changes no value while two sites light each other, the first initially dark.
     """
     transport, E_1, area = closed(50, reflectance)
     E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
     found = last(E_1, transport, area, 64, True)
     assert found.converged
     assert np.abs(found.irradiance - E).max() < 0.005 * E.mean()
-    outside, pair = np.pad(dense(transport)[0], (0, 1)), np.array([[0.0, 0.9, 0.0], [0.9, 0.0, 0.0], [0.0, 0.0, 0.0]], "f4")
-    larger = last(np.pad(E_1, ((0, 1), (0, 0))), by_rows(outside), np.append(area, 1e4 * area.sum()), 64, True).irradiance
-    assert np.abs(larger[:-1] - found.irradiance).max() < 1e-3 * E.mean()
-    spread = last(np.outer([0.0, 1.0, 0.0], [1.0] * 3), by_rows(pair), np.array([1.0, 1.0, 1e3]), 64, True).irradiance
+    pair = by_rows(np.array([[0.0, 0.9, 0.0], [0.9, 0.0, 0.0], [0.0, 0.0, 0.0]], "f4"))
+    spread = last(np.outer([0.0, 1.0, 0.0], [1.0] * 3), pair, np.array([1.0, 1.0, 1e4]), 64, True).irradiance
     assert spread[:, 0] == pytest.approx([0.9 / 0.19, 1.0 / 0.19, 0.0], rel=0.01)
     doorway = by_rows(np.array([[0.98, 0.01], [0.01, 0.98]]))  # two rooms, which are not equally bright after 64 bounces
     assert not last(np.outer([1.0, 0.0], [1.0] * 3), doorway, np.ones(2), 64, True).converged
