@@ -76,7 +76,7 @@ def sum_bounces(
 ) -> Steps[BouncedLight]:
     """Return E_(N−1) at the sites for N = `most` bounces. Pause after each bounce.
 
-    With `everything`, add an estimate of the light of all further bounces, and end at the first N with an estimate below CONVERGED.
+    With `everything`, add an estimate of the light of further bounces, and end at the first N with an estimate below CONVERGED.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
