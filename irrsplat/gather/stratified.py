@@ -49,12 +49,13 @@ def ray_directions(side: int) -> np.ndarray:
 def site_directions(side: int) -> np.ndarray:
     """Return (M·N, 3) float64: directions as from `ray_directions`, but through the middle of each stratum in sin²θ and φ.
 
-    Sites have many places, so that these directions do not alias. The strata around the normal are 10° long with 64² rays: there
-    the heights in sin²θ advance by the golden ratio. With few elevations all heights do, or the horizon would lack rays.
+    Sites have many places, so that these directions do not alias. The strata around the normal and at the horizon span many
+    degrees: there the heights in sin²θ advance by the golden ratio. Else no ray would reach far along a corridor, whose dark end
+    lost a tenth of its light. With few elevations all heights advance.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))
-    spread = (side < _MIDDLES) | (row == 0)
+    spread = (side < _MIDDLES) | (row == 0) | (row == m - 1)
     height = np.where(spread, np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
     return _directions((row + height) / m, 2.0 * np.pi * (column + 0.5) / n).reshape(-1, 3)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
-from irrsplat.gather.stratified import shape, stratum_edges, stratum_table
+from irrsplat.gather.stratified import shape, site_directions, stratum_edges, stratum_table
 from tests.gather.test_analytic import room
 from tests.support.worlds import Lit, sites
 
@@ -22,6 +22,13 @@ def test_strata_share_the_hemisphere_equally(side: int) -> None:
     vector = table[..., :3] * (table[..., 3] / table[..., 2])[..., None]
     assert np.allclose(vector.sum((0, 1)), [0.0, 0.0, np.pi], atol=1e-12)
     assert np.linalg.norm(vector, axis=-1).sum() == pytest.approx(2.0 * np.pi, rel=1.0 / side)
+
+
+def test_rays_of_a_site_reach_far_along_a_corridor() -> None:
+    """A cosine-weighted share z² of the rays is below the height z. Such rays pass 1/z widths of a corridor before they hit."""
+    heights = np.sort(site_directions(20)[:, 2] ** 2)
+    few = np.arange(1, 20)  # of 400 rays, within half of the last stratum
+    assert np.allclose(heights[few - 1], (few - 0.5) / 400, atol=1.0 / 400)
 
 
 def test_a_stratum_s_vector_is_its_integral() -> None:
