@@ -59,10 +59,11 @@ def test_the_verdict_is_a_ratio_to_the_time_of_irrsplat() -> None:
         Series(measurements("noise", (1.0, 0.1)), "", keeps_nothing=True),
         Series((), "absent: not installed"),
     ]
-    first, second = race.verdict(found)
+    first, fine, further = race.verdict(found)
     assert "irrsplat 2.000 s; slow 30.00 s, 15.0 times as long; never does not get there (30.0% at best)" in first
     assert "noise by 1/√samples some 4.00 s, 2.0 times as long" in first and "absent" not in first
-    assert "irrsplat 0.200 s; slow 3.00 s, 15.0 times as long" in second
+    assert "irrsplat 0.200 s; slow 3.00 s, 15.0 times as long" in further
+    assert "irrsplat does not get there (4.0% at best)" in fine
     told = list(race.report("cornell", found))
     assert "absent: not installed" in told and "slow: after 1 s" in told
     assert race.plot("cornell", found).shape[2] == 3
