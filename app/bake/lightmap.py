@@ -68,7 +68,7 @@ class Lightmap:
         png, exr = glb.with_suffix(".png"), glb.with_suffix(".exr")
         files.write_bytes(glb, glb_of(self, form, encoding))
         values = np.ascontiguousarray(getattr(self, form), np.float32)
-        files.write_picture(png, srgb(np.minimum(values / max(encoding.limit, 1e-30), 1.0)), bits=16)
+        files.write_bytes(png, files.png_16(srgb(np.minimum(values / max(encoding.limit, 1e-30), 1.0))))
         files.write_file(exr, partial(write_layers, layers={"RGB": values}, rows=len(values)))
         return glb, png, exr
 

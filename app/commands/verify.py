@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import wrote
-
-if TYPE_CHECKING:
-    pass
 
 
 def add(commands: Any) -> None:

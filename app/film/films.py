@@ -75,7 +75,7 @@ def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None
     if not names:
         return flight, None
     stills = tuple(output for output in flight.outputs if not video.is_film(output))
-    rate = Fraction(args.fps).limit_denominator(1001)
+    rate = Fraction(args.fps or video.RATE).limit_denominator(1001)
     of_png = next((output for output in stills if output.lower().endswith(".png")), None)
     if of_png is not None:
         return replace(flight, outputs=stills), Films(names, of_png, rate)
@@ -91,4 +91,3 @@ def check(args: argparse.Namespace) -> None:
         raise InputError("--fps is for a film, and no output is one; give -o NAME.mp4")
     if films and args.values.get("backdrop") == "clear":
         raise InputError("films have no alpha; take another --backdrop than clear, or .png", films[0])
-    args.fps = args.fps or video.RATE

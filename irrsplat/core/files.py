@@ -98,16 +98,13 @@ def write_bytes(path: Pathlike, data: bytes) -> None:
     write_file(path, lambda part: part.write_bytes(data))
 
 
-def write_picture(path: Pathlike, display: np.ndarray, bits: int = 8) -> None:
-    """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 or 16 bits, completely or not at all; raises
-    IrrsplatError if that fails."""
-    write_file(path, lambda part: _png(part, display, bits))
+def write_picture(path: Pathlike, display: np.ndarray) -> None:
+    """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 bits per channel, completely or not
+    at all; raises IrrsplatError if that fails."""
+    write_file(path, lambda part: _png(part, display))
 
 
-def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
-    if bits == 16:
-        path.write_bytes(png_16(display))
-        return
+def _png(path: Path, display: np.ndarray) -> None:
     from PIL import Image
 
     Image.fromarray(eight_bits(display)).save(path, "PNG")

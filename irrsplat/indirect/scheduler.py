@@ -34,7 +34,7 @@ from irrsplat.settings import Settings
 
 _ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
-_AROUND = 8  # records before and after a place along a space-filling curve that measure the noise there
+_AROUND = 8  # records that measure the noise at a place, half of them before it along a space-filling curve
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 

@@ -7,7 +7,8 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from irrsplat.core.timing import clock
-from irrsplat.core.timing.clock import Clock, RayClock, use_clock
+from irrsplat.core.timing.clock import Clock, use_clock
+from tests.support.counted_clock import RayClock
 
 TESTS = Path(__file__).resolve().parents[1]
 READS_TIME = re.compile(r"\btime\.(?:sleep|perf_counter|monotonic|process_time)\b|^\s*from time import", re.M)

@@ -10,8 +10,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.timing.clock import Clock, RayClock, use_clock
+from irrsplat.core.timing.clock import Clock, use_clock
 from irrsplat.gpu.time_budget import Budget, Pace
+from tests.support.counted_clock import RayClock
 
 MANY = 10**6  # items, more than any tick does
 

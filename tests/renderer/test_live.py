@@ -15,7 +15,7 @@ import pytest
 from irrsplat import InputError, Renderer
 from irrsplat.core import paths
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.core.timing.clock import RayClock, use_clock
+from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu import shader_source
 from irrsplat.image.view import Progress
 from irrsplat.renderer.moving import divisor_after
@@ -23,6 +23,7 @@ from irrsplat.scene.model import Camera, Light
 from irrsplat.scene.motion import hidden
 from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
+from tests.support.counted_clock import RayClock
 from tests.support.worlds import point_light
 
 TICK = 1e-4  # seconds: each frame gathers only the minimum

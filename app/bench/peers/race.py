@@ -105,8 +105,8 @@ def report(title: str, found: Sequence[Series]) -> Iterator[str]:
 
 def verdict(found: Sequence[Series]) -> Iterator[str]:
     """Yield each peer's time to the targets and for a further view, with its ratio to the first peer's."""
-    lines = [(f"to {target:.3g} relative RMSE", target, False) for target in TARGETS]
-    for words, target, further in (*lines, (f"a further view to {TARGETS[0]:.3g}", TARGETS[0], True)):
+    lines = [(f"to {target:.1%} relative RMSE", target, False) for target in TARGETS]
+    for words, target, further in (*lines, (f"a further view to {TARGETS[0]:.1%}", TARGETS[0], True)):
         parts = []
         base: float | None = None
         for series in found:

@@ -1,4 +1,4 @@
-"""The clock of frame budgets and of timed notices: the wall clock, or one that counts work."""
+"""The clock of frame budgets and of timed notices: the wall clock, or another one that `use_clock` sets."""
 
 from __future__ import annotations
 
@@ -22,33 +22,6 @@ class Clock:
     def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
         """Wait for `futures`, at most `seconds`. Return True if all of them are done."""
         return not wait(futures, max(seconds, 0.0)).not_done
-
-
-class RayClock(Clock):
-    """A clock that advances by traced rays alone, and waits for threads without a limit.
-
-    A frame budget then ends after the same work on every machine and under every load. second: the number of rays in a second.
-    """
-
-    def __init__(self, second: float) -> None:
-        self._second, self._now = second, 0.0
-
-    def now(self) -> float:
-        """Return the seconds since the clock was made."""
-        return self._now
-
-    def traced(self, rays: float) -> None:
-        """Advance by the time of `rays`."""
-        self.advance(rays / self._second)
-
-    def advance(self, seconds: float) -> None:
-        """Let `seconds` pass."""
-        self._now += seconds
-
-    def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
-        """Wait until all `futures` are done. Return True."""
-        wait(futures)
-        return True
 
 
 _clocks = [Clock()]  # the last one is in use
