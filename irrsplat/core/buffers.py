@@ -256,15 +256,16 @@ class LightSamples:
 class Atlas:
     """The hemisphere samples of a batch of records: row-major cells of `cell` (width, height) texels, `columns` per row.
 
-    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 without a hit). planes: RGBA32F texture, plane of the hit:
-    1/distance in the unit direction w is xyz·w, 1/m (0 without a hit). table: RGBA32F texture of one cell, xyz direction in the
-    record's frame (tangent, bitangent, normal), w cosθ·dω. edges: RGBA32F texture of two texels per texel, see
-    gather.plane.plane_edges. frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its
-    geometric normal in that frame and, w, its number in the cache. Texel (i, 4) is its eye and, w, the radius in metres of the
-    circle of eyes around it, from which further shadow rays give derivatives. count: number of records. block: texels summed at
-    once by the first reduction step, as (width, height). light_samples: shadow rays to be added. rays: directions of the texels'
-    own rays, in the layout of the table; None: the table's. sky_share: R32F texture, visible share of the sky per texel; None: 1
-    without a hit.
+    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 without a hit). planes: RGBA32F texture, plane of the
+    hit: 1/distance in the unit direction w is xyz·w, 1/m (0 without a hit); w: see shaders/gather/close_hits.glsl. table:
+    RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω. edges: RGBA32F
+    texture of two texels per texel, see gather.plane.plane_edges. frames: RGBA32F texture; texels (i, 0..2) are record i's
+    tangent, bitangent and normal; w of the normal is its triangle (-1: unknown). (i, 3) is its geometric normal in that frame
+    and, w, its number in the cache. Texel (i, 4) is its eye and, w, the radius in metres of the circle of eyes around it,
+    from which further shadow rays give derivatives. count: number of records. block: texels summed at once by the first
+    reduction step, as (width, height). light_samples: shadow rays to be added. rays: directions of the texels' own rays, in
+    the layout of the table; None: the table's. sky_share: R32F texture, visible share of the sky per texel; None: 1 without a
+    hit.
     """
 
     radiance: moderngl.Texture

@@ -39,25 +39,28 @@ class ReducePass(Owner):
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx, self.places = ctx, places
         defines = {"GRADIENTS": int(gradients)}
-        self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
+        self.components = (4,) * (8 if gradients else 2)
         self.blocks = {
             kind: Program(
                 ctx, "gather/reduce_blocks", "lib/fullscreen", defines | dict(zip(("SKY_MAP", "SKY_SHARE"), kind, strict=True))
             )
             for kind in ((0, 0), (0, 1), (1, 0), (1, 1))
         }
-        self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
+        self.totals = [Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE, "SURFACE": on}) for on in (0, 1)]
         self.light_samples = LightSamplePass(ctx, gradients, places)
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (*self.blocks.values(), self.total, self.light_samples, self.targets)
+        return (*self.blocks.values(), *self.totals, self.light_samples, self.targets)
 
-    def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
+    def __call__(
+        self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float], surface: Uniforms | None = None
+    ) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
 
-        sky: the uniforms of shaders/lighting/sky.glsl.
+        sky: the uniforms of shaders/lighting/sky.glsl. surface: of shaders/surface_cache/lookup.glsl where the atlas has light of
+        the surface cache, which is corrected at close hits; None: no correction.
         """
         size = uneven(atlas.radiance.width // atlas.block[0]), uneven(atlas.radiance.height // atlas.block[1])
         target = self.targets.get(f"sums of {size}", (), lambda: Target(self.ctx, size, self.components))
@@ -86,7 +89,7 @@ class ReducePass(Owner):
         self.light_samples(target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, target.textures, strict=False))
         textures = [records.textures[name] for name in GATHERED]
-        self.total(
+        self.totals[surface is not None](
             self.targets.get("records", textures, lambda: Target(self.ctx, records.size, textures=textures)),
             vertices=atlas.count,
             mode=moderngl.POINTS,
@@ -97,4 +100,5 @@ class ReducePass(Owner):
             places=self.places,
             table=records.size,
             radii=radii,
+            **(surface or {}),
         )

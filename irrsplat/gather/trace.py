@@ -84,6 +84,7 @@ class TraceGather(Gather):
         if embree:
             columns, capacity = atlas_grid(cell, min(capacity, limit * TABLE_COLUMNS // len(rays)), limit)
         super().__init__(world, table, capacity, places)
+        self.notes_close = surface and not hits
         self.kind, self.survey = "embree" if embree else "trace", survey
         self.search = LightSearch(world, light_samples, len(rays) / np.pi, embree=embree)
         self.program = Program(

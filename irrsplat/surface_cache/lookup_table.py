@@ -46,10 +46,10 @@ class LookupTable(Owner):
             "surface_known": int(self._known),
         }
 
-    def write(self, values: np.ndarray) -> None:
-        """Set the values, (S, 3) of W/m²."""
+    def write(self, values: np.ndarray, area: np.ndarray) -> None:
+        """Set the values, (S, 3) of W/m². area: (S,) m² of the surface that each represents."""
         rows = np.zeros((self.values.width * self.values.height, 4), "f4")
-        rows[: len(values), :3] = values
+        rows[: len(values), :3], rows[: len(values), 3] = values, np.sqrt(area)
         self.values.write(rows.tobytes())
 
 

@@ -290,13 +290,13 @@ class SiteLevel(Owner):
     def _show(self, E: np.ndarray) -> None:
         """Let lookups find these values (S, 3), W/m², of the same sites."""
         held = self.solution
-        assert held.light is not None
-        held.table.write(E)
+        assert held.light is not None and held.laid_out is not None
+        held.table.write(E, held.laid_out.area)
         self.solution = replace(held, light=replace(held.light, irradiance=E))
 
     def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
         """Let lookups find the values `made` at the sites `laid_out`."""
-        laid_out.table.write(made.irradiance)
+        laid_out.table.write(made.irradiance, laid_out.area)
         before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
         if laid_out.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:

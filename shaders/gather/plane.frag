@@ -51,8 +51,8 @@ void main()
     Receiver receiver = Receiver(v_eye + away, shading_normal(point.normal, g), g, FLAT);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
 #if SURFACE
-    E += surface_irradiance_at(gl_PrimitiveID, receiver.p, g);
+    E += surface_irradiance_at(gl_PrimitiveID, receiver.p, g).rgb;
 #endif
     out_radiance = vec4(outgoing_radiance(material, E), max(length(away), 0.05 * near));
-    out_plane = vec4(g / min(k, -0.05 * near), inner && gl_PrimitiveID < closed);
+    out_plane = vec4(g / min(k, -0.05 * near), inner && gl_PrimitiveID < closed ? -1.0 : 0.0);
 }

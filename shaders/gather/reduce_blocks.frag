@@ -1,12 +1,13 @@
 // First step of the reduction: the sums over one block of a record's cell.
 #include "generated/constants.glsl"
+#include "gather/close_hits.glsl"
 #include "gather/places.glsl"
 #include "lib/texel.glsl"
 #include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D planes;    // plane of the hit: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: 1 on
-                             // the inner side of a closed mesh
+uniform sampler2D planes;    // plane of the hit: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: -1 on
+                             // the inner side of a closed mesh, else the pair of close_hits.glsl
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 #if SKY_MAP
 uniform sampler2D rays;      // one cell: direction of each texel's ray in the record's frame, cosθ·dω
@@ -21,7 +22,8 @@ uniform ivec2 block;         // texels of a block
 uniform int columns;         // cells per row
 
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
-layout(location = 1) out vec2 out_share;  // Σ cosθ·dω, and of inner sides of closed meshes
+layout(location = 1) out vec4 out_share;  // Σ cosθ·dω; that of inner sides of closed meshes; of close values of the surface
+                                          // cache Σ Y·cosθ·dω, Y their luminance, and Σ ρ·cosθ·dω/π
 #if GRADIENTS
 layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame; w: the luminance's
                                           // second derivatives xx, xy, yy there
@@ -63,7 +65,7 @@ void main()
     ivec2 first = ivec2(gl_FragCoord.xy) * block;
     ivec2 place = first / cell, corner = place * cell, inside = first - corner;
     out_sums = vec4(0.0);
-    out_share = vec2(0.0);
+    out_share = vec4(0.0);
     int record = place.y * columns + place.x;
     mat3 frame;
     vec3 g;
@@ -87,13 +89,14 @@ void main()
 #else
             read_eye(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
             vec4 direction = texel_at(table, ivec2(x, y)), L = seen(corner, ivec2(x, y), direction, sky_there);
+            vec4 own = texel_at(planes, corner + ivec2(x, y));
 #endif
             float above = dot(direction.xyz, g) > 0.0 ? 1.0 : 0.0;  // 0: below the surface itself
             direction.w *= above;
             out_sums += direction.w * vec4(L.rgb, L.a);
-            out_share.x += direction.w;
+            vec2 close = parted(max(own.w, 0.0)) * vec2(dot(L.rgb, LUMINANCE), 1.0 / PI);
+            out_share += direction.w * vec4(1.0, own.w < 0.0 ? 1.0 : 0.0, close);
 #if GRADIENTS
-            out_share.y += own.w * direction.w;
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
             {

@@ -3,6 +3,9 @@
 #include "generated/record_outputs.glsl"
 #include "gather/places.glsl"
 #include "lib/texel.glsl"
+#if SURFACE
+#include "surface_cache/lookup.glsl"
+#endif
 
 uniform sampler2D sums;
 uniform sampler2D share;
@@ -14,7 +17,7 @@ uniform sampler2D sums_g_r;
 uniform sampler2D sums_g_g;
 uniform sampler2D sums_g_b;
 #endif
-uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at place i
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at place i; see Atlas.frames
 uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius
@@ -24,12 +27,21 @@ const float ENCLOSED = 0.2;  // least share of directions that end at inner side
 
 flat in int v_index;         // in the batch
 
+#if SURFACE
+// Ratio of a record's irradiance in a crack to `whole`, see docs/METHOD.md, 11.5. close: its part by close values of the surface
+// cache. cached: the surface cache at the record. All are luminances in W/m². reflected: mean reflectance of the close hits.
+float in_cracks(float whole, float close, float reflected, float cached)
+{
+    float kept = 1.0 - max(reflected, close / max(cached, 1e-20));  // of the record's own light, by a bounce there and back
+    return min((whole - close) / max(kept, 1e-6), whole) / max(whole, 1e-20);
+}
+#endif
+
 void main()
 {
     int i = v_index;
     ivec2 corner = ivec2(i % columns, i / columns) * blocks;
-    vec4 total = vec4(0.0);
-    vec2 solid = vec2(0.0);
+    vec4 total = vec4(0.0), solid = vec4(0.0);
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
     vec2 curvature = vec2(0.0);
@@ -39,7 +51,7 @@ void main()
         {
             ivec2 at = corner + ivec2(x, y);
             total += texel_at(sums, at);
-            solid += texel_at(share, at).xy;
+            solid += texel_at(share, at);
 #if GRADIENTS
             vec4 r = texel_at(sums_m_r, at), g = texel_at(sums_m_g, at), b = texel_at(sums_m_b, at);
             M += mat3(r.xyz, g.xyz, b.xyz);
@@ -51,9 +63,22 @@ void main()
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
-    vec3 normal = texel_at(frames, ivec2(i * places, 2)).xyz;
+    vec4 normal = texel_at(frames, ivec2(i * places, 2));
+    mat3 world = mat3(texel_at(frames, ivec2(i * places, 0)).xyz, texel_at(frames, ivec2(i * places, 1)).xyz, normal.xyz);
+#if SURFACE
+    if (normal.w >= 0.0 && solid.z > 0.0)
+    {
+        vec3 g_world = world * texel_at(frames, ivec2(i * places, 3)).xyz, eye = texel_at(frames, ivec2(i * places, 4)).xyz;
+        vec3 cached = surface_irradiance_at(int(normal.w), eye, g_world).rgb;
+        float ratio = in_cracks(dot(total.rgb, LUMINANCE), solid.z, solid.w, dot(cached, LUMINANCE));
+        total.rgb *= ratio;
+        M *= ratio;
+        G *= ratio;
+        H *= ratio;
+        steps *= ratio * ratio;
+    }
+#endif
 #if GRADIENTS
-    mat3 world = mat3(texel_at(frames, ivec2(i * places, 0)).xyz, texel_at(frames, ivec2(i * places, 1)).xyz, normal);
     M = world * M;
     G = world * G;
     // the Hessian's eigenvalues, and the axis of the lesser of them
@@ -73,7 +98,7 @@ void main()
     noise = Y > 0.0 ? min(sqrt(steps) / (STEPS * Y), 1.0) : 1.0;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
-    M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
+    M = outerProduct(normal.xyz, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
     write_record(total.rgb, R, M, G, axis, curvature, max_radius, noise);
 }

@@ -21,6 +21,7 @@
 #endif
 #if SURFACE
 #include "surface_cache/lookup.glsl"
+#include "gather/close_hits.glsl"
 #endif
 
 uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): eye position
@@ -34,8 +35,8 @@ uniform isampler2D first_hits;  // of each ray, record by record, the triangle t
 #endif
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
-layout(location = 1) out vec4 out_plane;     // plane of the hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
-                                             // is the inner side of a closed mesh
+layout(location = 1) out vec4 out_plane;     // plane of the hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: -1 on the
+                                             // inner side of a closed mesh, else the pair of close_hits.glsl
 #if HITS
 uniform bool survey;  // true if a hit counts for the nearest site, and not for one drawn by its weight
 
@@ -117,9 +118,16 @@ void main()
     out_place = vec4(receiver.p, float(hit.triangle));
     out_normal = vec4(receiver.n, 0.0);
 #elif SURFACE
-    E += surface_irradiance(hit.triangle, hit.share, int(behind));
+    vec4 further = surface_irradiance(hit.triangle, hit.share, int(behind));
+    E += further.rgb;
 #endif
     vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
-    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), inner) : vec4(0.0);
+    float close = 0.0;
+#if SURFACE && !HITS
+    // a value represents a surface of this extent, and resolves no changes of light along a shorter ray
+    vec3 reflected = max(1.0 - hit.t / max(further.a, near), 0.0) * material.albedo;
+    close = joined(vec2(dot(reflected * further.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), dot(reflected, LUMINANCE)));
+#endif
+    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), inner ? -1.0 : close) : vec4(0.0);
 }

@@ -19,6 +19,6 @@ void main()
     vec4 p = texel_at(position, pixel);
     vec4 n = texel_at(normal, pixel);
     vec3 g = octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w));
-    out_sums = vec4(surface_irradiance_at(int(texel_at(emission, pixel).w), p.xyz, g), 1.0) / p.w;
+    out_sums = vec4(surface_irradiance_at(int(texel_at(emission, pixel).w), p.xyz, g).rgb, 1.0) / p.w;
     out_facing = facing_of(n.xyz);
 }

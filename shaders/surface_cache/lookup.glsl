@@ -5,7 +5,7 @@ uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and th
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: an object occludes part of the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
-uniform sampler2D surface_values;     // rgb E in W/m²
+uniform sampler2D surface_values;     // rgb E in W/m²; a: extent in metres of the surface that a value represents
 uniform int surface_known;            // 0: no value is known yet, and the first triangle represents all
 
 // Three values and their weights at a place, which sum to 1, or are all 0 where no value is known.
@@ -72,13 +72,13 @@ int surface_nearest(Lookup lookup)
     return w.x + w.y + w.z > 0.0 ? value : -1;
 }
 
-vec3 surface_value(int i)
+vec4 surface_value(int i)
 {
-    return texel_at(surface_values, table_texel(i)).rgb;
+    return texel_at(surface_values, table_texel(i));
 }
 
-// Indirect irradiance at such a point, W/m².
-vec3 surface_irradiance(int triangle, vec3 share, int side)
+// Indirect irradiance at such a point, W/m², and the extent of its values in metres.
+vec4 surface_irradiance(int triangle, vec3 share, int side)
 {
     Lookup lookup = surface_lookup(triangle, share, side);
     return lookup.weights.x * surface_value(lookup.values.x) + lookup.weights.y * surface_value(lookup.values.y) +
@@ -86,7 +86,7 @@ vec3 surface_irradiance(int triangle, vec3 share, int side)
 }
 
 // The same at a point p of the triangle, on the side to which the unit vector g points.
-vec3 surface_irradiance_at(int triangle, vec3 p, vec3 g)
+vec4 surface_irradiance_at(int triangle, vec3 p, vec3 g)
 {
     vec3 corner = triangle_point(triangle, 0), away = p - corner;
     vec3 right = triangle_point(triangle, 1) - corner, up = triangle_point(triangle, 2) - corner, normal = cross(right, up);

@@ -15,5 +15,5 @@ void main()
     vec4 p = texelFetch(position, pixel, 0);
     vec3 g = octahedral_decode(vec2(texelFetch(normal, pixel, 0).w, texelFetch(albedo, pixel, 0).w));
     out_irradiance = vec4(0.0);
-    if (p.w > 0.0) out_irradiance = vec4(surface_irradiance_at(int(texelFetch(emission, pixel, 0).w), p.xyz, g), 1.0);
+    if (p.w > 0.0) out_irradiance = vec4(surface_irradiance_at(int(texelFetch(emission, pixel, 0).w), p.xyz, g).rgb, 1.0);
 }

@@ -19,7 +19,7 @@ uniform sampler2D seen;  // texel (s, i): visibility of sample s of record i, bi
 #endif
 
 layout(location = 0) out vec4 out_sums;
-layout(location = 1) out vec2 out_share;
+layout(location = 1) out vec4 out_share;
 #if GRADIENTS
 layout(location = 2) out vec4 out_m_r;
 layout(location = 3) out vec4 out_m_g;
@@ -119,7 +119,7 @@ void main()
     }
     // the other channels are no sums of light
     out_sums = vec4(E, 0.0);
-    out_share = vec2(0.0);
+    out_share = vec4(0.0);
 #if GRADIENTS
     out_m_r = vec4(M[0], H.x);
     out_m_g = vec4(M[1], H.y);
