@@ -22,10 +22,12 @@ from irrsplat.scene.model import Camera, part_drawn
 
 SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
 _SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, see `Spots.difference`
+_BESIDE_CREASES = (0.0, 0.15, 0.15)  # difference that counts beside creases: all places there reach the second probes
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
 _CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
 _COARSER = 3  # doublings of a cell's width within which a place counts as probed from a greater distance
+MARGIN = 2  # pixels around each part of a view that are drawn to find creases
 _MOST = 2_000_000  # greatest number of stored places
 
 
@@ -34,40 +36,45 @@ class Spots:
     """Places of a view.
 
     sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. mean: W/m², of `cached` over the view.
+    on screen. beside_crease: (N,) True where a surface rises above the place's plane within a few pixels. mean: W/m², of `cached`
+    over the view.
     """
 
     sites: Sites
     cached: np.ndarray
     distance: np.ndarray
+    beside_crease: np.ndarray
     mean: float = 0.0
 
     @staticmethod
     def joined(parts: Sequence[Spots]) -> Spots:
         """Return the places of all parts of a view, in an order independent of the division into parts."""
         joined = Sites.joined([part.sites for part in parts])
-        cached, distance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cached", "distance"))
+        columns = ("cached", "distance", "beside_crease")
+        cached, distance, creases = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
         mean = float(cached[order].mean(dtype=float)) if len(order) else 0.0
-        return Spots(joined[order], cached[order], distance[order], mean)
+        return Spots(joined[order], cached[order], distance[order], creases[order], mean)
 
     def __len__(self) -> int:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.mean)
+        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.beside_crease[rows], self.mean)
 
     def difference(self, found: np.ndarray) -> np.ndarray:
         """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater luminance Y of both.
 
         Above the mean, they are relative to √(Y·mean): the picture's RMSE weights bright places more, and the eye does not.
+        Beside creases, which fill a cluttered room, they are relative to the mean at least.
         A brighter probe at a dark place counts as 0: closer to a sheet than a gather's offset, it may be on the other side.
         """
-        floor = _FLOOR * self.mean
-        Y = np.maximum(np.maximum(found, self.cached), max(floor, 1e-30))
+        dark = _FLOOR * self.mean
+        floor = np.where(self.beside_crease, self.mean, dark)
+        Y = np.maximum(np.maximum(found, self.cached), np.maximum(floor, 1e-30))
         share = np.abs(found - self.cached) / np.sqrt(Y * np.minimum(Y, max(self.mean, 1e-30)))
-        return np.where((found > self.cached) & (self.cached < floor), 0.0, share)
+        return np.where((found > self.cached) & (self.cached < dark), 0.0, share)
 
 
 class SpotPass(Owner):
@@ -75,17 +82,18 @@ class SpotPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
-        self.program = Program(ctx, "indirect/spots", "lib/fullscreen")
+        self.program = Program(ctx, "indirect/spots", "lib/fullscreen", {"MARGIN": MARGIN})
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
-    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws.
 
-        Every pixel is splatted. A place has cached irradiance, and its surface reflects more than it emits.
+        Every pixel is splatted. A place has cached irradiance, and its surface reflects more than it emits. margin: pixels at the
+        borders of a part without places.
         """
         part = part_drawn(camera, self.size)
         side = max(1, round(part.whole[1] / _ROWS))
@@ -98,21 +106,25 @@ class SpotPass(Owner):
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,
             sums=splats.sums,
+            pixel_size=camera.screen / part.whole[1],
             stride=side,
             corner=part.corner,
+            whole=part.whole,
             first=tuple(first),
         )
         square = first + np.stack(np.meshgrid(*map(np.arange, size)), axis=-1)
         pixel = side * square + square[..., ::-1] % side  # in the whole picture, as pixel_of_square in shaders/lib/texel.glsl
         position, normal, rest = (target.read(i)[::-1] for i in range(3))
-        there = (position[..., 3] > 0.0) & ((pixel >= 0) & (pixel < part.whole)).all(-1)
+        low = np.maximum(np.add(part.corner, margin), 0)
+        high = np.minimum(np.add(part.corner, self.size) - margin, part.whole)
+        there = (position[..., 3] > 0.0) & ((pixel >= low) & (pixel < high)).all(-1)
         position, normal, rest, pixel = position[there], normal[there], rest[there], pixel[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])
         number = pixel[:, 1] * part.whole[0] + pixel[:, 0]
         sites = Sites(position[:, :3], normal[:, :3], geometric, rest[:, 2].astype(np.intp), number)
         rows = part.whole[1] / side
         away = np.linalg.norm(position[:, :3].astype(float) - np.asarray(camera.eye, float), axis=1)
-        return Spots.joined([Spots(sites, rest[:, 1].astype(float), camera.measure(self.size) / rows * away)])
+        return Spots.joined([Spots(sites, rest[:, 1].astype(float), camera.measure(self.size) / rows * away, rest[:, 3] > 0.0)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +143,8 @@ class SpotCheck:
     @property
     def significant(self) -> Spots:
         """The places where the present probes differ from the cache."""
-        return self.spots[self.spots.difference(self.found) > _SIGNIFICANT[self.stage]]
+        least = np.where(self.spots.beside_crease, _BESIDE_CREASES[self.stage], _SIGNIFICANT[self.stage])
+        return self.spots[self.spots.difference(self.found) > least]
 
 
 @dataclass(eq=False)

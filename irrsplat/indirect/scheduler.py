@@ -215,11 +215,11 @@ class RecordScheduler(Owner):
         unchanged = not limited and view.pixel_stride == 1  # else others may be missing
         return replace(view, pixel_stride=1, phase=Phase.FILL), True, unchanged
 
-    def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
+    def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""
         size = gbuffer.position.size
         with self.timers("examine"):
-            return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
+            return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera, margin)
 
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.gather.spot_check import Spots
+from irrsplat.gather.spot_check import MARGIN, Spots
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import View, reflectance, uncovered, values_of
@@ -99,12 +99,12 @@ class TileScreens:
     def _spots(self, state: State, camera: Camera) -> Spots:
         """Return the places of all tiles for a spot check."""
         found: list[Spots] = []
-        here = replace(state, size=(state.tile, state.tile))
-        for corner in _grid(state.size, here.size):
-            seen = part_of(camera, Part(state.size, corner, here.size))
+        here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
+        for x, y in _grid(state.size, (state.tile, state.tile)):
+            seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
             gbuffer = self.stages.draw_gbuffer(here, seen)
             splats = self.stages.splats(here).update(self.cache, gbuffer, seen, state.settings, 1, noted=False)
-            found.append(self.scheduler.spots(gbuffer, splats, seen))
+            found.append(self.scheduler.spots(gbuffer, splats, seen, MARGIN))
         return Spots.joined(found)
 
 
