@@ -7,10 +7,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from importlib import metadata
 from types import FrameType
 from typing import Any, TypedDict
 
@@ -261,15 +260,6 @@ def describe(ctx: moderngl.Context) -> Description:
         "software": any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast", "swiftshader")),
         "max_texture_size": int(info["GL_MAX_TEXTURE_SIZE"]),
     }
-
-
-def machine(about: Mapping[str, object]) -> str:
-    """Return a key for results kept between runs: the OpenGL described by `about`, and the version of irrsplat."""
-    try:
-        version = metadata.version("irrsplat")
-    except metadata.PackageNotFoundError:
-        version = ""
-    return f"{about['renderer']}; {about['version']}; irrsplat {version}"
 
 
 @cache

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from irrsplat.image.figures.figure1 import diagram
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera
@@ -33,6 +32,8 @@ class PaperFigures:
 
     def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
         """Return Frame.figures: the first and the final splat buffer as radiance, and figure 1."""
+        from irrsplat.image.figures.figure1 import diagram  # and Pillow: other renders need neither
+
         first = self._splatted(0) if self._first_samples is None else self._first_samples
         splats = {"first_samples": first, "splat_buffer": self._splatted(frame.stats["records"])}
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +81,8 @@ def of_camera(camera: Camera, aspect: float) -> dict[str, Any]:
 
 
 def _version() -> str:
+    from importlib import metadata  # takes 20 ms
+
     try:
         return metadata.version("irrsplat")
     except metadata.PackageNotFoundError:
