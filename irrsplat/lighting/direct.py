@@ -48,13 +48,12 @@ class DirectPass(Owner):
         target: Target | None = None,
         world: World | None = None,
         band: Region | None = None,
-        exact: bool = True,
     ) -> moderngl.Texture:
         """Return ρ/π·E_direct, and 1 on surfaces, as an RGBA32F texture, the target's (default: this pass's own).
 
         rotation: of the pattern of shadow samples, radians. world: its rays decide pixels whose shadow samples differ, and keep
         facet shadows off curved surfaces; None: use the mean of the samples. band: the part (x, y, width, height) to draw; None:
-        all of it. exact: False takes the mean of the samples instead of rays, in half the time.
+        all of it.
         """
         target = target or self.target
         uniforms: Uniforms = {
@@ -73,7 +72,7 @@ class DirectPass(Owner):
         way, state = ("", DrawState()) if world is None else (_MARKS, DrawState(depth="1"))
         program = self._programs[bent, way]
         program(target, state=state, scissor=band, **program.declared(uniforms))
-        if world is not None and exact:
+        if world is not None:
             program, state = self._programs[bent, _RAYS], DrawState(depth="<", depth_write=False)
             program(target, state=state, scissor=band, **program.declared(uniforms))
         return target.textures[0]

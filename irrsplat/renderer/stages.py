@@ -37,11 +37,10 @@ from irrsplat.surface_cache.cache import SurfaceCache
 
 
 class Lighting(NamedTuple):
-    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone. exact: see DirectPass."""
+    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone."""
 
     shadows: ShadowMaps
     casting: World | None
-    exact: bool
 
 
 class Stages(Owner):
@@ -164,7 +163,7 @@ class Stages(Owner):
         assert gbuffer is not None and splats is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
-        lighting = Lighting(done.shadows, self._casting(state, hurried), not moving)
+        lighting = Lighting(done.shadows, None if moving else self._casting(state, hurried))
         backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
         subject = gbuffer, lighting, splats, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
@@ -207,7 +206,7 @@ class Stages(Owner):
         draw = partial(self._direct_pass(state), gbuffer, lighting.shadows, world=lighting.casting)
         with self.timers("direct"):
             for band in bands(state.size):
-                direct = draw(band=band, exact=lighting.exact)
+                direct = draw(band=band)
                 stop_for_input(self.ctx)
         return direct
 
