@@ -11,6 +11,7 @@ flat out vec3 v_normal;
 flat out vec3 v_axis;
 flat out vec2 v_radii;
 flat out float v_share;
+flat out float v_sure;
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out mat3 v_m;
@@ -30,6 +31,7 @@ void main()
     v_radii = vec2(ellipse.along, ellipse.across) / a;
     v_normal = record_normal(texel);
     v_share = record_share(texel);
+    v_sure = 1.0 - record_noise(texel) * record_noise(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
     v_g = record_gradient(texel) * trust;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,6 +13,7 @@ import moderngl
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat.core import paths
 from irrsplat.gather.plane import PlaneGather
 from irrsplat.gather.reduce import ReducePass
@@ -116,6 +118,27 @@ def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
     stages = {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.frag")}
     core = {name for name in stages if not name.startswith(("viewer/", "bake/"))}
     assert linked(ctx, unlit(ctx)) == core - LIT
+
+
+def test_each_input_of_a_fragment_shader_is_an_output_of_its_vertex_shader() -> None:
+    """Otherwise its value is undefined by OpenGL, and drivers other than Mesa refuse the program.
+
+    A program of one name has both shaders in one folder; the code names the vertex shader of others.
+    """
+    shaders, code = paths.folder("shaders"), Path(irrsplat.__file__).parents[1]
+    names = (path.relative_to(shaders).with_suffix("").as_posix() for path in shaders.rglob("*.frag"))
+    pairs = {(name, name) for name in names}
+    for module in [*(code / "irrsplat").rglob("*.py"), *(code / "app").rglob("*.py")]:
+        pairs |= set(re.findall(r'"([\w/]+)",\s*"([\w/]+)"', module.read_text()))
+    files = [(f"{fragment}.frag", f"{vertex}.vert") for fragment, vertex in sorted(pairs)]
+    files = [pair for pair in files if all((shaders / name).exists() for name in pair)]
+    assert len(files) > 30
+    for fragment, vertex in files:
+        taken, given = (
+            set(re.findall(rf"^(?:flat )?{word} (\w+ \w+);", shader_source.load(name).text, re.MULTILINE))
+            for word, name in (("in", fragment), ("out", vertex))
+        )
+        assert taken <= given, f"{fragment} with {vertex}"
 
 
 def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(
