@@ -112,7 +112,8 @@ class Recorder:
         """Return (4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
         atlas = self.gather(self.light, site, np.zeros(1), 0)
         width, height = atlas.cell
-        seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
+        texels = np.frombuffer(atlas.radiance.read(), "f4")
+        seen = texels.reshape(atlas.radiance.height, atlas.radiance.width, 4)[:height, :width]
         share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
         hit = seen[..., 3] > 0.0
         E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self._sky(atlas)))

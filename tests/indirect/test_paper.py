@@ -117,3 +117,15 @@ def test_in_a_furnace_the_paper_sees_945_thousandths() -> None:
     assert np.allclose(frame.records_irradiance, truth, rtol=1e-3)
     assert_pictures("paper_furnace", frame.irradiance, np.asarray(truth), 2e-3 * truth)
     assert np.allclose(frame.image, 3.0 + 0.5 * share_of_plane(150.0) * 3.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize("gather", ["trace", "embree"])
+def test_the_scan_by_rays_has_all_light_of_emitters(gather: Any) -> None:
+    """In the furnace every ray hits a radiance of 1, so that each record has E = π.
+
+    The paper sums a record's own rays, and has no next-event samples: with them, each ray would count by its share of both.
+    """
+    frame = irrsplat.render(
+        irrsplat.load("furnace"), (24, 24), placement="scan", gather=gather, bounces=1, gradients=False, warmup=10, a=1.0
+    )
+    assert np.allclose(frame.records_irradiance, np.pi, rtol=1e-3)

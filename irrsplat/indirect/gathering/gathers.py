@@ -33,10 +33,11 @@ class Gathers(Owner):
         self._made.clear()
 
     def of(self, basis: Basis) -> Gather:
-        """Return the pass that gathers records; the paper's algorithm gathers one record at a time."""
-        one = 1 if basis.settings.placement == "scan" else None
-        inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
-        return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, basis.settings, capacity=one))
+        """Return the pass that gathers records; the paper's algorithm gathers one at a time, without next-event samples."""
+        scan, settings = basis.settings.placement == "scan", basis.settings
+        settings = replace(settings, light_samples=0) if scan else settings
+        inputs = *basis.way, basis.lights, scan, self._emitters(settings)
+        return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, settings, capacity=1 if scan else None))
 
     def at(self, basis: Basis, size: int) -> Gather:
         """Return the gather of this side; 0: the settings' side.
