@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, Sites
@@ -111,9 +112,7 @@ class Recorder:
     def __call__(self, site: Sites) -> np.ndarray:
         """Return (4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
         atlas = self.gather(self.light, site, np.zeros(1), 0)
-        width, height = atlas.cell
-        texels = np.frombuffer(atlas.radiance.read(), "f4")
-        seen = texels.reshape(atlas.radiance.height, atlas.radiance.width, 4)[:height, :width]
+        seen = _cell(atlas, atlas.radiance)
         share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
         hit = seen[..., 3] > 0.0
         E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self._sky(atlas)))
@@ -127,15 +126,20 @@ class Recorder:
         scene = self.gather.world.scene
         if scene.environment is None and not any(scene.sky_gradient):
             return np.asarray(scene.sky, "f4")
-        frames, table = atlas.frames, np.frombuffer(atlas.table.read(), "f4").reshape(-1, 4)
+        frames, table = atlas.frames, _cell(atlas, atlas.table)
         frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]
-        width, height = atlas.cell
-        ways = table[:, :3] @ frame
+        ways = table[..., :3].reshape(-1, 3) @ frame
         if scene.environment is not None:
-            radiance = scene.environment.lit_by(ways, table[:, 3] / table[:, 2])
+            radiance = scene.environment.lit_by(ways, (table[..., 3] / table[..., 2]).ravel())
         else:
             radiance = scene.sky_radiance(ways)
-        return radiance.reshape(height, width, 3).astype("f4")
+        return radiance.reshape(*table.shape[:2], 3).astype("f4")
+
+
+def _cell(atlas: Atlas, texture: moderngl.Texture) -> np.ndarray:
+    """Return (H, W, 4) the first cell of a texture, which may be larger."""
+    width, height = atlas.cell
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, 4)[:height, :width]
 
 
 def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:

@@ -16,7 +16,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
 from tests.gather.test_hemisphere import share_of_plane
-from tests.support.worlds import assert_pictures, box, gbuffer_of, material, rays, scene
+from tests.support.worlds import assert_pictures, box, floor, gbuffer_of, material, rays, scene
 
 SIZE = (41, 33)
 CAMERA = Camera((0.2, 0.5, 3.0), (0.0, 0.0, 0.0), fov=50.0)
@@ -120,12 +120,12 @@ def test_in_a_furnace_the_paper_sees_945_thousandths() -> None:
 
 
 @pytest.mark.parametrize("gather", ["trace", "embree"])
-def test_the_scan_by_rays_has_all_light_of_emitters(gather: Any) -> None:
-    """In the furnace every ray hits a radiance of 1, so that each record has E = π.
+def test_the_scan_by_rays_has_all_light_of_emitters_and_sky(gather: Any) -> None:
+    """In the furnace every ray hits a radiance of 1, so that each record has E = π; an open floor has the E of its sky.
 
     The paper sums a record's own rays, and has no next-event samples: with them, each ray would count by its share of both.
     """
-    frame = irrsplat.render(
-        irrsplat.load("furnace"), (24, 24), placement="scan", gather=gather, bounces=1, gradients=False, warmup=10, a=1.0
-    )
-    assert np.allclose(frame.records_irradiance, np.pi, rtol=1e-3)
+    open_floor = irrsplat.make_scene([floor()], cameras=[Camera((0.0, 2.0, 1.0), (0.0, 0.0, 0.0))], sky="cie overcast lux 1790")
+    for world, E in ((irrsplat.load("furnace"), np.pi), (open_floor, 1790.0 / 179.0)):
+        frame = irrsplat.render(world, (24, 24), placement="scan", gather=gather, bounces=1, gradients=False, warmup=10, a=1.0)
+        assert np.allclose(frame.records_irradiance, E, rtol=5e-3)
