@@ -71,7 +71,7 @@ class Material:
     W/(m² sr), from both sides; times the colour of emission_texture.
     normal_texture: a tangent-space normal map (green up, as in glTF); normal_scale: factor on its x and y.
     opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" cuts the surface out below
-    alpha_cutoff; "blend" mixes with the background. transmission: 0..1, the share of light that passes the surface.
+    alpha_cutoff; "blend" mixes with the background. transmission: 0..1; above 0.5 all light passes, and only the view is tinted.
     unlit: albedo is 0, and the emission is multiplied by vertex colours.
     double_sided: False hides the back from cameras, but not from light.
     Raises InputError for invalid numbers.
