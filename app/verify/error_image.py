@@ -44,7 +44,7 @@ def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, fl
     if frame.check_writable(name):
         files.write_picture(name, _with_legend(np.concatenate([*shown, error], axis=1)))
         return
-    pictures = {"truth": shown[0], "picture": shown[1], "error": _with_legend(error)} | (
+    pictures = {"reference": shown[0], "picture": shown[1], "error": _with_legend(error)} | (
         {} if flipped is None else {"flip": flipped}
     )
     try:

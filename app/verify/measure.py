@@ -36,7 +36,7 @@ def trace(scene: Scene, camera: Camera, args: Namespace, notify: Notify) -> tupl
 
     def show(share: float) -> None:
         was_traced[:] = [share]
-        notify(share, "tracing the truth")
+        notify(share, "tracing the reference")
 
     bounces = preset(args.preset, **args.values).bounces
     try:

@@ -54,7 +54,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
 
 def heading(scene: Scene, args: Namespace) -> str:
     """Return one line that names the rendering and its reference."""
-    truth = "path-traced truth" if args.truth == "trace" else "a fine gather without interpolation"
+    truth = "a path-traced reference" if args.truth == "trace" else "a fine gather without interpolation"
     bounces = in_words(preset(args.preset, **args.values).bounces)
     return f"{scene.name}, {args.size[0]} x {args.size[1]}, preset {args.preset}, {bounces}, against {truth}"
 
@@ -98,9 +98,9 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
         ("direct light RMSE", percent(found["direct"]), "away from shadow edges"),
         ("albedo", f"{found['albedo']:.4f}", "median difference from the path tracer's texture lookup"),
         ("normal", f"{found['normal']:.2f} °", "median angle between the normals, with normal maps"),
-        ("truth", f"{2 * side_of(args.samples) ** 2:,}", f"samples of each kind per pixel, {origin}"),
+        ("reference", f"{2 * side_of(args.samples) ** 2:,}", f"samples of each kind per pixel, {origin}"),
     ]
-    noise = ("noise of the truth", percent(truth.noise), "relative RMSE of the reference, from two independent halves")
+    noise = ("noise of reference", percent(truth.noise), "relative RMSE of the reference, from two independent halves")
     rows[2:2] = [noise, ("RMSE without it", percent(found["net"]), "error of the rendering without that noise")]
     if flip is not None:
         remark = f"of the tone-mapped pictures, {error_image.PIXELS_PER_DEGREE:g} pixels per degree"
@@ -125,7 +125,7 @@ def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Name
     rows = [
         ("pixels compared", f"{len(E):,}", "at random, away from edges"),
         *_table(errors(E, truth.irradiance), float(E.mean()), float(truth.irradiance.mean())),
-        ("truth", f"{fine_gather.SIDE**2:,}", "directions per pixel, by the renderer's own gather"),
+        ("reference", f"{fine_gather.SIDE**2:,}", "directions per pixel, by the renderer's own gather"),
     ]
     return frame, rows
 

@@ -189,5 +189,5 @@ def test_the_command_on_a_real_scene(mitsuba: Any, tmp_path: Path, capsys: pytes
     found = {name: float(value.split()[0].replace(",", "")) for name, value in rows(out).items()}
     assert found["relative RMSE"] <= 8.0 and abs(found["bias of the mean"]) <= 2.0
     assert found["direct light RMSE"] <= 1.0
-    assert found["noise of the truth"] <= 3.0
+    assert found["noise of reference"] <= 3.0
     assert (tmp_path / "out/error.png").is_file()

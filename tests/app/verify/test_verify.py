@@ -211,16 +211,16 @@ def test_the_table(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -
     fake.stats = {"records": 1234}
     assert cli.main([*VERIFY, "--preset", "preview", "--a", "0.3"]) == 0
     out, _ = capsys.readouterr()
-    assert out.startswith("plain, 6 x 4, preset preview, one indirect bounce, against path-traced truth\n")
+    assert out.startswith("plain, 6 x 4, preset preview, one indirect bounce, against a path-traced reference\n")
     found = rows(out)
     assert found["pixels compared"] == "20"
     assert found["records"] == "1,234"
     assert (found["relative RMSE"], found["bias of the mean"]) == ("25.00 %", "+25.00 %")
-    assert (found["noise of the truth"], found["RMSE without it"]) == ("2.00 %", "24.92 %")  # 25² = 2² + 24.92²
+    assert (found["noise of reference"], found["RMSE without it"]) == ("2.00 %", "24.92 %")  # 25² = 2² + 24.92²
     assert found["off by > 30 %"] == "0.00 %"
     assert found["direct light RMSE"] == "100.00 %"
     assert found["albedo"] == "0.5000"
-    assert found["truth"] == "8" and "traced before and kept" in out
+    assert found["reference"] == "8" and "traced before and kept" in out
     assert (fake.arguments.size, fake.arguments.preset, fake.arguments.settings) == ((6, 4), "preview", {"bounces": 1, "a": 0.3})
     assert list(place.glob("*.png")) == []
 
@@ -233,7 +233,7 @@ def test_pictures(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsy
     out, err = capsys.readouterr()
     assert "FLIP" not in out and err == "notice: FLIP is left out; run: pip install 'irrsplat[reference]'\n"
     assert cli.main([*VERIFY, "-o", "strip.png"]) == 0
-    names, strip = ("truth", "picture", "error"), np.asarray(Picture.open(place / "strip.png"))
+    names, strip = ("reference", "picture", "error"), np.asarray(Picture.open(place / "strip.png"))
     assert {path.name for path in (place / "shown").iterdir()} == {f"{name}.png" for name in names}
     reference, picture, error = (np.asarray(Picture.open(place / "shown" / f"{name}.png")) for name in names)
     assert (picture > reference).all() and (error[:4] == BRIGHT).all()  # too bright by 25 %
