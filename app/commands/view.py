@@ -23,12 +23,11 @@ def add(commands: Any) -> None:
         "view",
         help="fly through a scene in a window",
         description="Open a scene in a window and fly through it. F1 lists all keys.",
-        epilog="The viewer restores window size, preset and settings of its last run. A flag overrides a setting, and --preset\n"
-        "resets all settings.",
+        epilog="The viewer restores the window size of its last run.",
     )
     flags.add_scene(parser)
     flags.add_size(parser, None, "window size (default: the last one, at first 1280 720)")
-    flags.add_preset(parser, None)
+    flags.add_preset(parser, "default")
     flags.add_cache(parser, " when the window closes")
     flags.add_cache_mode(parser)
     flags.add_camera(parser)
@@ -48,16 +47,14 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     camera = rendering.camera(args, scene)
     remembered, notices = preferences.load()
-    if args.preset is not None:
-        remembered.preset, remembered.values = args.preset, {}
-    remembered.values |= args.values
     update = args.cache_mode == "update"
     if args.cache is not None:
-        _check_cache(args.cache, scene, remembered.preset, remembered.values, update)
+        _check_cache(args.cache, scene, args.preset, args.values, update)
     from irrsplat.app.viewer import viewer
 
     size = tuple(args.size) if args.size else None
-    closing_notice = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
+    chosen = args.preset, args.values
+    closing_notice = viewer.run(scene, args.scene, size, remembered, camera, *chosen, notices, args.cache, args.loading, update)
     if closing_notice is not None:
         say(f"notice: {closing_notice}")
     return 0

@@ -20,8 +20,7 @@ from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.light_edit import light_name
-from irrsplat.app.viewer.editing.picking import on_screen
-from irrsplat.app.viewer.editing.scene_edit import bounds_of, object_name
+from irrsplat.app.viewer.editing.picking import object_name, on_screen
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
@@ -36,7 +35,6 @@ from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
-_KEPT = ("points", "discs", "controls", "settings", "lights", "outliner")  # options that the preferences keep
 _FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
 _RING = 12.0  # window coordinates: the greatest distance of a click from the middle of a light's ring
 
@@ -58,9 +56,6 @@ class Actions:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
         self.panels = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
-        for name in _KEPT:
-            owner = self._owner(name)
-            setattr(owner, name, bool(preferences.ui.get(name, getattr(owner, name))))
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
@@ -112,23 +107,13 @@ class Actions:
 
     def save_preferences(self, size: tuple[int, int] | None) -> str | None:
         """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
-        renderer, preferences = self.session.renderers[0], self.preferences
-        preferences.size = size or preferences.size
-        preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        preferences.ui, preferences.scale = {name: getattr(self._owner(name), name) for name in _KEPT}, self.panels.scale
-        return stored.save(preferences)
+        self.preferences.size, self.preferences.scale = size or self.preferences.size, self.panels.scale
+        return stored.save(self.preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
 
     def home(self) -> None:
         self.session.free_camera.home()
-
-    def frame_selected(self) -> None:
-        """Move the camera without a turn, so that the picked object, or else the whole scene, just fits into the picture."""
-        mesh, bounds = self.editor.mesh, self.session.scene.bounds
-        if mesh is not None and not self.editor.edit.objects[mesh].hidden:
-            bounds = bounds_of(self.session.scene.meshes[mesh])
-        self.session.free_camera.frame(bounds, self.session.size[0] / self.session.size[1])
 
     def go(self, camera: Camera) -> None:
         """Set the camera to one in world space."""
@@ -236,13 +221,13 @@ class Actions:
         """
         editor, session = self.editor, self.session
         lit = {
-            number: on_screen(session.camera, session.size, edited.light.position)
-            for number, edited in enumerate(editor.lights)
-            if self.panels.lights and not edited.light.directional
+            number: on_screen(session.camera, session.size, light.position)
+            for number, light in enumerate(editor.scene.lights)
+            if self.panels.lights and not light.directional
         }
         near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
         if near:  # of several lights, pick the one nearest to the eye
-            editor.pick_light(min(near, key=lambda number: dist(editor.lights[number].light.position, session.camera.eye)))
+            editor.pick_light(min(near, key=lambda number: dist(editor.scene.lights[number].position, session.camera.eye)))
         else:
             editor.mesh = mesh
             editor.light = None if mesh is None else editor.light
@@ -252,9 +237,9 @@ class Actions:
         editor, light, mesh = self.editor, self.editor.light, self.editor.mesh
         if mesh is not None:
             editor.hide(mesh)
-            self.say(f"{object_name(editor.loaded, mesh)} is hidden; the list of objects shows it again", topic="pick")
+            self.say(f"{object_name(editor.scene, mesh)} is hidden; Ctrl+Z shows it again", topic="pick")
         elif light is not None and self.panels.lights:
-            name = light_name(editor.lights[light].light, light)
+            name = light_name(editor.scene.lights[light], light)
             editor.delete_light(light)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
         else:
@@ -274,11 +259,11 @@ class Actions:
 
     @property
     def undo_possible(self) -> bool:
-        return bool(self.editor.past) or self.editor.edit != self.editor.present
+        return bool(self.editor.past) or self.editor.scene is not self.editor.present
 
     @property
     def redo_possible(self) -> bool:
-        return bool(self.editor.future) and self.editor.edit == self.editor.present
+        return bool(self.editor.future) and self.editor.scene is self.editor.present
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
@@ -309,7 +294,7 @@ class Actions:
         """
         path = Path(name if name.endswith(".scene") else f"{name}.scene")
         lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
-        self.editor.saved = self.editor.edit
+        self.editor.saved = self.editor.scene
         self.saved_as = str(path)
         self.preferences.opened(str(path))
         self.say(f"{path} is written, with {parts_folder(path).name}")

@@ -7,18 +7,17 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import platformdirs
 
 from irrsplat.core import paths
-from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.core.words import quote
 from irrsplat.scene import bundled
-from irrsplat.settings import PRESETS, SETTINGS, SettingValues, check_name
 
-VERSION = 1  # version of the file's format
+VERSION = 2  # version of the file's format
 RECENT = 10  # the greatest number of recent scenes
 SIDE = 32768  # pixels: the greatest width and height of a window
 _FILE = "viewer.json"
@@ -28,16 +27,11 @@ _FILE = "viewer.json"
 class Preferences:
     """The choices of the user.
 
-    size: size of the window, pixels. values: the settings that differ from the preset. ui: the state of further options, plain
-    JSON. scale: the scale of text and widgets.
-
-    recent: scenes, newest first, at most RECENT. Each is an absolute path or the name of a bundled scene.
+    size: size of the window, pixels. scale: the scale of text and widgets. recent: scenes, newest first, at most RECENT. Each is
+    an absolute path or the name of a bundled scene.
     """
 
     size: tuple[int, int] | None = None
-    preset: str = "default"
-    values: SettingValues = field(default_factory=SettingValues)
-    ui: dict[str, object] = field(default_factory=dict)
     scale: float = 1.0
     recent: list[str] = field(default_factory=list)
 
@@ -93,14 +87,6 @@ def load() -> tuple[Preferences, list[str]]:
             wrong.append(quote(name))
     found.size = None if found.size is None else (found.size[0], found.size[1])
     found.recent = list(dict.fromkeys(s for s in found.recent if isinstance(s, str) and (os.path.isabs(s) or s in bundled())))
-    values: dict[str, object] = {}
-    for name, value in found.values.items():
-        try:
-            check_name(name)
-            values[name] = SETTINGS[name].check(value)
-        except (InputError, OverflowError):
-            wrong.append(f"setting {quote(name)}")
-    found.values = cast(SettingValues, values)
     return found, [f"{_FILE}: left out: {', '.join(wrong)}"] if wrong else []
 
 
@@ -110,9 +96,6 @@ def _is_size(it: Any) -> bool:
 
 _GOOD: dict[str, Callable[[Any], bool]] = {
     "size": _is_size,
-    "preset": lambda it: isinstance(it, str) and it in PRESETS,
-    "values": lambda it: isinstance(it, dict),
-    "ui": lambda it: isinstance(it, dict),
     "recent": lambda it: isinstance(it, list),
     "scale": lambda it: type(it) in (int, float),
 }

@@ -242,7 +242,7 @@ class Session(Owner):
     @property
     def light_scale(self) -> LightScale:
         """The scale of false colours on both sides, with a known upper end."""
-        return self.options.light_scale.up_to(self.brightest)
+        return LightScale().up_to(self.brightest)
 
     def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
         """Return the traced reference for `camera` and the bounces of the settings; None for none."""

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.meter.light_scale import LightScale
-
 Point = tuple[float, float, float]
 Surface = tuple[Point, Point]  # a point and its unit normal
 
@@ -38,7 +36,6 @@ class ViewOptions:
     why: bool = False  # True if a click on a surface shows the sources of its light
     surface: Surface | None = None  # the surface of the last such click
     frozen: bool = False
-    light_scale: LightScale = LightScale()  # frozen, so safe as a default
 
 
 @dataclass

@@ -33,6 +33,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.image.backdrop import GREY
 from irrsplat.records import cache_file
 from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import SettingValues
 
 SIZE = (1280, 720)
 _SLEEP = 0.05  # seconds: the longest wait for an event after a frame that equals the previous one
@@ -47,7 +48,8 @@ _SMOOTHING = 0.3  # weight of the last frame in the running mean of the time of 
 class Viewer(Owner):
     """The program in its window.
 
-    source: the path or name of `scene`. loading: the options by which `scene` was read. preferences: the choices of the last run.
+    source: the path or name of `scene`. preferences: the choices of the last run. values: settings on top of the preset. loading:
+    the options by which `scene` was read.
     """
 
     def __init__(
@@ -57,10 +59,12 @@ class Viewer(Owner):
         source: str,
         preferences: Preferences,
         camera: Camera | None = None,
+        preset: str = "default",
+        values: SettingValues | None = None,
         loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
     ) -> None:
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
-        self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
+        self.session = Session(wnd.ctx, scene, wnd.buffer_size, preset, values, camera)
         self.display = Display(self.session)
         self.backend = ImguiBackend()
         self.actions = Actions(self.session, source, preferences, loading, native=not wnd.headless)
@@ -301,6 +305,8 @@ def run(
     size: tuple[int, int] | None,
     preferences: Preferences,
     camera: Camera | None = None,
+    preset: str = "default",
+    values: SettingValues | None = None,
     notices: Sequence[str] = (),
     cache: str | None = None,
     loading: LoadOptions = LoadOptions(),  # noqa: B008  # frozen, so safe as a default
@@ -308,10 +314,10 @@ def run(
 ) -> str | None:
     """Open the window on `scene`, and run until it closes. Return None, or the reason why preferences or records are not saved.
 
-    notices: lines to show at first. cache: the file of the scene's records. update: True if a file of another state of the scene
-    is updated. loading: the options by which `scene` was read. Raises GLError if no window can be opened. Raises InputError for
-    an invalid size, and for a cache file of another scene or other settings. Raises KeyboardInterrupt after Ctrl-C, with all
-    closed.
+    values: settings on top of the preset. notices: lines to show at first. cache: the file of the scene's records. loading: the
+    options by which `scene` was read. update: True if a file of another state of the scene is updated. Raises GLError if no
+    window can be opened. Raises InputError for an invalid size, and for a cache file of another scene or other settings. Raises
+    KeyboardInterrupt after Ctrl-C, with all closed.
     """
     memory.return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
@@ -319,7 +325,7 @@ def run(
         wnd.title = f"preparing {scene.name} – {TITLE}"
         wnd.fbo.clear(*GREY[0])
         wnd.swap_buffers()
-        viewer = Viewer(wnd, scene, source, preferences, camera, loading)
+        viewer = Viewer(wnd, scene, source, preferences, camera, preset, values, loading)
         for notice in notices:
             viewer.actions.say(notice)
         came: list[int] = []

@@ -15,7 +15,7 @@ from irrsplat.app.viewer.view_options import Panels
 from irrsplat.gpu.program import Program
 from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
-from tests.support.viewing import Driver, viewing, write_room
+from tests.support.viewing import Driver, brighter, viewing, write_room
 
 SAMPLES = 6
 
@@ -96,7 +96,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     actions.toggle("frozen")
     moves: tuple[Any, ...] = (
         lambda: session.change(0, blend=0.7),
-        lambda: actions.editor.set_light(0, replace(actions.editor.lights[0], stops=1.0)),
+        lambda: actions.editor.set_light(0, brighter(actions.editor.scene.lights[0])),
         lambda: actions.go(replace(session.camera, fov=44.0)),
     )
     for act in moves:

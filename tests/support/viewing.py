@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Condition, Event, Thread, current_thread
 from typing import Any, Unpack
@@ -41,7 +41,7 @@ from irrsplat.records.cache_file import CacheState
 from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced
 from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SettingValues, preset
 
 SIZE = (320, 240)
@@ -345,7 +345,7 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
-        actions.prompt, actions.editor.saved = None, actions.editor.edit  # no prompt for unsaved changes
+        actions.prompt, actions.editor.saved = None, actions.editor.scene  # no prompt for unsaved changes
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene
@@ -411,16 +411,20 @@ def watched(driver: Driver) -> Iterator[None]:
             setattr(imgui, name, make)
 
 
+def brighter(light: Light) -> Light:
+    """Return the light with twice its output."""
+    red, green, blue = light.color
+    return replace(light, color=(2.0 * red, 2.0 * green, 2.0 * blue))
+
+
 @contextmanager
 def viewing(
     source: str | Path, size: tuple[int, int] = SIZE, preferences: Preferences | None = None, **settings: Unpack[SettingValues]
 ) -> Iterator[Driver]:
     """Open a viewer of the scene at `source` with settings for fast pictures; close it without saving preferences."""
-    if preferences is None:
-        ui: dict[str, object] = {"controls": False}
-        preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
-    viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)
+    viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences or Preferences(), values={**FAST, **settings})
+    viewer.actions.panels.controls = False
     driver = Driver(viewer, {**FAST, **settings})
     with watched(driver):
         yield driver

@@ -30,7 +30,6 @@ from irrsplat.settings import Settings
 
 Texture = Callable[[View], moderngl.Texture]
 NO_REFERENCE = "no reference of this view yet; Y traces it"
-_NO_TOLERANCE = -1.0  # a tolerance below all weights, at which no pixel requests a record
 _DECADES = 50.0  # the upper end of the scale of weights is this factor above 1/a: Σw is 0, or at least 1/a
 
 
@@ -133,7 +132,7 @@ def irradiance(
     def draw(canvas: Canvas, source: ViewSource) -> None:
         found = texture(source)
         if found is None:
-            _draw_requests(canvas, source, _NO_TOLERANCE)  # draw the dim picture
+            canvas.blank()
         else:
             canvas.picture(source, "irradiance", found, gain=source.gain)
 
@@ -170,7 +169,7 @@ def light() -> ShownBuffer:
 
     def legend(source: ViewSource) -> Legend:
         scale, (low, high) = source.light_scale, source.light_scale.ends
-        lines = f"a line every {(high - low) / STEPS:.4g} {scale.shown_unit}" if scale.lines else ""
+        lines = f"a line every {(high - low) / STEPS:.4g} {scale.shown_unit}"
         return Legend(lines, f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())
 
     def read(source: ViewSource, x: int, y: int) -> np.ndarray:
@@ -187,7 +186,7 @@ def error() -> ShownBuffer:
     def draw(canvas: Canvas, source: ViewSource) -> None:
         reference = source.reference
         if reference is None:
-            return _draw_requests(canvas, source, _NO_TOLERANCE)
+            return canvas.blank()
         bright, dark, grey = (np.array(colour) / 255.0 for colour in (BRIGHT, DARK, GREY))
         ends: dict[str, Uniform] = {"full": reference.full, "bright": bright, "dark": dark, "unseen": grey}
         canvas.picture(source, "error", source.view.sums, reference=reference.values, **ends)
@@ -240,7 +239,19 @@ def requests() -> ShownBuffer:
         return Legend(f"orange: pixels with Σw below {settings.threshold:.3g}{variance}")
 
     def draw(canvas: Canvas, source: ViewSource) -> None:
-        _draw_requests(canvas, source, source.settings.threshold)
+        """Draw the picture dim and grey, and over it in orange the pixels that request a record."""
+        splats, settings = source.view.splats, source.settings
+        canvas.picture(
+            source,
+            "requests",
+            splats.weight,
+            image=source.view.image,
+            gain=source.gain,
+            sums=splats.sums,
+            tolerance=settings.threshold,
+            spread=settings.spread,
+            luminance_floor=splats.luminance_floor,
+        )
 
     read = first(lambda view: view.splats.weight, 1)
     return ShownBuffer("requests", "requests", "pixels that request a record", draw, legend, read)
@@ -251,22 +262,6 @@ def weight_range(settings: Settings) -> tuple[float, float]:
     least, threshold = 1.0 / settings.a, settings.threshold
     low, high = 0.5 * least, _DECADES * least
     return (min(low, 0.5 * threshold) if threshold > 0.0 else low), max(high, 2.0 * threshold)
-
-
-def _draw_requests(canvas: Canvas, source: ViewSource, tolerance: float) -> None:
-    """Draw the picture dim and grey, and over it in orange the pixels that request a record at this tolerance."""
-    splats = source.view.splats
-    canvas.picture(
-        source,
-        "requests",
-        splats.weight,
-        image=source.view.image,
-        gain=source.gain,
-        sums=splats.sums,
-        tolerance=tolerance,
-        spread=source.settings.spread,
-        luminance_floor=splats.luminance_floor,
-    )
 
 
 # ---- the surface that a pixel sees -------------------------------------------------------------------------------------

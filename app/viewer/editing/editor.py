@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from irrsplat.app.viewer.editing.light_edit import LightEdit
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit
 from irrsplat.app.viewer.session import Session
+from irrsplat.scene.model import Light, Mesh, Scene
+from irrsplat.scene.motion import hidden
 
 _MOST = 300  # the most states that undo keeps
 
@@ -14,48 +14,45 @@ _MOST = 300  # the most states that undo keeps
 class Editor:
     """The editor of a session's scene. mesh: the number of the picked object. light: the number of the picked light.
 
-    Each change shows at once. An undo step covers all changes between two calls of `settle`. handles_used: True if the mouse is
-    on the handles in the picture. dragging: True if the mouse moves the handles. The interface sets both in each frame.
+    Each change shows at once as a new scene, which shares all unchanged meshes with the scene before. An undo step covers all
+    changes between two calls of `settle`. handles_used: True if the mouse is on the handles in the picture. dragging: True if the
+    mouse moves the handles. The interface sets both in each frame.
     """
 
     def __init__(self, session: Session) -> None:
-        self.session, self.loaded = session, session.scene
-        self.edit = self.saved = SceneEdit.of(session.scene)  # saved: the edit in the last written file
-        self.present, self.past, self.future = self.edit, list[SceneEdit](), list[SceneEdit]()  # states to undo and redo
-        self._scenes = EditedScene(session.scene)
+        self.session = session
+        self.loaded = self.saved = self.present = session.scene  # saved: the scene in the last written file
+        self.past, self.future = list[Scene](), list[Scene]()  # scenes to undo and redo
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
         self.handles_used = self.dragging = False
 
-    # ---- changes ---------------------------------------------------------------------------------------------------
+    @property
+    def scene(self) -> Scene:
+        return self.session.scene
 
     @property
     def changed(self) -> bool:
-        return self.edit != SceneEdit.of(self.loaded)
+        return self.scene is not self.loaded
 
     @property
     def unsaved(self) -> bool:
         """True if no file holds the present state of the scene."""
-        return self.edit != self.saved
+        return self.scene is not self.saved
 
-    def apply(self, edit: SceneEdit) -> None:
-        """Show another edit. It becomes an undo step at the next `settle`.
+    # ---- undo and redo ---------------------------------------------------------------------------------------------
 
-        Raises InputError, and changes nothing, if the edit makes an invalid scene.
-        """
-        if edit == self.edit:
-            return
-        self.session.pose(self._scenes.scene(edit))
-        self.edit = edit
-        self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
-        if self.light is not None and self.light >= len(edit.lights):
-            self.light = len(edit.lights) - 1 if edit.lights else None
+    def apply(self, scene: Scene) -> None:
+        """Show another state of the scene. It becomes an undo step at the next `settle`."""
+        self.session.pose(scene)
+        if self.light is not None and self.light >= len(scene.lights):
+            self.light = len(scene.lights) - 1 if scene.lights else None
 
     def settle(self) -> None:
         """Make one undo step of all changes since the last call."""
-        if self.edit != self.present:
+        if self.scene is not self.present:
             self.past, self.future = [*self.past, self.present][-_MOST:], []
-            self.present = self.edit
+            self.present = self.scene
 
     def undo(self) -> bool:
         """Undo a step; return False if there is none."""
@@ -67,7 +64,7 @@ class Editor:
         self.settle()
         return self._step(self.future, self.past)
 
-    def _step(self, source: list[SceneEdit], target: list[SceneEdit]) -> bool:
+    def _step(self, source: list[Scene], target: list[Scene]) -> bool:
         """Show the last state of `source`, and move the present one to `target`."""
         if not source:
             return False
@@ -76,28 +73,25 @@ class Editor:
         self.present = source.pop()
         return True
 
-    # ---- lights ----------------------------------------------------------------------------------------------------
+    # ---- lights and objects ----------------------------------------------------------------------------------------
 
-    @property
-    def lights(self) -> tuple[LightEdit, ...]:
-        return self.edit.lights
-
-    def set_light(self, number: int, edited: LightEdit) -> None:
-        self.apply(self.edit.with_light(number, edited))
+    def set_light(self, number: int, light: Light) -> None:
+        lights = self.scene.lights
+        self.apply(replace(self.scene, lights=(*lights[:number], light, *lights[number + 1 :])))
 
     def delete_light(self, number: int) -> None:
-        self.apply(replace(self.edit, lights=(*self.lights[:number], *self.lights[number + 1 :])))
+        lights = self.scene.lights
+        self.apply(replace(self.scene, lights=(*lights[:number], *lights[number + 1 :])))
 
-    # ---- objects ---------------------------------------------------------------------------------------------------
+    def set_mesh(self, number: int, mesh: Mesh) -> None:
+        """Replace a mesh by a moved or repainted state. Raises InputError for a material that needs another way of drawing."""
+        meshes = self.scene.meshes
+        self.apply(replace(self.scene, meshes=(*meshes[:number], mesh, *meshes[number + 1 :])))
 
-    def set_object(self, number: int, edit: ObjectEdit) -> None:
-        """Change a mesh. Raises InputError for a material that needs another way of drawing."""
-        self.apply(self.edit.with_object(number, edit))
-
-    def hide(self, number: int, hidden: bool = True) -> None:
-        self.set_object(number, replace(self.edit.objects[number], hidden=hidden))
-        if hidden and self.mesh == number:
-            self.mesh = None
+    def hide(self, number: int) -> None:
+        """Hide a mesh at the middle of the scene, so that the scene's bounds do not grow."""
+        self.set_mesh(number, hidden(self.scene.meshes[number], self.scene.bounds.mean(0)))
+        self.mesh = None if self.mesh == number else self.mesh
 
     def pick_light(self, number: int | None) -> None:
         """Pick a light, in place of an object."""

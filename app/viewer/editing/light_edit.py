@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
-from irrsplat.app.viewer.view_options import Point
+from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Light, Mesh
@@ -25,71 +25,52 @@ _Y_BELOW_2222, _Y_BELOW_4000 = (
     (-0.9549476, -1.37418593, 2.09137015, -0.16748867),
 )
 _Y_ABOVE = (3.0817580, -5.87338670, 3.75112997, -0.37001483)
+_SAME_COLOUR = 1e-5  # the greatest difference between two equal colours of luminance 1, in a component
 
 
-@lru_cache(maxsize=1024)
-def blackbody(kelvin: float) -> tuple[float, float, float]:
-    """Return the linear Rec. 709 colour of a black body of this temperature, with luminance 1.
+def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
+    """Return (..., 3) the linear Rec. 709 colours of black bodies, with luminance 1.
 
     Below about 1900 K the colour is outside of the Rec. 709 gamut. Its negative components then become 0.
     """
-    x = float(np.polyval(_X_BELOW_4000 if kelvin <= 4000.0 else _X_ABOVE, 1000.0 / kelvin))
-    y = float(np.polyval(_Y_BELOW_2222 if kelvin <= 2222.0 else _Y_BELOW_4000 if kelvin <= 4000.0 else _Y_ABOVE, x))
-    color = np.maximum(_REC_709 @ (x / y, 1.0, (1.0 - x - y) / y), 0.0)
-    red, green, blue = (color / float(LUMINANCE @ color)).tolist()
-    return red, green, blue
+    T, inverse = np.asarray(kelvin, float), 1000.0 / np.asarray(kelvin, float)
+    x = np.where(T <= 4000.0, np.polyval(_X_BELOW_4000, inverse), np.polyval(_X_ABOVE, inverse))
+    warm = np.where(T <= 2222.0, np.polyval(_Y_BELOW_2222, x), np.polyval(_Y_BELOW_4000, x))
+    y = np.where(T <= 4000.0, warm, np.polyval(_Y_ABOVE, x))
+    colors = np.maximum(np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y], axis=-1) @ _REC_709.T, 0.0)
+    found: np.ndarray = colors / (colors @ LUMINANCE)[..., None]
+    return found
+
+
+@cache
+def _blackbodies() -> np.ndarray:
+    """Return (N, 3) the colours of all whole kelvins of the slider."""
+    return blackbody(np.arange(COLDEST, HOTTEST + 1.0))
+
+
+def kelvin_of(color: Point) -> float | None:
+    """Return the temperature of the black body with a light's colour; None for another colour."""
+    luminance = float(LUMINANCE @ np.asarray(color))
+    off = np.abs(_blackbodies() - np.asarray(color) / (luminance or 1.0)).max(axis=1)
+    best = int(off.argmin())
+    return COLDEST + best if off[best] < _SAME_COLOUR else None
+
+
+def heated(light: Light, kelvin: float) -> Light:
+    """Return the light in the colour of a black body, with unchanged luminance."""
+    return replace(light, color=point_of(blackbody(kelvin) * float(LUMINANCE @ np.asarray(light.color))))
+
+
+def moved(light: Light, position: Point) -> Light:
+    """Return the light at another place. A spot keeps its target; a luminaire keeps its direction."""
+    target = light.spot_target
+    if light.photometry is not None and target is not None:
+        target = point_of(np.add(target, np.subtract(position, light.position)))
+    return replace(light, position=position, spot_target=target)
 
 
 def light_name(light: Light, number: int) -> str:
     return light.name or f"light {number + 1}"
-
-
-@dataclass(frozen=True)
-class LightEdit:
-    """The edited state of a light: `light` with its full colour, brighter by `stops`, or off.
-
-    loaded: the light of the scene's files, or the light as it was added. on: False if it is off. kelvin: the temperature that
-    gives its colour; None for a light with a colour of its own.
-    """
-
-    light: Light
-    loaded: Light
-    stops: float = 0.0
-    on: bool = True
-    kelvin: float | None = None
-
-    @classmethod
-    def of(cls, light: Light) -> LightEdit:
-        return cls(light, light)
-
-    @property
-    def emitted(self) -> Light:
-        if self.on and self.stops == 0.0:
-            return self.light
-        red, green, blue = self.light.color
-        gain = 2.0**self.stops if self.on else 0.0
-        return replace(self.light, color=(red * gain, green * gain, blue * gain))
-
-    def moved(self, position: Point) -> LightEdit:
-        """Return the light at another place. A spot keeps its target; a luminaire keeps its direction."""
-        light = replace(self.light, position=position)
-        if light.photometry is not None and light.spot_target is not None:
-            x, y, z = (float(t) for t in np.add(light.spot_target, np.subtract(position, self.light.position)))
-            light = replace(light, spot_target=(x, y, z))
-        return replace(self, light=light)
-
-    def aimed(self, target: Point) -> LightEdit:
-        return replace(self, light=replace(self.light, spot_target=target))
-
-    def coloured(self, color: Point) -> LightEdit:
-        return replace(self, light=replace(self.light, color=color), kelvin=None)
-
-    def heated(self, kelvin: float) -> LightEdit:
-        """Return the light in the colour of a black body, with unchanged luminance."""
-        luminance = float(LUMINANCE @ np.asarray(self.light.color))
-        red, green, blue = blackbody(kelvin)
-        color = red * luminance, green * luminance, blue * luminance
-        return replace(self, light=replace(self.light, color=color), kelvin=kelvin)
 
 
 WORDS = {  # by unit: the quantity, and its radiometric unit

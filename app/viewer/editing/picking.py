@@ -1,11 +1,21 @@
-"""The mesh of a triangle, and the place of points on the screen."""
+"""The mesh of a triangle, its name and its bounds, and the place of points on the screen."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from irrsplat.core.vectors import box
 from irrsplat.scene.appearance import order
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Mesh, Scene
+
+
+def object_name(scene: Scene, number: int) -> str:
+    return scene.meshes[number].name or f"mesh {number + 1}"
+
+
+def bounds_of(mesh: Mesh) -> np.ndarray:
+    """Return (2, 3) float64 the ends of a mesh's bounding box; 0 0 0 for a mesh without points."""
+    return box(mesh.positions).astype(float) if len(mesh.positions) else np.zeros((2, 3))
 
 
 def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:

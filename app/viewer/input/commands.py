@@ -77,7 +77,6 @@ _EDIT = (
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
     Command("View/Camera", "First camera", "home", "HOME"),
-    Command("View/Camera", "Go to the selected object", "frame_selected", "F", help="or the whole scene; keeps the direction"),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; press again to end", section=True),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="with the radius of each record"),
@@ -120,7 +119,7 @@ FLYING = (  # mouse buttons and keys that the user holds or drags, and their eff
     ("right mouse", "hold and move to look around"),
     ("W A S D, E Q", "fly; move up and down"),
     ("Shift, Alt", "fly fast, slowly; shortcuts are off in flight"),
-    ("wheel", "move toward the cursor; with right mouse held: change speed"),
+    ("wheel", "move toward the cursor"),
     ("left mouse", "drag to orbit about a point, or to move the divider"),
     ("left click", "select an object, or a light while F4 is open"),
     ("F11", "full screen"),

@@ -223,12 +223,9 @@ class Controls:
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
         camera = self.session.free_camera
-        if self.looking:
-            camera.change_speed(y_offset)
-            self.actions.say(f"speed {camera.speed:.3g} m/s", topic="speed")
-        elif self.backend.wants_mouse:
+        if self.backend.wants_mouse:
             self.backend.io.add_mouse_wheel_event(x_offset, y_offset)
-        else:
+        elif not self.looking:
             camera.dolly(y_offset, self.display.point_at(self.pointer))
 
     # ---- the window ------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ STALL = 0.25  # seconds: the longest time step that counts, so that the camera d
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
 STEPS = 200.0  # the most steps of a wheel in one call; more steps would overflow
-_AROUND = 1.03  # factor on the distance at which a box just fits, for a margin around it
 POLE = 1e-6  # radians from the world's up: nearer to it, a view's heading is computed from its right instead of its forward
 FPS = 30.0  # frames a second of a path
 KEY_EVERY = 0.2  # seconds between the keys of a recorded path
@@ -67,12 +66,6 @@ class FreeCamera:
         way = way / max(1.0, float(np.linalg.norm(way)))
         self._stand(self.camera.eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
 
-    def change_speed(self, steps: float) -> None:
-        """Multiply the speed by 1.2 for each step of the wheel. The speed stays between 1e-3 and 10 diagonals a second."""
-        factor = 1.2 ** min(max(steps, -STEPS), STEPS)
-        if math.isfinite(factor):
-            self.speed = min(max(self.speed * factor, 1e-3 * self._diagonal), 10.0 * self._diagonal)
-
     def dolly(self, steps: float, pivot: tuple[float, float, float] | None = None) -> None:
         """Move towards `pivot` (None: the target), or away from it if `steps` is negative. Each step leaves 9/10 of the distance.
 
@@ -85,18 +78,6 @@ class FreeCamera:
             return
         out = offset / distance if distance > 0.0 else self.camera.axes[2]
         self._stand(about + out * max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least), about=about)
-
-    def frame(self, bounds: np.ndarray, aspect: float) -> None:
-        """Move, without a turn, so that a box just fits into the picture. The box's middle becomes the target.
-
-        bounds: (2, 3), the least and the greatest corner of the box. aspect: width over height of the picture.
-        """
-        corners, axes = np.array(np.meshgrid(*np.asarray(bounds, float).T)).reshape(3, -1).T, self.camera.axes
-        middle = corners.mean(0)
-        right, up, back = axes @ (corners - middle).T
-        tangent = math.tan(math.radians(self.camera.fov) / 2.0)
-        distance = float((back + np.maximum(np.abs(right) / aspect, np.abs(up)) / tangent).max())
-        self._stand(middle + axes[2] * self._useful(distance * _AROUND), about=middle)
 
     def home(self) -> None:
         self.go(self.first)

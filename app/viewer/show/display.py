@@ -79,7 +79,7 @@ class Display(Owner):
         if not BUFFERS[buffer].in_view:
             return
         if options.plane and (measured := self.session.plane.measured) is not None:
-            markers.plane(screen, view, measured, measured.scaled(options.light_scale), region)
+            markers.plane(screen, view, measured, region)
         for kind in ("discs", "points"):
             if getattr(options, kind):
                 markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)

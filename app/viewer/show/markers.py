@@ -15,7 +15,7 @@ from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.view import View
-from irrsplat.meter.light_scale import STEPS, LightScale, false_colours
+from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
@@ -74,9 +74,9 @@ class Markers(Owner):
         strip, state = moderngl.TRIANGLE_STRIP, _OVER
         program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
 
-    def plane(self, target: Target, view: View, measured: MeasuredPlane, scale: LightScale, region: Region | None) -> None:
-        """Draw the measuring plane in false colours with isolines. scale: with an upper end."""
-        readings, plane = measured.readings, measured.plane
+    def plane(self, target: Target, view: View, measured: MeasuredPlane, region: Region | None) -> None:
+        """Draw the measuring plane in false colours with isolines."""
+        readings, plane, scale = measured.readings, measured.plane, measured.scale
         places = np.zeros((len(readings.counts), 4), np.float32)
         places[:, 0], places[:, 1] = scale.place(readings.total @ scale.weights), readings.counts
         texture = table_texture(self.ctx, places.reshape(measured.rows, measured.columns, 4))
@@ -86,7 +86,7 @@ class Markers(Owner):
             "u": plane.u,
             "v": plane.v,
             "places": texture,
-            "steps": float(STEPS) if scale.lines else 0.0,
+            "steps": float(STEPS),
             "opacity": _OPACITY,
             "palette": false_colours(),
         }

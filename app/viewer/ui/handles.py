@@ -1,63 +1,88 @@
-"""The handles in the picture that move and turn the picked object or light. ImGuizmo draws them."""
+"""The handles in the picture that move the picked object, or move and aim the picked light. ImGuizmo draws them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from math import dist
 
 import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.light_edit import LightEdit
-from irrsplat.app.viewer.editing.picking import pixel_of
-from irrsplat.app.viewer.editing.scene_edit import bounds_of
+from irrsplat.app.viewer.editing.light_edit import moved
+from irrsplat.app.viewer.editing.picking import bounds_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of
-from irrsplat.scene.model import Light
-from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
+from irrsplat.core.vectors import unit
+from irrsplat.scene.model import Light, Mesh
+from irrsplat.scene.motion import transformed
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-3, 1e3  # scene diagonals: the clip planes of the handles' projection
 _SIZE = 0.16  # share of the picture: the size of the handles
-_NOISE = 1e-6  # scene diagonals, and absolute in rotations: rounding of ImGuizmo's float32
+_SUN = 0.2  # share of the distance from the eye: the length of the axis of a directional light
+_NOISE = 1e-6  # scene diagonals: rounding of ImGuizmo's float32
 
 
 def draw_handles(actions: Actions, layout: Layout) -> None:
     """Draw handles over the picture at the selection. A drag changes the edit continuously."""
-    editor = actions.editor
-    if not actions.session.views or actions.session.options.inspect:  # a click inspects a record in that mode
+    editor, session = actions.editor, actions.session
+    if not session.views or session.options.inspect:  # a click inspects a record in that mode
         return
+    _gizmo.begin_frame()
     if editor.mesh is not None:
-        number, edit = editor.mesh, editor.edit.objects[editor.mesh]
-        _draw_box(actions.session, layout, number)
-        origin = bounds_of(editor.loaded.meshes[number]).mean(0)
-        axes = np.array(edit.turn)
-        place, turn = _dragged(actions, layout, origin + edit.offset, axes, True, True)
-        if not np.array_equal(place, origin + edit.offset):
-            edit = replace(edit, offset=point_of(place - origin))
-        if turn is not axes:
-            edit = replace(edit, turn=(point_of(turn[0]), point_of(turn[1]), point_of(turn[2])))
-        if edit != editor.edit.objects[number]:
-            actions.attempt(lambda: editor.set_object(number, edit))
+        number, mesh = editor.mesh, editor.scene.meshes[editor.mesh]
+        _draw_box(session, layout, mesh)
+        origin = bounds_of(mesh).mean(0)
+        if (place := _dragged(actions, layout, 0, origin)) is not None:
+            way = np.eye(4)
+            way[:3, 3] = place - origin
+            actions.attempt(lambda: editor.set_mesh(number, transformed(mesh, way)))
     elif editor.light is not None and actions.panels.lights:
-        light_number, edited = editor.light, editor.lights[editor.light]
-        light = edited.light
-        at = _middle(actions.session) if light.directional else light.position
-        axes, turns = _axes_of(light), light.directional or light.spot_target is not None
-        place, turn = _dragged(actions, layout, np.asarray(at), axes, not light.directional, turns)
-        if not np.array_equal(place, at) and point_of(place) != light.spot_target:  # a spot's target never lies at its own place
-            edited = edited.moved(point_of(place))
-        if turn is not axes:
-            edited = _aimed(edited, turn[:, 2])
-        if edited != editor.lights[light_number]:
-            actions.attempt(lambda: editor.set_light(light_number, edited))
+        chosen, light = editor.light, editor.scene.lights[editor.light]
+        for i, (point, move) in enumerate(_points(session, light)):
+            if (place := _dragged(actions, layout, i, np.asarray(point))) is not None:
+                actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(point_of(place))))  # type: ignore[misc]
+        _draw_axis(session, layout, light)
 
 
-def _draw_box(session: Session, layout: Layout, number: int) -> None:
+def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point], Light]]]:
+    """Return the places of a light's handles, and the light after a move of each one. A spot has a second one at its target."""
+    if light.directional:
+        middle, there = _sun_handle(session, light)
+        length = np.linalg.norm(light.position)
+        return [(there, lambda place: moved(light, point_of(length * unit(np.subtract(place, middle)[None])[0])))]
+    moves: list[tuple[Point, Callable[[Point], Light]]] = [(light.position, lambda place: moved(light, place))]
+    if light.spot_target is not None:
+        moves.append((light.spot_target, lambda place: replace(light, spot_target=place)))
+    return moves
+
+
+def _sun_handle(session: Session, light: Light) -> tuple[Point, Point]:
+    """Return the middle of the scene (the camera's target if the middle is out of view), and a place toward the light."""
+    camera, middle = session.camera, point_of(session.scene.bounds.mean(0))
+    if pixel_of(camera, session.size, middle) is None:
+        middle = point_of(np.asarray(camera.target, float))
+    away = _SUN * dist(camera.eye, middle) * unit(np.asarray(light.position, float)[None])[0]
+    return middle, point_of(middle + away)
+
+
+def _draw_axis(session: Session, layout: Layout, light: Light) -> None:
+    """Draw the axis of a spot or of a directional light."""
+    if not light.directional and light.spot_target is None:
+        return
+    start, end = _sun_handle(session, light) if light.directional else (light.position, light.spot_target)
+    assert end is not None
+    with layout.over_picture() as draw:
+        line(draw, layout.seen(session.camera, start), layout.seen(session.camera, end), AMBER)
+
+
+def _draw_box(session: Session, layout: Layout, mesh: Mesh) -> None:
     """Draw the edges of the picked object's bounding box, a bright line on a dark one."""
-    ends = bounds_of(session.scene.meshes[number])
+    ends = bounds_of(mesh)
     corners = [layout.seen(session.camera, point_of(ends[bits, range(3)])) for bits in product((0, 1), repeat=3)]
     with layout.over_picture() as draw:
         for i, axis in product(range(8), (1, 2, 4)):
@@ -65,69 +90,30 @@ def _draw_box(session: Session, layout: Layout, number: int) -> None:
                 line(draw, corners[i], corners[i | axis], AMBER, 1.5 * layout.scale)
 
 
-def _dragged(
-    actions: Actions, layout: Layout, place: np.ndarray, axes: np.ndarray, moves: bool, turns: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Draw handles at a place (3,) with axes (3, 3). Return the place and the axes after a drag.
-
-    An unchanged place has equal values; unchanged axes are the same array.
-    """
+def _dragged(actions: Actions, layout: Layout, number: int, place: np.ndarray) -> np.ndarray | None:
+    """Draw handle `number` at a place (3,). Return the place (3,) after a drag; None for no motion."""
     editor, camera, (width, height) = actions.editor, actions.session.camera, layout.picture_size
-    _gizmo.begin_frame()
     _gizmo.set_drawlist(imgui.get_background_draw_list())
     _gizmo.set_orthographic(False)
     _gizmo.allow_axis_flip(False)
     _gizmo.set_gizmo_size_clip_space(_SIZE)
     _gizmo.set_rect(*layout.picture[:2], width, height)
-    unit = editor.loaded.diagonal  # ImGuizmo hides handles within a millimetre of the eye
+    metres = editor.loaded.diagonal  # ImGuizmo hides handles within a millimetre of the eye
     view_from_world, matrix = camera.view_from_world.copy(), np.eye(4)
-    view_from_world[:3, 3] /= unit
+    view_from_world[:3, 3] /= metres
     views = _matrix16(view_from_world), _matrix16(camera.clip_from_view(width / max(height, 1.0), _NEAR, _FAR))
-    matrix[:3, :3], matrix[:3, 3] = axes, place / unit
-    found = [place, axes]
-    for i, operation in enumerate((_gizmo.OPERATION.translate, _gizmo.OPERATION.rotate)):
-        if not (moves, turns)[i]:
-            continue
-        placed = _matrix16(matrix)
-        _gizmo.push_id(i)
-        changed = _gizmo.manipulate(*views, operation, _gizmo.MODE.world, placed) and _gizmo.is_using()
-        editor.dragging |= _gizmo.is_using()
-        editor.handles_used |= _gizmo.is_using() or _gizmo.is_over(operation)
-        _gizmo.pop_id()
-        after = np.asarray(placed.values, float).reshape(4, 4).T
-        if changed and np.isfinite(after).all():
-            turned = after[:3, :3] / np.linalg.norm(after[:3, :3], axis=0)
-            found[i] = (after[:3, 3] * unit, turned)[i]
-    noise = np.abs(found[0] - place) < _NOISE * unit
-    return np.where(noise, place, found[0]), axes if np.abs(found[1] - axes).max() < _NOISE else found[1]
-
-
-def _middle(session: Session) -> Point:
-    """Return the place of a directional light's handles: the middle of the scene, or the camera's target if the middle is not
-    in the picture."""
-    camera, size = session.camera, session.size
-    middle = point_of(session.scene.bounds.mean(0))
-    return middle if pixel_of(camera, size, middle) is not None else point_of(np.asarray(camera.target, float))
-
-
-def _aimed(edited: LightEdit, axis: np.ndarray) -> LightEdit:
-    """Return the light with its direction along `axis`: a directional light comes from there, a spot aims the other way."""
-    light = edited.light
-    if light.directional:
-        return edited.moved(point_of(axis * np.linalg.norm(light.position)))
-    assert light.spot_target is not None
-    distance = np.linalg.norm(np.subtract(light.spot_target, light.position))
-    return edited.aimed(point_of(np.asarray(light.position) - axis * distance))
-
-
-def _axes_of(light: Light) -> np.ndarray:
-    """Return (3, 3) columns at right angles, the last one against the direction of the light."""
-    if light.spot_target is None and not light.directional:
-        return np.eye(3)
-    against = np.asarray(light.position, float)
-    against = against if light.spot_target is None else against - light.spot_target
-    right, back, front = upright_axes(point_of(against))
-    return np.stack([front, right, back], axis=1)
+    matrix[:3, 3] = place / metres
+    placed = _matrix16(matrix)
+    _gizmo.push_id(number)
+    changed = _gizmo.manipulate(*views, _gizmo.OPERATION.translate, _gizmo.MODE.world, placed) and _gizmo.is_using()
+    editor.dragging |= _gizmo.is_using()
+    editor.handles_used |= _gizmo.is_using() or _gizmo.is_over(_gizmo.OPERATION.translate)
+    _gizmo.pop_id()
+    after = np.asarray(placed.values, float)[12:15] * metres
+    if not changed or not np.isfinite(after).all():
+        return None
+    after = np.where(np.abs(after - place) < _NOISE * metres, place, after)
+    return None if np.array_equal(after, place) else after
 
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:

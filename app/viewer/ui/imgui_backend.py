@@ -8,34 +8,15 @@ from importlib import resources
 from typing import cast
 
 import moderngl
-from imgui_bundle import imgui, implot
+from imgui_bundle import hello_imgui, imgui, implot
 from moderngl_window.context.base.keys import BaseKeys
 
 from irrsplat.gpu.resource import Owner, Resource
 
 FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second font has the arrows, which the first lacks
 FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
-SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordinates at scale 1; imgui sets all other sizes
-    ((9, 8), "window_padding"),
-    ((6, 3), "frame_padding item_inner_spacing"),
-    (4.0, "window_rounding popup_rounding child_rounding"),
-    (3.0, "frame_rounding grab_rounding tab_rounding"),
-    (1.0, "separator_text_border_size"),
-)
-WHITE, ACCENT = (1.0, 1.0, 1.0), (0.98, 0.67, 0.30)
-COLORS = (  # sRGB and opacity, in place of those of imgui's dark style
-    ((0.92, 0.92, 0.90, 1.0), "text"),
-    ((0.58, 0.58, 0.57, 1.0), "text_disabled"),
-    ((0.08, 0.085, 0.09, 0.9), "window_bg"),
-    ((0.13, 0.135, 0.14, 0.97), "popup_bg title_bg title_bg_active title_bg_collapsed"),
-    ((*WHITE, 0.08), "frame_bg checkbox_selected_bg"),
-    ((*WHITE, 0.12), "button header frame_bg_hovered separator border resize_grip"),
-    ((*WHITE, 0.19), "button_hovered header_hovered header_active frame_bg_active"),
-    ((*ACCENT, 0.4), "text_selected_bg button_active separator_hovered resize_grip_hovered"),
-    ((*ACCENT, 0.45), "slider_grab slider_grab_active"),  # the slider's value is written over it
-    ((*ACCENT, 0.85), "plot_histogram plot_lines"),
-    ((*ACCENT, 1.0), "separator_active resize_grip_active check_mark nav_cursor"),
-)
+_THEME = hello_imgui.ImGuiTheme_.photoshop_style
+_QUIET = (0.66, 0.66, 0.66, 1.0)  # sRGB and opacity of secondary text
 
 # moderngl-window's names of keys -> imgui's names, where these names differ by more than case
 KEYS = {name: f"{name.lower()}_arrow" for name in ("LEFT", "RIGHT", "UP", "DOWN")}
@@ -65,19 +46,14 @@ class ImguiBackend(Owner):
             with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / name) as path:
                 self.io.fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
         self._style = imgui.get_style()
-        imgui.style_colors_dark(self._style)
-        for color, names in COLORS:
-            for name in names.split():
-                self._style.set_color_(imgui.Col_[name], color)
+        hello_imgui.apply_theme(_THEME)
+        self._style.set_color_(imgui.Col_.text_disabled, _QUIET)
         self.resize_scale(scale)
 
     def resize_scale(self, scale: float) -> None:
         """Make text and widgets `scale` times as large as on a plain monitor. Call it between frames."""
         self.scale = scale
         plain = imgui.Style()  # scaling rounds sizes, so it starts from the plain ones each time
-        for size, names in SIZES:
-            for name in names.split():
-                setattr(plain, name, size)
         plain.scale_all_sizes(scale)
         plain.font_size_base, plain.font_scale_dpi = FONT_SIZE, scale
         for name in dir(plain):

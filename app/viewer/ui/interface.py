@@ -19,12 +19,10 @@ from irrsplat.app.viewer.ui.line_plot import draw_line, draw_plot
 from irrsplat.app.viewer.ui.menus import draw_context_menu, draw_menus
 from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner, draw_rings
 from irrsplat.app.viewer.ui.panels.light_panels import (
-    draw_light_scale,
     draw_plane,
     draw_sight_lines,
     draw_values,
     draw_why,
-    light_is_shown,
 )
 from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings, draw_sides
 from irrsplat.settings import SETTINGS
@@ -139,7 +137,6 @@ class SidePanel:
             "objects": ("outliner", lambda: draw_outliner(actions, layout)),
             "why dark?": ("why", lambda: draw_why(actions, display)),
             "plane": ("plane", lambda: draw_plane(actions, layout)),
-            "scale": ("", lambda: draw_light_scale(actions, layout)),
             "settings": ("settings", lambda: draw_settings(actions, layout)),
         }
 
@@ -147,8 +144,8 @@ class SidePanel:
     def open_titles(self) -> list[str]:
         """The titles of the open sections."""
         actions = self.actions
-        states = {"mesh": actions.editor.mesh is not None, "": light_is_shown(actions)}
-        return [title for title, (opener, _) in self._sections.items() if states.get(opener) or actions.is_on(opener)]
+        picked = actions.editor.mesh is not None
+        return [title for title, (opener, _) in self._sections.items() if (picked and opener == "mesh") or actions.is_on(opener)]
 
     def draw(self) -> None:
         """Draw the panel if it is open."""
@@ -168,13 +165,10 @@ class SidePanel:
     def _section(self, title: str, opener: str, draw: Callable[[], None]) -> None:
         """Draw a section. Scroll to a section that has just opened and is not completely in sight."""
         top, actions = imgui.get_cursor_pos().y, self.actions
-        unfolded, kept, style = int(imgui.TreeNodeFlags_.default_open), True, imgui.get_style()
+        style = imgui.get_style()
         tight = 2.0 * self.layout.scale  # window coordinates on both sides of arrow and title; the longest title fits
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y))
-        if opener:
-            opened, kept = imgui.collapsing_header(title, True, unfolded)
-        else:
-            opened = imgui.collapsing_header(title, unfolded)
+        opened, kept = imgui.collapsing_header(title, True, imgui.TreeNodeFlags_.default_open)
         imgui.pop_style_var()
         if opened:
             imgui.push_id(title)
@@ -185,7 +179,7 @@ class SidePanel:
             imgui.set_scroll_y(top)
         if opener == "mesh" and not kept:
             actions.editor.mesh = None
-        elif opener and not kept:
+        elif not kept:
             actions.toggle(opener)
 
     def _controls(self) -> None:

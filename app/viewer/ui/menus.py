@@ -12,7 +12,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
 from irrsplat.scene import bundled
 
-_CONTEXT = ("delete", "frame_selected", "undo")  # actions on the selected object or light
+_CONTEXT = ("delete", "undo")  # actions on the selected object or light
 _TIGHT = 3.0  # window coordinates: the least space on both sides of a title in the bar
 
 

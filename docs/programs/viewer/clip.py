@@ -65,12 +65,12 @@ def walk(clip: Clip) -> None:
     actions.show("irradiance")
     clip.take(3)
     actions.show("image")
-    actions.panels.lights, lamp = True, actions.editor.lights[0]
+    actions.panels.lights, lamp = True, actions.editor.scene.lights[0]
     clip.take(2)
-    x, y, z = lamp.light.position
+    x, y, z = lamp.position
 
     def move(share: float) -> None:
-        actions.editor.set_light(0, replace(lamp, light=replace(lamp.light, position=(x - 1.6 * share, y - 0.8 * share, z))))
+        actions.editor.set_light(0, replace(lamp, position=(x - 1.6 * share, y - 0.8 * share, z)))
 
     clip.take(6, move)
     clip.take(3, frames=20)

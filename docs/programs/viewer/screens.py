@@ -64,7 +64,7 @@ def keep(viewer: Viewer, name: str, settle: bool = True) -> None:
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(), camera, values=SETTINGS)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()

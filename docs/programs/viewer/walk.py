@@ -266,12 +266,12 @@ def dim(walker: Walker) -> None:
 
 @task("Move a light")
 def move(walker: Walker) -> None:
-    (lamp,) = walker.viewer.actions.editor.lights
-    before = lamp.light.position
+    (lamp,) = walker.viewer.actions.editor.scene.lights
+    before = lamp.position
     x, y = walker.seen(before)
     walker.drag((x - 60.0, y), (x - 130.0, y), "drag its red arrow")
     walker.rest()
-    assert walker.viewer.actions.editor.lights[0].light.position != before
+    assert walker.viewer.actions.editor.scene.lights[0].position != before
 
 
 @task("Measure illuminance along a line")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shutil import copyfile
@@ -20,7 +19,7 @@ from irrsplat.app.viewer.window import open_window
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.records import cache_file
 from irrsplat.renderer.frames import Frames
-from tests.support.viewing import write_room
+from tests.support.viewing import brighter, write_room
 
 FAST = ["--size", "20", "16", "--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
 RENDER = ["render", "room.scene", *FAST, "--cache", "room.cache"]
@@ -168,7 +167,7 @@ def test_edited_lights_keep_the_file(place: Path, window: Callable[[OnViewer], N
     def relit(shown: viewer.Viewer) -> None:
         shown.frame(0.1)
         editor = shown.actions.editor
-        editor.set_light(0, replace(editor.lights[0], stops=1.0))
+        editor.set_light(0, brighter(editor.scene.lights[0]))
         settle(shown)
 
     assert cli.main([*RENDER, "-o", "a.png"]) == 0
@@ -188,8 +187,8 @@ def test_update_refreshes_the_cache_of_a_changed_scene(
     point_light, shown = place / "lamp.light", list[str]()
     dim = point_light.read_text()
     window(lambda it: shown.extend(message.text for message in it.actions.messages.lines))
-    for brighter, command in (("4 3 3", [*RENDER, "-o", "a.png"]), ("5 3 3", VIEW)):
-        point_light.write_text(dim.replace("3 3 3", brighter))
+    for color, command in (("4 3 3", [*RENDER, "-o", "a.png"]), ("5 3 3", VIEW)):
+        point_light.write_text(dim.replace("3 3 3", color))
         message = refused(command)
         assert "made for other lights" in message
         assert cli.main([*command, "--cache-mode", "update"]) == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -13,9 +12,10 @@ import pytest
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, bounds_of
+from irrsplat.app.viewer.editing.picking import bounds_of
 from irrsplat.core.color import LUMINANCE
-from tests.support.viewing import RIGHT, SIZE, Driver, Widget, push
+from irrsplat.scene.motion import transformed
+from tests.support.viewing import RIGHT, SIZE, Driver, Widget, brighter, push
 
 WALLS, _, BOX = range(3)
 
@@ -34,7 +34,14 @@ def box_at(driver: Driver) -> tuple[float, float]:
 
 
 def hidden(editor: Editor) -> list[int]:
-    return [number for number, one in enumerate(editor.edit.objects) if one.hidden]
+    return [number for number, mesh in enumerate(editor.scene.meshes) if mesh.is_point]
+
+
+def shift(editor: Editor, x: float) -> None:
+    """Move the box by x metres along x from its loaded place."""
+    way = np.eye(4)
+    way[0, 3] = x
+    editor.set_mesh(BOX, transformed(editor.loaded.meshes[BOX], way))
 
 
 def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) -> None:
@@ -58,21 +65,24 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) 
 
 
 def test_undo_and_redo_return_each_edit(driver: Driver, editor: Editor) -> None:
-    """Undo and redo return each earlier edit, by both keys of redo; a refused edit adds no step."""
-    states = [editor.edit]
+    """Undo and redo return each earlier scene, by both keys of redo; a refused edit adds no step. Unmoved meshes are shared."""
+    states = [editor.scene]
     for x in (0.1, 0.2):
-        editor.set_object(BOX, ObjectEdit(offset=(x, 0.0, 0.0)))
+        shift(editor, x)
         driver.frame()
-        states.append(editor.edit)
-    assert not driver.actions.attempt(lambda: editor.set_object(BOX, ObjectEdit(offset=(1e39, 0.0, 0.0))))
-    assert editor.edit == states[-1] and "32-bit" in driver.said
+        states.append(editor.scene)
+    assert states[1].meshes[:2] == states[0].meshes[:2] and states[1].meshes[BOX].positions == pytest.approx(
+        states[0].meshes[BOX].positions + np.array([0.1, 0.0, 0.0]), abs=1e-6
+    )
+    assert not driver.actions.attempt(lambda: shift(editor, 1e39))
+    assert editor.scene is states[-1] and "32-bit" in driver.said
     for expected in (states[1], states[0], states[0]):
         push(driver, "Ctrl+Z")
-        assert editor.edit == expected
+        assert editor.scene is expected
     assert driver.said.endswith("nothing to undo") and driver.session.scene.meshes is editor.loaded.meshes
     for key, expected in (("Ctrl+Y", states[1]), ("Ctrl+Shift+Z", states[2]), ("Ctrl+Y", states[2])):
         push(driver, key)
-        assert editor.edit == expected
+        assert editor.scene is expected
     assert driver.said.endswith("nothing to redo")
     assert not driver.session.options.points and driver.session.tracing.traced is None, "Ctrl+Z is not Z"
 
@@ -81,7 +91,7 @@ def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> N
     """Without a file dialog, the scene is saved under a free name and is the newest of the recent scenes."""
     push(driver, "Ctrl+S")
     assert "room-2.scene is written" in driver.said
-    editor.set_light(0, replace(editor.lights[0], stops=1.0))
+    editor.set_light(0, brighter(editor.scene.lights[0]))
     bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
     assert driver.actions.prompt is None, "the second save replaces the first file without a prompt"
@@ -128,11 +138,11 @@ def test_a_right_click_opens_a_menu_and_the_outliner_selects(driver: Driver, edi
     assert editor.mesh == BOX
     driver.choose("Delete")
     assert hidden(editor) == [BOX] and editor.mesh is None
+    push(driver, "Ctrl+Z")
+    assert hidden(editor) == []
     driver.actions.toggle("outliner")
     driver.resize((760, 640), density=0.125)
     driver.frame(3)
-    driver.choose("show")
-    assert hidden(editor) == []
     driver.choose(editor.loaded.meshes[WALLS].name)
     assert editor.mesh == WALLS
 
@@ -140,20 +150,20 @@ def test_a_right_click_opens_a_menu_and_the_outliner_selects(driver: Driver, edi
 def test_a_drag_of_a_handle_is_one_step_of_undo(driver: Driver) -> None:
     """Dragging the arrow along x moves the box with the mouse, as one step of undo, with a still camera and no hole."""
     editor = driver.actions.editor
-    camera, edit = driver.session.camera, editor.edit
+    camera, before = driver.session.camera, bounds_of(editor.scene.meshes[BOX])
     editor.mesh = BOX
     driver.resize(SIZE, density=0.5)
     driver.frame(2)
     x, y = box_at(driver)
     driver.drag((x + 25.0, y), (x + 65.0, y))
-    offset = editor.edit.objects[BOX].offset
-    assert offset[0] > 0.1 and offset[1:] == pytest.approx((0.0, 0.0), abs=1e-5) and driver.session.camera == camera
+    offset = bounds_of(editor.scene.meshes[BOX]) - before
+    assert (offset[:, 0] > 0.1).all() and offset[:, 1:] == pytest.approx(0.0, abs=1e-5) and driver.session.camera == camera
     assert box_at(driver) == pytest.approx((x + 40.0, y), abs=4.0), "the box follows the mouse"
     assert editor.mesh == BOX and len(editor.past) == 1
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
     driver.actions.undo()
-    assert editor.edit == edit and driver.session.scene.meshes is editor.loaded.meshes
+    assert driver.session.scene is editor.loaded
 
 
 def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> None:
@@ -162,9 +172,8 @@ def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> N
     driver.frame(3)
     driver.enter(driver.find("cd/m²"), "358")
     assert driver.session.scene.meshes[BOX].material.emission == pytest.approx((2.0, 2.0, 2.0))
-    driver.choose("reset")
-    assert editor.edit.objects[BOX] == AS_LOADED and driver.session.scene.meshes is editor.loaded.meshes
-    assert len(editor.past) == 2
+    push(driver, "Ctrl+Z")
+    assert driver.session.scene is editor.loaded and len(editor.future) == 1
 
 
 def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor: Editor) -> None:
@@ -179,7 +188,7 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
     assert LUMINANCE @ light.color == pytest.approx(LUMINANCE @ bright, rel=1e-4)
     driver.session.options.frozen = False
     push(driver, "Delete")
-    assert not editor.lights and editor.light is None
+    assert not editor.scene.lights and editor.light is None
     driver.settle()
     assert driver.session.progress[0].coverage == 1.0
     while driver.actions.editor.undo():
@@ -193,14 +202,12 @@ def test_colour_fields_are_srgb(driver: Driver, editor: Editor) -> None:
     editor.mesh, driver.actions.panels.controls = 1, True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
-    albedo = editor.edit.objects[1].albedo
-    assert albedo is not None and albedo[0] == pytest.approx(0.2159, abs=1e-4)
+    assert editor.scene.meshes[1].material.albedo[0] == pytest.approx(0.2159, abs=1e-4)
     editor.mesh = None
     driver.actions.toggle("lights")
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
-    (light,) = editor.lights
-    assert light.light.color[0] / max(light.loaded.color) == pytest.approx(0.2159, abs=1e-4)
+    assert editor.scene.lights[0].color[0] / max(editor.loaded.lights[0].color) == pytest.approx(0.2159, abs=1e-4)
 
 
 def _third(field: Widget) -> tuple[float, float, float, float]:
@@ -220,7 +227,7 @@ def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, tmp_path:
         driver.actions.say(driver.actions.film.progress, topic="film")
         assert not driver.actions.quitting and "Quit again" in driver.said
     assert not editor.unsaved
-    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=1.0))
+    driver.actions.editor.set_light(0, brighter(editor.scene.lights[0]))
     push(driver, "Ctrl+Q")
     driver.frame(2)
     assert not driver.actions.quitting
@@ -231,7 +238,7 @@ def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, tmp_path:
     driver.choose("save")
     assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
     driver.actions.quitting = driver.wnd.is_closing = False
-    driver.actions.editor.set_light(0, replace(editor.lights[0], stops=2.0))
+    driver.actions.editor.set_light(0, brighter(editor.scene.lights[0]))
     driver.actions.open("furnace")
     driver.frame(3)
     assert driver.session.scene.name == "room"

@@ -1,33 +1,20 @@
-"""Edits as values: positions of objects, colour temperatures, and the edited scene."""
+"""Lights in units of lighting design: colour temperatures and outputs."""
 
 from __future__ import annotations
-
-from dataclasses import replace
-from pathlib import Path
 
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, light_units
-from irrsplat.app.viewer.editing.scene_edit import EditedScene, ObjectEdit, SceneEdit, bounds_of
+from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, blackbody, heated, kelvin_of, light_units
 from irrsplat.core.color import LUMINANCE
 from irrsplat.meter.light_meter import LightMeter
-from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light, Mesh, Scene
+from irrsplat.scene.model import Light
 from tests.support import worlds
-from tests.support.viewing import write_room
 
 REC_709_TO_XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
-BOX = 2  # the room's meshes: walls, the left wall, a box
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Scene:
-    return irrsplat.load(write_room(tmp_path))
 
 
 @pytest.mark.parametrize(("kelvin", "x", "y"), [(2000.0, 0.5267, 0.4133), (2856.0, 0.4476, 0.4074), (6500.0, 0.3135, 0.3237)])
@@ -38,10 +25,12 @@ def test_chromaticities_of_black_bodies(kelvin: float, x: float, y: float) -> No
 
 
 def test_higher_temperatures_are_bluer_at_equal_luminance() -> None:
-    colours = np.array([blackbody(k) for k in np.linspace(COLDEST, HOTTEST, 40)])
+    colours = np.array([*blackbody(np.linspace(COLDEST, HOTTEST, 40))])
     assert colours @ LUMINANCE == pytest.approx(1.0) and (colours >= 0.0).all()
     assert (np.diff(colours[:, 0]) < 0.0).all() and (np.diff(colours[:, 2]) >= 0.0).all()
-    assert np.array(blackbody(6500.0)) == pytest.approx(1.0, abs=0.06), "6500 K is nearly white"
+    assert blackbody(6500.0) == pytest.approx(1.0, abs=0.06), "6500 K is nearly white"
+    assert [kelvin_of(heated(Light((0, 1, 0), (3, 2, 1)), k).color) for k in (1800, 2700, 11999)] == [1800, 2700, 11999]
+    assert kelvin_of((3, 2, 1)) is None and kelvin_of((0, 0, 0)) is None
 
 
 @pytest.mark.parametrize(
@@ -63,26 +52,3 @@ def test_intensities_equal_the_readings_of_a_light_meter(ctx: moderngl.Context, 
     units = light_units(light)
     assert lux == pytest.approx(units[unit], rel=1e-4)
     assert units.get("lumen", 4 * np.pi * units[unit]) == pytest.approx(4 * np.pi * units[unit])
-
-
-def test_unedited_meshes_are_the_same_objects(room: Scene) -> None:
-    """Renderers compare meshes by identity; painted meshes share arrays; a hidden mesh is a point within the bounds."""
-    made, edit = EditedScene(room), SceneEdit.of(room)
-    assert made.scene(edit).meshes is room.meshes and made.scene(edit).lights == room.lights
-    moved = edit.with_object(BOX, ObjectEdit(offset=(0.1, 0.0, 0.0)))
-    first = made.scene(moved)
-    assert first.meshes[:2] == room.meshes[:2] and first.meshes[BOX].positions == pytest.approx(
-        room.meshes[BOX].positions + np.array([0.1, 0.0, 0.0]), abs=1e-6
-    )
-    assert made.scene(moved).meshes is first.meshes
-    painted = made.scene(moved.with_object(BOX, replace(moved.objects[BOX], albedo=(0.1, 0.2, 0.3))))
-    assert painted.meshes[BOX].positions is first.meshes[BOX].positions and painted.meshes[BOX].material.albedo == (0.1, 0.2, 0.3)
-    change = SceneChange.between(first, painted)
-    assert (change.moved, change.repainted, change.relit, change.hides) == ((), (BOX,), False, False)
-    gone = made.scene(moved.with_object(0, ObjectEdit(hidden=True)))
-    assert gone.meshes[0].is_point and SceneChange.between(first, gone).hides
-    shown = np.concatenate([mesh.positions for mesh in gone.meshes[1:]])
-    assert gone.bounds == pytest.approx(np.array([shown.min(0), shown.max(0)]))
-    assert made.scene(edit).meshes is room.meshes
-    none = np.zeros((0, 3), "f4")
-    assert not bounds_of(Mesh(none, none, none.astype("i4"), worlds.material())).any(), "an empty mesh has bounds, for the key F"

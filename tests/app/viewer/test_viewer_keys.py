@@ -16,10 +16,9 @@ from tests.support.viewing import Cases, Driver, push
 
 pytestmark = pytest.mark.few_sites
 BUFFERS_BY_KEY = GROUPS["View/Buffer"]
-TOGETHER = ("Home",)  # with F
-OTHER = "I", "Y", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
+OTHER = "I", "Y", "Home", *(f"Ctrl+{key}" for key in ("D", "L", "M", "O", "P", "S", "Shift+S"))  # elsewhere
 LISTED = [name for name in GROUPS if name != "Edit"]  # those are in tests/app/editing
-CASES = Cases(*LISTED, elsewhere=(*TOGETHER, *OTHER))
+CASES = Cases(*LISTED, elsewhere=OTHER)
 case = CASES.case
 
 
@@ -43,22 +42,6 @@ def test_a_key_does_its_action(driver: Driver, group: str) -> None:
 
 
 # ---- camera --------------------------------------------------------------------------------------------------------------
-
-
-@case("F")
-def frame(driver: Driver, shown: str) -> None:
-    """Framing keeps the direction and shows the whole scene, or a selected box from nearer."""
-    first, editor = driver.session.camera, driver.actions.editor
-    push(driver, "F")
-    far = driver.session.camera
-    editor.mesh = 2
-    push(driver, "F")
-    near, editor.mesh = driver.session.camera, None
-    middle = driver.session.scene.meshes[2].positions.mean(0)
-    assert np.linalg.norm(near.eye - middle) < np.linalg.norm(far.eye - middle)
-    assert np.allclose([far.axes, near.axes], first.axes)
-    push(driver, "Home")
-    assert driver.session.camera == first
 
 
 @case("R")

@@ -8,6 +8,7 @@ import sys
 import weakref
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         driver.frame()
         session.split(False)
         actions.editor.mesh = 0
-        actions.editor.set_light(0, actions.editor.lights[0].moved((0.2, 0.5, 0.1)))
+        actions.editor.set_light(0, replace(actions.editor.scene.lights[0], position=(0.2, 0.5, 0.1)))
         driver.frame()
         options.inspect = options.points = options.discs = False
         driver.frame()
@@ -89,7 +90,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
             for one in session.renderers
             for thing in (one, one.world, one.world.geometry, one.scene, *one.scene.meshes)
         ]
-        actions.editor.saved = actions.editor.edit  # the moved light is lost without a question
+        actions.editor.saved = actions.editor.scene  # the moved light is lost without a question
         actions.open(str(write_room(tmp_path)))
         driver.scene = session.scene  # the driver's own reference
         driver.frame(2)

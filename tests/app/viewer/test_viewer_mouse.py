@@ -48,7 +48,7 @@ def test_a_held_key_flies_its_way(driver: Driver) -> None:
 
 def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
     """A motion of the window's height turns by the field of view. The first motion after the capture is a jump and ignored."""
-    before, speed = driver.session.camera, driver.session.free_camera.speed
+    before = driver.session.camera
     driver.move(*WALL)
     driver.button(True, RIGHT)
     driver.move(0, 0, 500, -300)
@@ -59,8 +59,6 @@ def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
     axis = driver.session.camera.axes[2]
     assert np.degrees(np.arccos(axis @ before.axes[2])) == pytest.approx(before.fov / 4)
     assert axis @ before.axes[0] < 0.0, "to the right"
-    driver.viewer.controls.wheel(0.0, 3.0)
-    assert driver.session.free_camera.speed > 1.5 * speed
     driver.button(False, RIGHT)
     driver.move(100, 100)
     driver.frame()

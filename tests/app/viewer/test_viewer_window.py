@@ -13,7 +13,7 @@ import pytest
 from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.window import Desktop
 from irrsplat.renderer import moving
-from tests.support.viewing import FAST, SIZE, Driver, push, viewing, write_room
+from tests.support.viewing import SIZE, Driver, push, viewing, write_room
 
 
 def test_another_size_keeps_the_records(driver: Driver) -> None:
@@ -49,7 +49,7 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
     An enlarged picture is soft at edges, 3 of 255 in the mean; a wrongly shifted or scaled picture differs by tens.
     """
     monkeypatch.setattr(moving, "divisor_after", lambda *_: 2)
-    before, half = driver.window(), (SIZE[0] // 2, SIZE[1] // 2)
+    before, canvas, half = driver.window(), driver.canvas(), (SIZE[0] // 2, SIZE[1] // 2)
     driver.down("D")
     driver.frame(3, dt=1e-4)
     assert driver.session.views[0].image.size == driver.viewer.canvas.size == half
@@ -60,29 +60,21 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
     driver.up("D")
     driver.session.options.points = False
     driver.settle()
-    assert driver.viewer.canvas.size == SIZE and np.abs(driver.window().astype(float) - before).mean() < 1.0
+    assert driver.viewer.canvas.size == SIZE and np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
 
 
 def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Settings, overlays, panels, size and the scene are restored; a failure to write them gives a message."""
+    """Size, scale of text and the scene are restored, settings are not; a failure to write them gives a message."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     room = write_room(tmp_path)
     with viewing(room, (64, 48)) as driver:
-        driver.session.change(0, a=0.7, tolerance=3.0)
-        for shown in ("X", "F3"):
-            push(driver, shown)
-        driver.frame()
+        driver.session.change(0, a=0.7)
+        push(driver, "Ctrl+=")
         assert driver.actions.save_preferences((130, 100)) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
-    remembered.ui["controls"] = True
     with viewing(room, (130, 100), remembered) as driver:
-        driver.frame(4)
-        (buffer,) = (widget for widget in driver.widgets if widget.label.lstrip("#") == "buffer")
-        assert buffer.box[1] > 0.0, "the panel is not scrolled to the settings"
-        settings = driver.session.settings(0)[1]
-        assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
-        assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.lights
+        assert driver.actions.panels.scale == 1.25 and driver.session.settings(0)[1].a != 0.7
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
         failed = driver.actions.save_preferences(driver.wnd.size)
         assert failed is not None and str(room) in failed

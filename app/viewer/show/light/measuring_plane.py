@@ -48,10 +48,11 @@ class MeasuredPlane:
     readings: Readings
     height: float
 
-    def scaled(self, scale: LightScale) -> LightScale:
-        """Return the scale with an upper end: the user's one, or a round number for the readings of the plane."""
+    @property
+    def scale(self) -> LightScale:
+        """The scale of false colours. Its upper end is a round number for the readings of the plane."""
         watts = (self.readings.total @ LUMINANCE)[self.readings.counts]
-        return scale.up_to(float(np.percentile(watts, PERCENTILE)) if len(watts) else 0.0)
+        return LightScale().up_to(float(np.percentile(watts, PERCENTILE)) if len(watts) else 0.0)
 
 
 class MeasuringPlane:

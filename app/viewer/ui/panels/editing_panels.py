@@ -14,12 +14,21 @@ import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.light_edit import COLDEST, HOTTEST, LightEdit, described, light_name, light_units, surface_units
-from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, object_name
+from irrsplat.app.viewer.editing.light_edit import (
+    COLDEST,
+    HOTTEST,
+    described,
+    heated,
+    kelvin_of,
+    light_name,
+    light_units,
+    surface_units,
+)
+from irrsplat.app.viewer.editing.picking import object_name
 from irrsplat.app.viewer.ui.layout import AMBER, Layout
-from irrsplat.app.viewer.view_options import point_of
+from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import linear_from_srgb, srgb
-from irrsplat.scene.model import Mesh
+from irrsplat.scene.model import Light, Material, Mesh
 
 
 def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float, float, float]]:
@@ -34,25 +43,36 @@ def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float,
     return changed, (red, green, blue)
 
 
-def edit_output(layout: Layout, unit: str, value: float, least: float, most: float) -> float | None:
-    """Draw a logarithmic slider with the unit as its label; return the new value if the user changed it to one of 0 or more."""
+def edit_output(layout: Layout, unit: str, value: float) -> float | None:
+    """Draw the field of an output with the unit as its label; return the new value if the user changed it to one of 0 or more."""
     form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
-    changed, output = imgui.slider_float(layout.label(unit), value, least, most, form, imgui.SliderFlags_.logarithmic)
-    imgui.set_item_tooltip(described(unit, value))
-    return output if changed and output >= 0.0 else None
+    changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
+    imgui.set_item_tooltip(f"{described(unit, value)}; Ctrl+click: type it")
+    return max(output, 0.0) if changed and math.isfinite(output) else None
+
+
+def tint_of(color: Sequence[float]) -> Point:
+    """Return the colour with a greatest component of 1; white for black."""
+    brightest = max(color)
+    return point_of([c / brightest for c in color]) if brightest > 0.0 else (1.0, 1.0, 1.0)
+
+
+def scaled(color: Sequence[float], factor: float) -> Point:
+    return point_of([factor * c for c in color])
 
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
-_DIMMEST = 2.0**-8  # the least share of its full output that a slider gives a light; the greatest share is the inverse
+_CONES = 1.0, 89.0  # degrees: the ends of a spot's angles by sliders; 90 and 180 mean no cone in scene files
+_STEP = 0.01  # share of an output by which a drag of one pixel changes it
 
 
 def draw_lights(actions: Actions, layout: Layout) -> None:
     editor = actions.editor
-    if not editor.lights:
+    if not editor.scene.lights:
         imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
-    for i, edited in enumerate(editor.lights):
-        if layout.chosen(f"{light_name(edited.light, i)}  ({edited.light.kind})", i == editor.light, i):
+    for i, light in enumerate(editor.scene.lights):
+        if layout.chosen(f"{light_name(light, i)}  ({light.kind})", i == editor.light, i):
             editor.pick_light(i)
     if editor.light is not None:
         imgui.separator()
@@ -61,33 +81,43 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
 
 def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     """Draw the widgets of a light, and apply their changes."""
-    editor = actions.editor
-    before = editor.lights[number]
-    if before.light.photometry is not None:
-        imgui.text_disabled(Path(before.light.photometry.path).name)
-    changed, on = imgui.checkbox("on", before.on)
-    edited = replace(before, on=on) if changed else before
-    for unit, full in light_units(edited.light).items():
-        output = edit_output(layout, unit, full * 2.0**edited.stops, full * _DIMMEST, full / _DIMMEST)
-        if output is not None and full:
-            edited = replace(edited, stops=math.log2(output / full)) if output else replace(edited, on=False)
-    edited = _coloured(layout, edited)
-    if imgui.button("reset"):
-        edited = LightEdit.of(edited.loaded)
-    if edited != before:
-        actions.attempt(lambda: editor.set_light(number, edited))
+    before = light = actions.editor.scene.lights[number]
+    if light.photometry is not None:
+        imgui.text_disabled(Path(light.photometry.path).name)
+    tint, full = tint_of(light.color), light_units(replace(light, color=tint_of(light.color)))
+    for unit, now in light_units(light).items():
+        output = edit_output(layout, unit, now)
+        if output is not None and full[unit]:
+            light = replace(light, color=scaled(tint, output / full[unit]))
+    light = _narrowed(layout, _coloured(layout, light))
+    if light != before:
+        actions.attempt(lambda: actions.editor.set_light(number, light))
 
 
-def _coloured(layout: Layout, edited: LightEdit) -> LightEdit:
+def _coloured(layout: Layout, light: Light) -> Light:
     """Draw the widgets of a light's colour; return the light after them."""
-    brightest = max(*edited.loaded.color, 1e-30)  # of the loaded colour, so that a light set to black can get a colour again
-    changed, tint = edit_colour(layout.label("colour"), [c / brightest for c in edited.light.color])
-    if changed:
-        edited = edited.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
-    text = "%.0f K" if edited.kelvin is not None else "own colour"
-    changed, kelvin = imgui.slider_float(layout.label("kelvin"), edited.kelvin or _WHITE, COLDEST, HOTTEST, text)
+    changed, tint = edit_colour(layout.label("colour"), tint_of(light.color))
+    if changed and max(tint) > 0.0:
+        light = replace(light, color=scaled(tint, max(light.color) or 1.0))
+    now = kelvin_of(light.color)
+    text = "%.0f K" if now is not None else "own colour"
+    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now or _WHITE, COLDEST, HOTTEST, text)
     imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
-    return edited.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(edited.light.color) else edited
+    return heated(light, round(min(max(kelvin, COLDEST), HOTTEST))) if changed else light
+
+
+def _narrowed(layout: Layout, light: Light) -> Light:
+    """Draw the widgets of a spot's cone; return the light after them. A drag of one angle moves the other one along."""
+    if not light.has_cone:
+        return light
+    moved, outer = imgui.slider_float(layout.label("cone"), light.spot_cutoff, *_CONES, "%.3g°")
+    imgui.set_item_tooltip("the angle between the axis and the edge of the light")
+    inside, inner = imgui.slider_float(layout.label("full within"), min(light.spot_inner, light.spot_cutoff), *_CONES, "%.3g°")
+    imgui.set_item_tooltip("the angle from the axis within which the light is full; it fades from there to the cone's edge")
+    if not moved and not inside:
+        return light
+    outer = min(max(outer, inner if inside else 0.0, _CONES[0]), _CONES[1])
+    return replace(light, spot_inner=min(max(inner, 0.0), outer), spot_cutoff=outer)
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
@@ -96,11 +126,11 @@ def draw_rings(actions: Actions, layout: Layout) -> None:
     if not actions.panels.lights:
         return
     with layout.over_picture() as draw:
-        for i, edited in enumerate(editor.lights):
-            place = None if edited.light.directional else layout.seen(actions.session.camera, edited.light.position)
+        for i, light in enumerate(editor.scene.lights):
+            place = None if light.directional else layout.seen(actions.session.camera, light.position)
             if place is None:
                 continue
-            colour = imgui.get_color_u32(AMBER if edited.on else _OFF)
+            colour = imgui.get_color_u32(AMBER if any(light.color) else _OFF)
             draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
             draw.add_circle(place, 9.0, colour, 0, 2.0)
             if i == editor.light:
@@ -109,63 +139,56 @@ def draw_rings(actions: Actions, layout: Layout) -> None:
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission of a surface with an emission texture
 _ROWS = 10  # rows of the list in sight; the user scrolls to further rows
-_BRIGHTEST = 1000.0  # W/(m² sr) of the strongest channel: the upper end of the sliders
 
 
 def draw_object(actions: Actions, layout: Layout) -> None:
     editor, number = actions.editor, actions.editor.mesh
     if number is None:
         return
-    mesh, edit = editor.loaded.meshes[number], editor.edit.objects[number]
-    imgui.text_wrapped(object_name(editor.loaded, number))
+    mesh = editor.scene.meshes[number]
+    imgui.text_wrapped(object_name(editor.scene, number))
     imgui.text_disabled(f"{len(mesh.faces)} triangles")
-    after = _object_painted(edit, mesh, layout)
-    if imgui.button("reset"):
-        after = AS_LOADED
-    if after != edit:
-        actions.attempt(lambda: editor.set_object(number, after))
+    material = _painted(mesh, layout)
+    if material != mesh.material:
+        actions.attempt(lambda: editor.set_mesh(number, replace(mesh, material=material)))
 
 
-def _object_painted(edit: ObjectEdit, mesh: Mesh, layout: Layout) -> ObjectEdit:
-    """Draw the widgets of an object's material; return the edit after them."""
+def _painted(mesh: Mesh, layout: Layout) -> Material:
+    """Draw the widgets of a mesh's material; return the material after them."""
     material = mesh.material
     if mesh.colors is None and not material.unlit:
-        changed, albedo = edit_colour(layout.label("reflectance"), edit.albedo or material.albedo)
+        changed, albedo = edit_colour(layout.label("reflectance"), material.albedo)
         imgui.set_item_tooltip("diffuse reflectance as an sRGB colour; multiplies the texture where there is one")
         if changed:
-            edit = replace(edit, albedo=albedo)
-    emission = edit.emission if edit.emission is not None else material.emission
+            material = replace(material, albedo=albedo)
+    emission = material.emission
     textured = material.emission_texture is not None or material.filters
-    least = _DARKEST if textured and any(material.emission) else 0.0  # at 0, a textured emitter would need another way of drawing
-    brightest = max(emission)
-    tint = point_of([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
+    least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
+    tint = tint_of(emission)
     full, now = surface_units(mesh, tint), surface_units(mesh, emission)
     for unit, one in full.items():
-        output = edit_output(layout, unit, now[unit], least * one, _BRIGHTEST * one)
+        output = edit_output(layout, unit, now[unit])
         if output is not None and one:
-            edit = replace(edit, emission=point_of([c * max(output / one, least) for c in tint]))
-    if brightest > 0.0:
+            material = replace(material, emission=scaled(tint, max(output / one, least)))
+    if any(emission):
         changed, tint = edit_colour(layout.label("emission colour"), tint)
         if changed and max(tint) > 0.0:
-            edit = replace(edit, emission=point_of([c * brightest for c in tint]))
-    return edit
+            material = replace(material, emission=scaled(tint, max(emission)))
+    return material
 
 
 def draw_outliner(actions: Actions, layout: Layout) -> None:
-    """Draw the names of all meshes. A hidden mesh is grey, and has a button that shows it again."""
+    """Draw the names of all meshes. A hidden mesh is grey."""
     editor = actions.editor
-    count = len(editor.edit.objects)
+    count = len(editor.scene.meshes)
     height = (min(count, _ROWS) + 1) * imgui.get_text_line_height_with_spacing()
     if imgui.begin_child("objects", (0.0, height)):
         clipper = imgui.ListClipper()
         clipper.begin(count)
         while clipper.step():
             for number in range(clipper.display_start, clipper.display_end):
-                title = object_name(editor.loaded, number)
-                if editor.edit.objects[number].hidden:
-                    if imgui.small_button(f"show##{number}"):
-                        actions.attempt(lambda number=number: editor.hide(number, False))  # type: ignore[misc]
-                    imgui.same_line()
+                title = object_name(editor.scene, number)
+                if editor.scene.meshes[number].is_point:
                     imgui.text_disabled(title)
                 elif layout.chosen(title, number == editor.mesh, number):
                     editor.mesh = number

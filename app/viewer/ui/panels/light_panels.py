@@ -1,8 +1,6 @@
-"""Sections of the side panel about light in numbers: the scale of false colours, the measuring plane, and why a point is dark."""
+"""Sections of the side panel about light in numbers: the measuring plane, and why a point is dark."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from imgui_bundle import imgui
@@ -15,31 +13,6 @@ from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, dot, line
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
-
-_LEAST, _MOST = 0.01, 1e6  # ends of the slider for the scale's upper end; the user types other values (Ctrl+click)
-
-
-def light_is_shown(actions: Actions) -> bool:
-    """Return True if light is shown in false colours."""
-    return bool(actions.session.views) and actions.session.options.buffer == "light"
-
-
-def draw_light_scale(actions: Actions, layout: Layout) -> None:
-    session, label = actions.session, layout.label
-    scale, high = session.options.light_scale, session.light_scale.ends[1]
-    form = "%.4g (auto)" if scale.highest is None else "%.4g"
-    moved, value = imgui.slider_float(label("maximum"), high, _LEAST, _MOST, form, imgui.SliderFlags_.logarithmic)
-    imgui.set_item_tooltip("the upper end of the scale; Ctrl+click: type it")
-    if moved and value > 0.0:
-        scale = replace(scale, highest=float(f"{value:.6g}"))  # imgui's values are float32
-    if imgui.small_button("auto"):
-        scale = replace(scale, highest=None)
-    imgui.set_item_tooltip("a round number above nearly all that is seen")
-    imgui.same_line()
-    scale = replace(scale, lines=imgui.checkbox("lines", scale.lines)[1])
-    imgui.set_item_tooltip("isolines between the steps of the scale")
-    session.options.light_scale = scale
-
 
 _MOST_VALUES = 81  # about: values drawn over the picture
 _SHADE = (0.0, 0.0, 0.0, 0.8)
@@ -56,14 +29,14 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
         imgui.text_disabled("measuring…" if plane.share == 0.0 else f"measuring: {100.0 * plane.share:.0f} %")
     if (measured := plane.measured) is None:
         return
-    scale = measured.scaled(session.options.light_scale)
+    scale = measured.scale
     found, (low, high) = measured.readings.summary(scale.unit), scale.ends
     if found["mean"] is not None:
         imgui.text(f"mean {light_digits(found['mean'])} {scale.shown_unit}, at {measured.height:g} m")
         imgui.text(f"{light_digits(found['minimum'])} … {light_digits(found['maximum'])} {scale.shown_unit}")
         if found["uniformity"] is not None:
             imgui.text(f"uniformity {found['uniformity']:.2f} (least/mean)")
-    lines = f"a line every {light_digits((high - low) / STEPS)} {scale.shown_unit}" if scale.lines else ""
+    lines = f"a line every {light_digits((high - low) / STEPS)} {scale.shown_unit}"
     legend = Legend(lines, light_digits(low), light_digits(high), scale.shown_unit, false_colours())
     draw_scale(legend, layout.scale, layout.room)
 
@@ -83,7 +56,7 @@ def draw_values(actions: Actions, layout: Layout) -> None:
     if ray_caster.available():
         seen = session.renderers[0].world.caster.free(np.broadcast_to(eye, points.shape), eye + _NEARER * (points - eye))
         some, points = some[seen], points[seen]
-    values = readings.total[some] @ session.options.light_scale.weights
+    values = readings.total[some] @ measured.scale.weights
     drawn = list[tuple[float, float]]()
     with layout.over_picture() as draw:
         for point, value in zip(points.tolist(), values.tolist(), strict=True):

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from PIL import ImageFont
 
 from irrsplat.app.viewer.input import prompts
-from irrsplat.app.viewer.ui.imgui_backend import COLORS, FONT_SIZE, FONTS
+from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from tests.support.viewing import ROOM, Driver, write_room
 
@@ -122,7 +122,8 @@ def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -
     driver.frame(3)
     inside = slice(int(box.min.y) + 6, int(box.max.y) - 6), slice(int(box.min.x) + 6, int(box.max.x) - 6)
     assert np.array_equal(driver.window()[inside], shown[inside])
-    colours = {name: np.array(colour) for colour, names in COLORS for name in names.split()}
+    style = imgui.get_style()
+    colours = {name: np.array(tuple(style.color_(imgui.Col_[name]))) for name in ("window_bg", "frame_bg", "slider_grab", "text")}
     behind = colours["window_bg"][:3]
     for name in ("frame_bg", "slider_grab"):
         behind = behind + (colours[name][:3] - behind) * colours[name][3]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from irrsplat.app.viewer.input.free_camera import FreeCamera
-from irrsplat.scene.model import Camera
 from tests.support.viewing import Driver, push, write_room
 
 
@@ -60,22 +56,3 @@ def test_a_scene_is_opened_and_saved_by_the_dialog_of_the_desktop(
     assert driver.actions.source == str(other)
     answer(f"echo {tmp_path}/kept.scene", "Ctrl+Shift+S")
     assert (tmp_path / "kept.scene").exists() and driver.actions.saved_as == f"{tmp_path}/kept.scene"
-
-
-@pytest.mark.parametrize(("camera", "aspect"), [
-    (Camera((0, 0, 5), (0, 0, 0)), 1.0), (Camera((3, 9, -4), (0, 1, 0)), 0.5),
-    (Camera((9, 9, 9), (20, 9, 7), (0, 1, 1), 70.0), 2.5),
-])  # fmt: skip
-def test_all_of_a_box_is_in_the_picture_and_the_direction_stays(camera: Camera, aspect: float) -> None:
-    """All corners of the box are in the picture, and one is within a twentieth of its border."""
-    bounds = np.array([(-1.0, 0.0, 2.0), (3.0, 5.0, 4.0)])
-    flight = FreeCamera(camera, 7.0)
-    axes = flight.camera.axes
-    flight.frame(bounds, aspect)
-    np.testing.assert_allclose(flight.camera.axes, axes, atol=1e-9)
-    corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T
-    x, y, z = axes @ (corners - np.array(flight.camera.eye)).T
-    half = math.tan(math.radians(camera.fov / 2.0))
-    reach = np.maximum(np.abs(x) / (-z * half * aspect), np.abs(y) / (-z * half))
-    assert (z < 0.0).all() and 0.95 < reach.max() < 1.0
-    assert flight.camera.target == pytest.approx((1.0, 2.5, 3.0))

@@ -52,7 +52,7 @@ def test_at_rest_it_waits_for_events_and_sigterm_keeps_the_cache(tmp_path: Path,
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(Desktop, "wait", lambda desktop, seconds: signal.raise_signal(signal.SIGTERM))
     room, kept = write_room(tmp_path), tmp_path / "kept.cache"
-    assert viewer.run(irrsplat.load(room), str(room), (64, 48), Preferences(values=FAST), cache=str(kept)) is None
+    assert viewer.run(irrsplat.load(room), str(room), (64, 48), Preferences(), values=FAST, cache=str(kept)) is None
     assert kept.stat().st_size > 1000 and preferences.load()[0].size == (64, 48)
 
 
