@@ -8,7 +8,7 @@ from irrsplat.app.viewer.session import Session
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.motion import hidden
 
-_MOST = 300  # the most states that undo keeps
+_MOST = 50  # the most scenes that undo keeps; each holds its moved meshes
 
 
 class Editor:

@@ -59,11 +59,7 @@ _ODD: st.SearchStrategy[Any] = st.one_of(
     st.floats(),
     st.lists(st.floats(), max_size=5),
 )
-_PREFERENCES = {
-    "version": 1, "preset": "default", "values": {"a": 0.3, "bounces": "all"}, "size": [800, 600], "recent": ["cornell", "/x"],
-    "scenes": {"cornell": [{"name": "a", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 45}]},
-    "panel": True, "speed": 1.5,
-}  # fmt: skip
+_PREFERENCES = {"version": 2, "scale": 1.5, "size": [800, 600], "recent": ["cornell", "/x"]}
 
 
 @st.composite
