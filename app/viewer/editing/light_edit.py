@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -48,6 +48,7 @@ def _blackbodies() -> np.ndarray:
     return blackbody(np.arange(COLDEST, HOTTEST + 1.0))
 
 
+@lru_cache(maxsize=64)
 def kelvin_of(color: Point) -> float | None:
     """Return the temperature of the black body with a light's colour; None for another colour."""
     luminance = float(LUMINANCE @ np.asarray(color))
