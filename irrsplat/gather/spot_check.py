@@ -22,7 +22,7 @@ from irrsplat.scene.model import Camera, part_drawn
 
 SIDES = (4, 16, 32)  # gather sides of the first probes, and of those at places where the preceding ones differ
 _SIGNIFICANT = (0.55, 0.25, 0.25)  # difference that counts, see `Spots.difference`
-_BESIDE_CREASES = (0.0, 0.15, 0.15)  # difference that counts beside creases: all places there reach the second probes
+_AT_CREASES = (0.0, 0.15, 0.15)  # difference that counts at creases: all places there reach the second probes
 _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as many rows of pixels, all pixels are probed
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
 _CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
@@ -36,21 +36,21 @@ class Spots:
     """Places of a view.
 
     sites: (N,), each with a frame rotation. cached: (N,) W/m², cached luminance of E. distance: (N,) metres between probed pixels
-    on screen. beside_crease: (N,) True where a surface rises above the place's plane within a few pixels. mean: W/m², of `cached`
+    on screen. at_crease: (N,) True where a surface rises above the place's plane within a few pixels. mean: W/m², of `cached`
     over the view.
     """
 
     sites: Sites
     cached: np.ndarray
     distance: np.ndarray
-    beside_crease: np.ndarray
+    at_crease: np.ndarray
     mean: float = 0.0
 
     @staticmethod
     def joined(parts: Sequence[Spots]) -> Spots:
         """Return the places of all parts of a view, in an order independent of the division into parts."""
         joined = Sites.joined([part.sites for part in parts])
-        columns = ("cached", "distance", "beside_crease")
+        columns = ("cached", "distance", "at_crease")
         cached, distance, creases = (np.concatenate([getattr(part, name) for part in parts]) for name in columns)
         assert joined.frame_rotation is not None
         order = np.argsort(joined.frame_rotation)
@@ -61,17 +61,17 @@ class Spots:
         return len(self.sites)
 
     def __getitem__(self, rows: np.ndarray) -> Spots:
-        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.beside_crease[rows], self.mean)
+        return Spots(self.sites[rows], self.cached[rows], self.distance[rows], self.at_crease[rows], self.mean)
 
     def difference(self, found: np.ndarray) -> np.ndarray:
         """Return (N,) the differences of probes `found` (N,) W/m² from the cache, relative to the greater luminance Y of both.
 
         Above the mean, they are relative to √(Y·mean): the picture's RMSE weights bright places more, and the eye does not.
-        Beside creases, which fill a cluttered room, they are relative to the mean at least.
+        At creases, which fill a cluttered room, they are relative to the mean at least.
         A brighter probe at a dark place counts as 0: closer to a sheet than a gather's offset, it may be on the other side.
         """
         dark = _FLOOR * self.mean
-        floor = np.where(self.beside_crease, self.mean, dark)
+        floor = np.where(self.at_crease, self.mean, dark)
         Y = np.maximum(np.maximum(found, self.cached), np.maximum(floor, 1e-30))
         share = np.abs(found - self.cached) / np.sqrt(Y * np.minimum(Y, max(self.mean, 1e-30)))
         return np.where((found > self.cached) & (self.cached < dark), 0.0, share)
@@ -143,7 +143,7 @@ class SpotCheck:
     @property
     def significant(self) -> Spots:
         """The places where the present probes differ from the cache."""
-        least = np.where(self.spots.beside_crease, _BESIDE_CREASES[self.stage], _SIGNIFICANT[self.stage])
+        least = np.where(self.spots.at_crease, _AT_CREASES[self.stage], _SIGNIFICANT[self.stage])
         return self.spots[self.spots.difference(self.found) > least]
 
 

@@ -15,14 +15,14 @@ uniform ivec2 first;         // the first square
 
 layout(location = 0) out vec4 out_position;  // w: 1 where records contribute, and the surface reflects more than it emits
 layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
-layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, luminance of E in W/m², triangle; 1 beside a crease
+layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, luminance of E in W/m², triangle; 1 at a crease
 
 const float STEEP = 0.2;      // least sine of the angle between a plane and the way to a surface that rises above it
 const float FAR = 8.0;        // pixel distances per pixel: greatest distance to a surface that counts
 
 // 1 where a surface rises above the plane at p with normal n within MARGIN pixels. At the foot of a ledge, light changes within the
 // height of the ledge, and records all around agree.
-float beside_crease(ivec2 pixel, vec3 p, vec3 n)
+float at_crease(ivec2 pixel, vec3 p, vec3 n)
 {
     float found = 0.0;
     for (int i = 0; i < 4 * MARGIN; ++i)
@@ -49,5 +49,5 @@ void main()
     bool requested = p.w > 0.0 && s.a > 0.0 && dot(e.rgb, LUMINANCE) * PI <= dot(a.rgb, LUMINANCE) * cached;
     out_position = vec4(p.xyz, requested ? 1.0 : 0.0);
     out_normal = texel_at(normal, pixel);
-    out_rest = vec4(a.w, cached, e.w, beside_crease(pixel, p.xyz, out_normal.xyz));
+    out_rest = vec4(a.w, cached, e.w, at_crease(pixel, p.xyz, out_normal.xyz));
 }
