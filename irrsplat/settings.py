@@ -177,7 +177,7 @@ class Settings:
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
-        "auto", "float", "examine", "Σw below which a pixel requests a record; auto: 1/a", low=0, high=1e6, word="auto"
+        "auto", "float", "examine", "Σw below which a pixel requests a record; auto: 1/a", low=0.001, high=1e6, word="auto"
     )
     spread: float = _declare(
         0.05, "float", "examine", "inter-record variance above which a pixel requests a record, as standard deviation over "

@@ -156,9 +156,9 @@ class Renderer(Tenant):
         return self.stages.draw_shadows(self._state)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
-        """Return the g-buffer of `camera`."""
+        """Return the g-buffer of `camera`; its positions are relative to the scene's origin."""
         check_type("a camera", camera, Camera)
-        return self.stages.draw_gbuffer(self._state, camera)
+        return self.stages.draw_gbuffer(self._state, self._seen_by(camera))
 
     def read_direct_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
         """Return (H, W, 3) the direct irradiance at pixels' centres, W/m², top row first; 0 without a surface.
@@ -167,7 +167,9 @@ class Renderer(Tenant):
         """
         self._use_whole()
         seen = self._seen_by(camera)
-        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, self.draw_gbuffer(seen)))[..., :3].copy()
+        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, self.stages.draw_gbuffer(self._state, seen)))[
+            ..., :3
+        ].copy()
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:

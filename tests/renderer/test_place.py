@@ -11,6 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
+from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
 from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.model import Scene
@@ -103,7 +104,7 @@ def test_what_callers_give_and_get_is_in_world_space() -> None:
     place = FAR[1]
     about = np.array([0.3, 0.2, -0.1])
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
-    frames, meshes = [], []
+    frames, meshes, depths = [], [], []
     for there in ((0.0, 0.0, 0.0), place):
         scene = room().placed(there)
         with Renderer(scene, SIZE, **FAST) as renderer:
@@ -117,8 +118,10 @@ def test_what_callers_give_and_get_is_in_world_space() -> None:
             renderer.pose(scene)
             renderer.render(FRONT.shifted(there))
             frames.append(renderer.frame(FRONT.shifted(there))[0].read())
+            depths.append(pixels(renderer.draw_gbuffer(FRONT.shifted(there)).position)[..., 3].copy())
     same(frames[2], frames[0], place)
     same(frames[3], frames[1], place)
+    assert np.array_equal(*depths) and depths[0].any()
     assert np.abs(meshes[1] - place - meshes[0]).max() < 1e-6
     assert np.abs(frames[0].direct - frames[1].direct).max() > 0.1 * frames[0].direct.max(), "the changes are seen"
 

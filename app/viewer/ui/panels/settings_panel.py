@@ -15,7 +15,7 @@ Value = float | int | bool | str
 
 SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends of their sliders; the user types other values
     "a": (0.01, 2.0),
-    "tolerance": (0.0, 100.0),
+    "tolerance": (0.01, 100.0),
     "blend": (0.0, 1.0),
     "exposure": (-10.0, 10.0),
 }
