@@ -121,7 +121,7 @@ def test_what_callers_give_and_get_is_in_world_space() -> None:
             depths.append(pixels(renderer.draw_gbuffer(FRONT.shifted(there)).position)[..., 3].copy())
     same(frames[2], frames[0], place)
     same(frames[3], frames[1], place)
-    assert np.array_equal(*depths) and depths[0].any()
+    assert np.array_equal(depths[0], depths[1]) and depths[0].any()
     assert np.abs(meshes[1] - place - meshes[0]).max() < 1e-6
     assert np.abs(frames[0].direct - frames[1].direct).max() > 0.1 * frames[0].direct.max(), "the changes are seen"
 
