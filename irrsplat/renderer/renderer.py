@@ -166,10 +166,8 @@ class Renderer(Tenant):
         The reflectance does not matter. camera: see `render`.
         """
         self._use_whole()
-        seen = self._seen_by(camera)
-        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, self.stages.draw_gbuffer(self._state, seen)))[
-            ..., :3
-        ].copy()
+        gbuffer = self.draw_gbuffer(self.scene.camera(camera))
+        found: np.ndarray = pixels(self.stages.direct_irradiance(self._state, gbuffer))[..., :3].copy()
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:

@@ -7,7 +7,7 @@ uniform sampler2D normal;
 uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k, of every pixel
-uniform float pixel_size;   // metres between pixels at distance 1
+uniform float pixel_size;    // metres between pixels at distance 1
 uniform int stride;          // pixels along a side of the squares; each square has one probed pixel
 uniform ivec2 corner;        // of the drawn part, in pixels of the whole picture
 uniform ivec2 whole;         // size of the whole picture in pixels
