@@ -57,10 +57,14 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The state that the cache returns to after progressive refinement: the number of records and their reach."""
+    """The state that the cache returns to after progressive refinement: the number of records, and their limits.
+
+    compared: the number of records by which all others are limited.
+    """
 
     count: int
     limits: np.ndarray
+    compared: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +124,7 @@ class Refiner(Owner):
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:
         """Refine a view that is covered by records whose sums are `splats`."""
         cache = self.cache
-        base = Base(cache.count, cache.limits(cache.count).copy())
+        base = Base(cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.compared)
         self.state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
         surface, known = self.scheduler.gatherer.surface_now, self._surface_error
         if surface is not None and known is not None and surface.refinements and surface.refinements == known[0]:
@@ -132,7 +136,7 @@ class Refiner(Owner):
             base, self.state = self.state.base, None
             self.cache.truncate(base.count)
             self.cache.restore_limits(base.limits)
-            self.scheduler.adaptation.accept(self.scheduler.settings)
+            self.scheduler.adaptation.accept(vars(self.scheduler.settings), base.compared)
 
     def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:
         """Refine the view until its estimated relative error is at most `target`, or the budget is spent."""

@@ -334,12 +334,12 @@ class RecordScheduler(Owner):
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.has_pending_changes)
         self._checked.forget_if_fewer(self.cache.count)
-        return CacheState(records, bounces, settings, self._checked.cells)
+        return CacheState(records, bounces, settings, self._checked.cells, self.adaptation.compared)
 
     def restore(self, state: CacheState) -> None:
         """Replace the present records by the records of a file."""
         self.cache.restore(state.records)
-        self.adaptation.forget()
+        self.adaptation.accept(state.settings, state.compared)
         self._checked = PlacesChecked(state.checked, self.cache.count)
         self.gatherer.resume_with(cast(BounceStatistics, dict(state.bounces)))
 

@@ -5,6 +5,7 @@ radius_limit_pass.py computes the limits; this module decides when, and for whic
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import moderngl
@@ -16,6 +17,7 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
+_FEW = 64, 1 / 16  # new records, and their share of all, below which a splat of all records costs more than old limits gain
 _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 
 
@@ -23,7 +25,7 @@ _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depen
 class _Progress:
     """Progress of the adaptation.
 
-    limited: records with limits. compared: records that are compared with all others as well. inputs: the inputs of
+    limited: records with limits. compared: records by which all others are limited as well. inputs: the inputs of
     both: values of the settings, the number of refreshes and the luminance floor; empty before the first adaptation.
     """
 
@@ -53,8 +55,9 @@ class AdaptiveRadius(Owner):
     def __call__(self, settings: Settings, old_too: bool, same_floor: bool = False) -> bool:
         """Compare each new record with the records before it; return True if the limit of an old record changed.
 
-        old_too: update the limits of old records as well. A changed limit costs a new splat of its record. Callers therefore set
-        it at the start of a view, when all splats are made anyway, or at its end, when the view needs no more records.
+        old_too: update the limits of old records as well, unless new ones are few. A changed limit costs a new splat of all
+        records. Callers therefore set it at the start of a view, when all splats are made anyway, or at its end, when the view
+        needs no more records.
         same_floor: keep the luminance floor during a round, so that the result does not depend on the number of frames.
         Does nothing while records are stale: their variance against refreshed records has no meaning.
         """
@@ -64,10 +67,11 @@ class AdaptiveRadius(Owner):
         if settings.gradients and not same_floor and (cache.count, cache.refresh_count) != self._floor_of:
             self._floor_of = cache.count, cache.refresh_count
             cache.update_luminance_floor()
-        inputs = self._inputs(settings)
+        inputs = self._inputs(vars(settings))
         same = inputs == self._progress.inputs
         done = self._progress if same else _Progress()
         limited, compared = min(done.limited, cache.count), min(done.compared, cache.count)
+        old_too = old_too and cache.count - compared >= min(_FEW[0], int(_FEW[1] * cache.count))
         first = compared if old_too else limited
         changed = False
         if not same or first < cache.count:
@@ -85,15 +89,15 @@ class AdaptiveRadius(Owner):
     def _pass(self, settings: Settings) -> RadiusLimitPass:
         return self.passes.get("limits", settings.gradients, lambda: RadiusLimitPass(self.ctx, settings.gradients))
 
-    def _inputs(self, settings: Settings) -> tuple[object, ...]:
-        return (*(getattr(settings, name) for name in _SETTINGS), self.cache.refresh_count, self.cache.luminance_floor)
+    def _inputs(self, settings: Mapping[str, object]) -> tuple[object, ...]:
+        return (*(settings.get(name) for name in _SETTINGS), self.cache.refresh_count, self.cache.luminance_floor)
 
-    def accept(self, settings: Settings) -> None:
-        """Take the present limits as those of all present records, each compared with all others."""
-        self._progress = _Progress(self.cache.count, self.cache.count, self._inputs(settings))
-        self._floor_of = self.cache.count, self.cache.refresh_count
+    @property
+    def compared(self) -> int:
+        """The number of records by which all others are limited."""
+        return self._progress.compared
 
-    def forget(self) -> None:
-        """Compare all records anew, by the present luminance floor."""
-        self._progress = _Progress()
+    def accept(self, settings: Mapping[str, object], compared: int) -> None:
+        """Take the present limits, and the luminance floor, as those by `settings` with so many records `compared`."""
+        self._progress = _Progress(self.cache.count, compared, self._inputs(settings)) if compared else _Progress()
         self._floor_of = self.cache.count, self.cache.refresh_count

@@ -25,7 +25,7 @@ from irrsplat.records.scene_stamp import SceneStamp, hashed, present_triangles, 
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 11  # raise it whenever the content of files or the inputs of records change
+FORMAT = 12  # raise it whenever the content of files or the inputs of records change
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # array of the viewpoints of spot checks
@@ -46,13 +46,15 @@ class CacheState:
     """Saved records with all that a renderer needs to resume.
 
     records: the arrays of RecordCache.state. bounces: gather method and number of bounces, by their names in the statistics.
-    settings: all settings of the renderer. checked: (K,) int64, viewpoints of spot checks.
+    settings: all settings of the renderer. checked: (K,) int64, viewpoints of spot checks. compared: the number of records by
+    which all others are limited; 0 without limits.
     """
 
     records: Mapping[str, np.ndarray]
     bounces: Mapping[str, object]
     settings: Mapping[str, object] = field(default_factory=dict)
     checked: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    compared: int = 0
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     whole = {name: state.records[name] for name in ("clocks", "luminance_floor")}
     records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
     records["luminance_floor"] = np.array(record_cache.luminance_floor(records["irradiance"]))
-    return replace(state, records=records, checked=np.zeros(0, np.int64))
+    return replace(state, records=records, checked=np.zeros(0, np.int64), compared=0)
 
 
 def carried_over(content: Content, scene: SceneStamp) -> CacheState:
@@ -97,7 +99,7 @@ def carried_over(content: Content, scene: SceneStamp) -> CacheState:
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records atomically; raises IrrsplatError on failure."""
-    about = {"bounces": dict(state.bounces), "settings": dict(state.settings)}
+    about = {"bounces": dict(state.bounces), "settings": dict(state.settings), "compared": state.compared}
     text = json.dumps({"key": asdict(key), "about": about, "scene": asdict(scene)})
     payload = io.BytesIO()
     arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **state.records}
@@ -145,7 +147,11 @@ def read_any(path: files.Pathlike) -> Content:
         if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
             raise ValueError(_CHECKED)
         record_cache.check_state(arrays)
-        return Content(made_for, CacheState(arrays, dict(about["bounces"]), about["settings"], checked), scene)
+        compared = int(about["compared"])
+        if not 0 <= compared <= len(arrays["id"]):
+            raise ValueError("compared")
+        state = CacheState(arrays, dict(about["bounces"]), about["settings"], checked, compared)
+        return Content(made_for, state, scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 

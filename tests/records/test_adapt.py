@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.gpu.timers import Timers
+from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
@@ -162,6 +164,20 @@ def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx
         made.E, made.R, made.noise = np.array([[4.0] * 3, [1.0] * 3]), np.ones(2), np.zeros(2)
         expected = min(1.0, x * np.sqrt(0.2 / 0.75)) if x < 2.0 else 1.0
         assert np.allclose(made.limits(settings)[:2], expected, rtol=1e-4), x
+
+
+def test_few_new_records_limit_no_old_ones_until_there_are_more(ctx: moderngl.Context) -> None:
+    """A 16th of 340 records are 21: 15 new ones leave old limits, and with 25 more all limits are those of one comparison."""
+    made, cache = Made(ctx, 340), RecordCache(ctx)
+    with AdaptiveRadius(ctx, cache, Timers(ctx, software=True)) as adaptation:
+        cache.luminance_floor = made.dark
+        found = []
+        for count in (300, 315, 340):
+            made.append(cache, count)
+            found.append((adaptation(BASE, old_too=True, same_floor=True), cache.limits(300)))
+    assert not found[1][0] and np.array_equal(found[0][1], found[1][1])
+    assert found[2][0] and np.array_equal(cache.limits(340), made.limits(BASE)[:340])
+    cache.release()
 
 
 def test_turned_off_and_on_again() -> None:

@@ -298,9 +298,11 @@ def test_a_file_of_wrong_content_is_refused(saved: Path, path: Path, renderer: R
         parts = {name: archive.read(name) for name in archive.namelist()}
     np.save(unsorted := io.BytesIO(), np.array([2, 1]))
     right, mistaken = (text.encode("utf-32-le") for text in ('"order": [1, 0', '"order": [1, 1'))
+    compared, negative = (text.encode("utf-32-le") for text in ('"compared": ', '"compared":-'))
     renderer.render()
     for name, data in (
         ("about.npy", parts["about.npy"].replace(right, mistaken)),
+        ("about.npy", parts["about.npy"].replace(compared, negative)),
         ("checked.npy", unsorted.getvalue()),
         ("limit.npy", parts["limit.npy"][:6] + b"\2" + parts["limit.npy"][7:]),
         ("limit.npy", parts["limit.npy"] + b"x"),
