@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import platformdirs
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
-from irrsplat.core.words import quote
 from irrsplat.scene import bundled
 
 VERSION = 2  # version of the file's format
@@ -69,36 +67,20 @@ def save(preferences: Preferences) -> str | None:
 
 
 def load() -> tuple[Preferences, list[str]]:
-    """Return the saved preferences, and a one-line notice of invalid values, which defaults replace. Never raise."""
+    """Return the saved preferences. Defaults replace a damaged file, with a one-line notice. Never raise."""
     try:
         data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
-        json.dumps(data, allow_nan=False)  # raises for NaN and infinity, which are no JSON
-        if not isinstance(data, dict) or data.get("version") != VERSION:
+        if data["version"] != VERSION:
             raise ValueError(f"not of version {VERSION}")
+        size, scale = data["size"] and tuple(map(int, data["size"])), float(data["scale"])
+        if (size and not (len(size) == 2 and 0 < min(size) <= max(size) <= SIDE)) or not math.isfinite(scale):
+            raise ValueError("wrong size or scale")
+        recent = [source for source in data["recent"] if os.path.isabs(source) or source in bundled()]
+        return Preferences(size, scale, list(dict.fromkeys(recent))[:RECENT]), []
     except FileNotFoundError:
         return Preferences(), []
-    except (IrrsplatError, OSError, ValueError, RecursionError) as error:
+    except (IrrsplatError, OSError, ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
         return Preferences(), [_line(f"{_FILE} cannot be used ({error}); defaults replace it")]
-    found, wrong = Preferences(), list[str]()
-    for name, good in _GOOD.items():
-        if name in data and good(data[name]):
-            setattr(found, name, data[name])
-        elif name in data:
-            wrong.append(quote(name))
-    found.size = None if found.size is None else (found.size[0], found.size[1])
-    found.recent = list(dict.fromkeys(s for s in found.recent if isinstance(s, str) and (os.path.isabs(s) or s in bundled())))
-    return found, [f"{_FILE}: left out: {', '.join(wrong)}"] if wrong else []
-
-
-def _is_size(it: Any) -> bool:
-    return it is None or (isinstance(it, list) and len(it) == 2 and all(type(n) is int and 1 <= n <= SIDE for n in it))
-
-
-_GOOD: dict[str, Callable[[Any], bool]] = {
-    "size": _is_size,
-    "recent": lambda it: isinstance(it, list),
-    "scale": lambda it: type(it) in (int, float),
-}
 
 
 def _line(said: object) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
 from irrsplat.app.viewer.show.screen import Programs, Region, clear, scale, texel
+from irrsplat.core.buffers import Uniforms
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -43,8 +43,7 @@ def colour_map() -> np.ndarray:
 
 
 GROUND = (0.11, 0.11, 0.12)  # display colour of pixels without a value
-
-Uniform = moderngl.Texture | np.ndarray | tuple[float, ...] | float | bool
+_GAP = 2.0  # pixels between tiles
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,21 +101,23 @@ class Canvas:
     programs: Programs
     region: Region | None = None
 
-    def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
-        """Draw with shaders/viewer/buffers/`fragment`.frag. It colours each pixel of the view by its texel of `values`."""
+    def fill(self, fragment: str, uniforms: Uniforms) -> None:
+        """Draw with shaders/viewer/buffers/`fragment`.frag. Uniforms that it does not declare are left out."""
         program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))
-        gbuffer = source.view.gbuffer
-        given: dict[str, Any] = {
-            "position": gbuffer.position,
-            "scale": scale(self.target, gbuffer),
-            "colours": self.programs.colours,
-            "values": values,
-            **uniforms,
-        }
+        given = program.declared({"colours": self.programs.colours, **uniforms})
         program(self.target, scissor=self.region, **given)
 
-    def blank(self) -> None:
-        clear(self.target, GROUND, self.region)
+    def tiles(self, fragment: str, count: int, cell: tuple[float, float], columns: int, **uniforms: Any) -> None:
+        """Draw `count` tiles of `cell` texels, as large as possible and centred. columns: tiles per row of the texture."""
+        across = np.arange(1, max(count, 1) + 1)
+        (W, H), rows = self.target.size, -(-max(count, 1) // across)
+        pixels = np.minimum((W - _GAP * (across - 1)) / (across * cell[0]), (H - _GAP * (rows - 1)) / (rows * cell[1]))
+        best = int(np.argmax(pixels))
+        scale = max(float(pixels[best]), 1.0 / max(cell))  # pixels per texel
+        width, height = (float(n[best]) * (c * scale + _GAP) - _GAP for n, c in ((across, cell[0]), (rows, cell[1])))
+        place = (W - width) / 2.0, (H + height) / 2.0, 1.0 / scale, _GAP
+        layout = {"cell": cell, "columns": columns, "count": count, "place": place, "across": int(across[best]), "ground": GROUND}
+        self.fill(fragment, layout | uniforms)
 
 
 def depth_at(source: ViewSource, x: int, y: int) -> float | None:
@@ -127,30 +128,55 @@ def depth_at(source: ViewSource, x: int, y: int) -> float | None:
     return float(texel(position, x, y)[3])
 
 
+def first(count: int) -> Callable[[Uniforms, int, int], np.ndarray]:
+    """Return a function that reads the first components of a texel of `values`."""
+    return lambda uniforms, x, y: texel(uniforms["values"], x, y)[:count]
+
+
 @dataclass(frozen=True)
 class ShownBuffer:
-    """A buffer that the viewer can show: an entry of table.BUFFERS, made by kinds.py.
+    """A buffer that the viewer can show: an entry of table.BUFFERS.
 
     name: the channel's name in core.buffers.CHANNELS, if the buffer is a channel. title: the text in menu, legend and help. help:
-    one line for the tooltip. draw: a call that fills a whole canvas. legend: a call that returns the legend. read: a call that
-    returns the 1 or 3 numbers at a pixel of the view, in the legend's unit, or None for no value. everywhere: True if the buffer
-    also has numbers at pixels without a surface. in_view: True if its pixels are the pixels of the view, so that records and
-    edges can be marked over it. needs_reference: True if it needs a path-traced reference. state: a call that returns the inputs
-    apart from view and settings, for a memo, which compares them by ==.
+    one line for the tooltip. fragment: its shader in shaders/viewer/buffers. uniforms: a call that returns the uniforms of this
+    shader, with the texture `values`; None before the buffer is made. described: a call that returns the legend. read: a call
+    that returns the 1 or 3 numbers at a pixel of the view from the uniforms, in the legend's unit, or None for no value.
+    everywhere: True if the buffer also has numbers at pixels without a surface. missing: the legend before the buffer is made.
+    in_view: True if its pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles.
+    needs_reference: True if it needs a path-traced reference. state: a call that returns the inputs apart from view and settings,
+    for a memo, which compares them by ==.
     """
 
     name: str
     title: str
     help: str
-    draw: Callable[[Canvas, ViewSource], None]
-    legend: Callable[[ViewSource], Legend]
-    read: Callable[[ViewSource, int, int], np.ndarray | None] = lambda source, x, y: None
+    fragment: str
+    uniforms: Callable[[ViewSource], Uniforms | None]
+    described: Callable[[ViewSource], Legend]
+    read: Callable[[Uniforms, int, int], np.ndarray | None] = first(3)
     everywhere: bool = False
+    missing: str = ""
     in_view: bool = True
     needs_reference: bool = False
     state: Callable[[ViewSource], object] = lambda source: None
 
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Fill the whole canvas."""
+        uniforms, gbuffer = self.uniforms(source), source.view.gbuffer
+        if uniforms is None:
+            clear(canvas.target, GROUND, canvas.region)
+        elif self.in_view:
+            canvas.fill(self.fragment, {"position": gbuffer.position, "scale": scale(canvas.target, gbuffer), **uniforms})
+        else:
+            canvas.tiles(self.fragment, **uniforms)
+
+    def legend(self, source: ViewSource) -> Legend:
+        return Legend(self.missing) if self.missing and self.uniforms(source) is None else self.described(source)
+
     def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Return the buffer's numbers at pixel (x, y) of the view; None for no value. (0, 0) is the upper left pixel."""
         depth = depth_at(source, x, y)
-        return None if depth is None or (depth == 0.0 and not self.everywhere) else self.read(source, x, y)
+        if depth is None or (depth == 0.0 and not self.everywhere) or not self.in_view:
+            return None
+        uniforms = self.uniforms(source)
+        return None if uniforms is None else self.read(uniforms, x, y)

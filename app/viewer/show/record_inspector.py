@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.kinds import draw_atlas
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.table import atlas_tiles
 from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
@@ -18,7 +18,6 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.weight import own_radii, record_distance, record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -136,5 +135,5 @@ class RecordInspector(Owner):
         self.gather_pass = gather
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
-        draw_atlas(Canvas(target, self.programs), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
+        Canvas(target, self.programs).tiles("gather_atlas", **atlas_tiles(atlas, renderer, source.gain))
         return picture

@@ -14,8 +14,7 @@ from irrsplat.app.verify.error_image import signed_error
 from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.background_reference import Estimate, TracedReference
-from irrsplat.app.viewer.buffers.kinds import NO_REFERENCE
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
 from irrsplat.image.view import read

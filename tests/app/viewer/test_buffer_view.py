@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.buffers.kinds import weight_range
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, weight_range
 from irrsplat.app.viewer.show.record_inspector import RecordInspector, weights
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import CHANNELS

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import Any
@@ -54,6 +53,9 @@ DAMAGED = {
     "infinite": b'{"version": 2, "scale": 1e999}',
     "deep": b'{"version": 2, "recent": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
     "list": b"[1]",
+    "size": b'{"version": 2, "size": [0, 100], "scale": 1.0, "recent": []}',
+    "scale": b'{"version": 2, "size": null, "scale": "large", "recent": []}',
+    "scene": b'{"version": 2, "size": null, "scale": 1.0, "recent": [7]}',
 }
 
 
@@ -64,17 +66,6 @@ def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
     back, notices = load()
     assert back == Preferences() and len(notices) == 1 and one_line(notices[0])
     assert save(FULL) is None and load() == (FULL, [])
-
-
-def test_a_wrong_value_is_dropped_with_a_notice_and_the_others_stay(place: Path) -> None:
-    """Each wrong value has a notice; the unknown key `later` has none."""
-    save(FULL)
-    data = json.loads((place / "viewer.json").read_text())
-    data |= {"scale": "large", "later": 1, "size": [0, 100], "recent": ["relative.obj", "/kept.obj", 7]}
-    (place / "viewer.json").write_text(json.dumps(data))
-    back, (notice,) = load()
-    assert back == Preferences(recent=["/kept.obj"]) and "'scale'" in notice and "'size'" in notice
-    assert one_line(notice)
 
 
 def test_what_cannot_be_written_or_read_is_told_and_nothing_is_lost(place: Path) -> None:
