@@ -118,6 +118,6 @@ def _flight(case: str, first: float, viewer: Viewer, cameras: Sequence[Camera]) 
         ms.append(_frame(viewer, camera))
         session = viewer.actions.session
         new += sum(p.new for p in session.progress)
-        for stage, took in session.ms.items():
+        for stage, took in session.renderers[0].timers.milliseconds().items():
             stages[stage] = stages.get(stage, 0.0) + took / len(cameras)
     return Flown(case, first, np.array(ms), stages, new, viewer.actions.session.progress[0].records)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from datetime import datetime
 from importlib.util import find_spec
 from math import dist
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,7 @@ class Actions:
     ) -> None:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
+        self.say, self.attempt = self.messages.say, self.messages.attempt
         self.panels = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
@@ -69,12 +71,12 @@ class Actions:
         if missing := self.missing(command):
             self.say(missing, topic="missing")
             return
-        method = getattr(self, command.action)
+        method = attrgetter(command.action)(self)
         self.attempt(method if command.argument is None else lambda: method(command.argument))
 
     def can(self, command: Command) -> bool:
         """Return True if an action can run now."""
-        return not self.missing(command) and (not command.enabled or bool(getattr(self, command.enabled)))
+        return not self.missing(command) and (not command.enabled or bool(attrgetter(command.enabled)(self)))
 
     def missing(self, command: Command) -> str:
         """Return a line that names the missing extra of an action, and the command that installs it; "" for none."""
@@ -92,18 +94,7 @@ class Actions:
     @property
     def film_possible(self) -> bool:
         """True if a flight is recorded, and no film is in progress."""
-        return self.session.path_recorder.path is not None and not self.filming
-
-    @property
-    def filming(self) -> bool:
-        return self.film.busy
-
-    def say(self, text: object, error: bool = False, topic: str = "") -> None:
-        self.messages.say(text, error, topic)
-
-    def attempt(self, act: Callable[[], object]) -> bool:
-        """Call `act`, and show its error as a message. Return True if it succeeded."""
-        return self.messages.attempt(act)
+        return self.session.path_recorder.path is not None and not self.film.busy
 
     def save_preferences(self, size: tuple[int, int] | None) -> str | None:
         """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
@@ -111,9 +102,6 @@ class Actions:
         return stored.save(self.preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
-
-    def home(self) -> None:
-        self.session.free_camera.home()
 
     def go(self, camera: Camera) -> None:
         """Set the camera to one in world space."""
@@ -257,14 +245,6 @@ class Actions:
         if not self.editor.dragging:
             self.say(f"{verb}ne" if go() else f"nothing to {verb}", topic="undo")
 
-    @property
-    def undo_possible(self) -> bool:
-        return bool(self.editor.past) or self.editor.scene is not self.editor.present
-
-    @property
-    def redo_possible(self) -> bool:
-        return bool(self.editor.future) and self.editor.scene is self.editor.present
-
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
@@ -344,13 +324,9 @@ class Actions:
         self.panels.scale = min(max(self.panels.scale + step, SCALES[0]), SCALES[1])
         self.say(f"interface × {self.panels.scale:g}", topic="scale")
 
-    def find_command(self) -> None:
-        """Open the prompt for an action, a setting or a scene."""
-        self.prompt = prompts.command(self)
-
-    def list_keys(self) -> None:
-        """Open the prompt with all keys. A choice runs its action."""
-        self.prompt = prompts.keys(self)
+    def find_command(self, all_keys: bool = False) -> None:
+        """Open the prompt for an action, a setting or a scene. all_keys: True to begin with the keys of flight and the mouse."""
+        self.prompt = prompts.command(self, all_keys)
 
     def show_setting(self, name: str) -> None:
         """Open the list of settings at the setting `name`."""
@@ -362,7 +338,7 @@ class Actions:
         self._unless_unsaved(self._quit)
 
     def _quit(self) -> None:
-        if self.filming and not self.film.warned:
+        if self.film.busy and not self.film.warned:
             self.film.warned = True
             self.say("a film is being made; Quit again gives it up", topic="quit")  # progress has another topic
             return
@@ -391,7 +367,7 @@ class Actions:
         if self.dialog.native:
             self.dialog.ask_open(prompts.folder(self), self.open)
         else:
-            self.prompt = prompts.command(self)
+            self.find_command()
 
     def open(self, source: str) -> None:
         """Show the scene at `source`, once unsaved changes are saved or discarded."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ctypes
-import sys
+from contextlib import suppress
 
 _MMAP_THRESHOLD, _LARGE = -3, 4 << 20  # glibc's number of the option; bytes of a large array, about one array of a small picture
+_NOT_GLIBC = (AttributeError, OSError, TypeError)  # the errors of another C library, and of Windows
 
 
 def return_large_arrays() -> None:
@@ -14,15 +15,11 @@ def return_large_arrays() -> None:
     Without this call, glibc raises the least size of an array with own pages at each free, up to 32 MB. Smaller arrays share a
     heap, which returns no memory below its last array.
     """
-    if (option := getattr(_libc(), "mallopt", None)) is not None:
-        option(_MMAP_THRESHOLD, _LARGE)
+    with suppress(*_NOT_GLIBC):
+        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE)
 
 
 def trim() -> None:
     """Return the free memory of the heap to the system, for example after a scene was closed."""
-    if (give_back := getattr(_libc(), "malloc_trim", None)) is not None:
-        give_back(0)
-
-
-def _libc() -> ctypes.CDLL | None:
-    return ctypes.CDLL(None) if sys.platform == "linux" else None
+    with suppress(*_NOT_GLIBC):
+        ctypes.CDLL(None).malloc_trim(0)

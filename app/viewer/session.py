@@ -34,15 +34,11 @@ _MOVING = 0.6  # share of a tick's time while the camera moves: input at a tick'
 
 @dataclass(frozen=True)
 class _Side:
-    """The result of a tick on a side.
-
-    centre: the view with one sample a pixel. view: the view to show. ms: milliseconds by stage.
-    """
+    """The result of a tick on a side. centre: the view with one sample a pixel. view: the view to show."""
 
     centre: View
     view: View
     progress: Progress
-    ms: dict[str, float]
 
 
 class Session(Owner):
@@ -98,12 +94,6 @@ class Session(Owner):
     @property
     def progress(self) -> list[Progress]:
         return [side.progress for side in self._made]
-
-    @property
-    def ms(self) -> dict[str, float]:
-        """Milliseconds of the last tick by stage, summed over the sides."""
-        stages = dict.fromkeys(stage for side in self._made for stage in side.ms)
-        return {stage: sum(side.ms.get(stage, 0.0) for side in self._made) for stage in stages}
 
     @property
     def camera(self) -> Camera:
@@ -189,7 +179,7 @@ class Session(Owner):
         last = self.views[side] if side < len(self.views) else view
         if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
             view = last  # until the refined view has as many samples
-        return _Side(centre, view, progress, renderer.timers.milliseconds())
+        return _Side(centre, view, progress)
 
     @property
     def _subject(self) -> tuple[object, object]:

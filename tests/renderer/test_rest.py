@@ -60,7 +60,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
     """A small budget gives at most one sample per frame, none in the first; the final picture is that of a render."""
     settle(driver)
     session = driver.session
-    assert session.views[0].samples == SAMPLES and session.ms == {}
+    assert session.views[0].samples == SAMPLES and session.renderers[0].timers.milliseconds() == {}
     driver.actions.go(replace(session.camera, fov=48.0))
     counts = []
     for _ in range(400):

@@ -261,7 +261,7 @@ class Driver:
     def type(self, text: str) -> None:
         """Type text."""
         for char in text:
-            self.viewer.controls.text(char)
+            self.viewer.backend.io.add_input_characters_utf8(char)
         self.frame(2)
 
     # ---- mouse ---------------------------------------------------------------------------------------------------

@@ -14,9 +14,10 @@ from irrsplat.settings import PRESETS
 class Command:
     """One action of the user.
 
-    menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions, called with `argument`, if any.
+    menu: the path of its menu, such as ``View/Buffer``. action: a method of Actions or of a part of it, such as ``film.release``.
+    argument: the method's argument, None for none.
     key: moderngl-window's name of a key, "" for none. ctrl, shift: True if the key is pressed with Ctrl or Shift.
-    enabled: a property of Actions that is True while the action can run; "" for always. help: further words.
+    enabled: a value of Actions or of a part of it, true while the action can run; "" for always. help: further words.
     extra: the extra of the package that the action needs, a key of EXTRAS. section: True if a line separates it from the entry
     above.
     """
@@ -25,7 +26,7 @@ class Command:
     title: str
     action: str
     key: str = ""
-    argument: str | float | None = None
+    argument: str | float | bool | None = None
     ctrl: bool = False
     shift: bool = False
     help: str = ""
@@ -56,13 +57,13 @@ _FILE = (
     Command("File", "Save as…", "save_as", "S", ctrl=True, shift=True),
     Command("File", "Save picture", "screenshot", "F12", help="write a PNG to the pictures folder", section=True),
     Command("File", "Save film", "save_film", help="of the flight, in the videos folder", enabled="film_possible", extra="video"),
-    Command("File", "Cancel film", "cancel_film", enabled="filming"),
+    Command("File", "Cancel film", "cancel_film", enabled="film.busy"),
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
-    Command("Edit", "Undo", "undo", "Z", ctrl=True, enabled="undo_possible"),
-    Command("Edit", "Redo", "redo", "Y", ctrl=True, enabled="redo_possible"),
-    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True, enabled="redo_possible"),
+    Command("Edit", "Undo", "undo", "Z", ctrl=True, enabled="editor.past"),
+    Command("Edit", "Redo", "redo", "Y", ctrl=True, enabled="editor.future"),
+    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True, enabled="editor.future"),
     Command(
         "Edit",
         "Delete",
@@ -76,7 +77,7 @@ _EDIT = (
 )
 _VIEW = (
     *(Command("View/Buffer", b.title, "show", _BUFFER_KEYS.get(name, ""), name, help=b.help) for name, b in BUFFERS.items()),
-    Command("View/Camera", "First camera", "home", "HOME"),
+    Command("View/Camera", "First camera", "session.free_camera.home", "HOME"),
     Command("View/Camera", "Record flight", "record", "R", help="to a path file; press again to end", section=True),
     Command("View", "Record points", "toggle", "Z", "points", section=True),
     Command("View", "Record discs", "toggle", "X", "discs", help="with the radius of each record"),
@@ -107,7 +108,7 @@ _WINDOW = (
 )
 _HELP = (
     Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by name"),
-    Command("Help", "Keys", "list_keys", "F1", help="list all keys of mouse and keyboard"),
+    Command("Help", "Keys", "find_command", "F1", True, help="list all keys of mouse and keyboard"),
 )
 COMMANDS: tuple[Command, ...] = (*_FILE, *_EDIT, *_VIEW, *_RENDER, *_COMPARE, *_WINDOW, *_HELP)
 KEYS: tuple[Command, ...] = tuple(one for one in COMMANDS if one.key)

@@ -49,7 +49,7 @@ class Controls:
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
         self._skip = False  # True if the next motion event does not count, since the mouse was just captured
         wnd.key_event_func = self.key
-        wnd.unicode_char_entered_func = self.text
+        wnd.unicode_char_entered_func = backend.io.add_input_characters_utf8
         wnd.mouse_position_event_func = wnd.mouse_drag_event_func = self.mouse_moved
         wnd.mouse_press_event_func = self.mouse_pressed
         wnd.mouse_release_event_func = self.mouse_released
@@ -138,9 +138,6 @@ class Controls:
             self.actions.press(found)
             if self.actions.prompt is not None:
                 self.pressed.clear()
-
-    def text(self, char: str) -> None:
-        self.backend.io.add_input_characters_utf8(char)
 
     # ---- mouse -----------------------------------------------------------------------------------------------------
 
@@ -240,4 +237,4 @@ class Controls:
         self.pressed.clear()
         self._capture(False)
         self.pace, self.dragged = 1.0, ""
-        self.backend.focus(focused)
+        self.backend.io.add_focus_event(focused)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from imgui_bundle import imgui
 from imgui_bundle import portable_file_dialogs as desktop
 
-from irrsplat.app.viewer.input.commands import COMMANDS, FLYING, KEYS
+from irrsplat.app.viewer.input.commands import COMMANDS, FLYING
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene import FORMATS, bundled
 from irrsplat.settings import SETTINGS
@@ -50,11 +50,14 @@ def _having(words: str, entries: dict[str, Act]) -> dict[str, Act]:
     return {name: entries[name] for name in found}
 
 
-def command(actions: Actions) -> Prompt:
-    """Return the prompt with all actions that can run, the settings, the known scenes, and a file if its path is typed."""
-    entries = dict[str, Act]()
+def command(actions: Actions, all_keys: bool) -> Prompt:
+    """Return the prompt with all actions that can run, the settings, the known scenes, and a file if its path is typed.
+
+    all_keys: True to list all actions, after the effects of the mouse and of the flying keys.
+    """
+    entries: dict[str, Act] = {f"{key}: {words}": lambda: None for key, words in FLYING if all_keys}
     for one in COMMANDS:
-        if actions.can(one) and one.action not in ("escape", "find_command"):
+        if (all_keys or actions.can(one)) and one.action not in ("escape", "find_command"):
             key = f"  ({one.shown})" if one.shown else ""
             entries.setdefault(f"{one.menu.replace('/', ' ')}: {one.title}{key}", partial(actions.press, one))
     for name in sorted(SETTINGS.keys() - OF_RENDERS):
@@ -66,13 +69,6 @@ def command(actions: Actions) -> Prompt:
         return {f"Open: {path}": partial(actions.open, path)} if os.path.isfile(path) else _having(text, entries)
 
     return Prompt("a command, or the name or the path of a scene", found)
-
-
-def keys(actions: Actions) -> Prompt:
-    """Return the prompt with the effects of the mouse and of the flying keys, and the keys of all actions."""
-    entries: dict[str, Act] = {f"{key}: {words}": lambda: None for key, words in FLYING}
-    entries |= {f"{one.shown}: {one.words}": partial(actions.press, one) for one in KEYS}
-    return Prompt("keys: mouse and keyboard", lambda text: _having(text, entries))
 
 
 def _scenes(actions: Actions) -> dict[str, Act]:

@@ -107,11 +107,6 @@ class ImguiBackend(Owner):
         if imgui.get_frame_count():  # there are no windows before the first frame
             imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(x, y))
 
-    def focus(self, focused: bool) -> None:
-        """Send imgui the gain or loss of the keyboard focus. imgui releases all pressed keys at a loss, since their release
-        events go to another window."""
-        self.io.add_focus_event(focused)
-
     @property
     def wants_mouse(self) -> bool:
         """True if the interface takes the mouse events, by the windows of the last `begin`."""

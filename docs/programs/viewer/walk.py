@@ -248,7 +248,7 @@ def repaint(walker: Walker) -> None:
     walker.drag((x0 + 20.0, 0.5 * (y0 + y1)), (x0 + 90.0, 0.5 * (y0 + y1)), "drag its red")
     walker.rest()
     walker.keep("repaint")
-    assert walker.viewer.actions.undo_possible
+    assert walker.viewer.actions.editor.past
     walker.key("ctrl+z")
     walker.rest()
 

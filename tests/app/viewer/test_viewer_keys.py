@@ -70,7 +70,7 @@ def show_buffer(driver: Driver, shown: str) -> None:
     canvas = driver.canvas()
     push(driver, shown)
     assert driver.session.options.buffer == name and (driver.canvas() != canvas).any()
-    assert driver.session.ms == {} and BUFFERS[name].title in driver.said
+    assert driver.session.renderers[0].timers.milliseconds() == {} and BUFFERS[name].title in driver.said
 
 
 def changed(driver: Driver, shown: str) -> float:
@@ -78,7 +78,7 @@ def changed(driver: Driver, shown: str) -> float:
     before = driver.canvas()
     push(driver, shown)
     after = driver.canvas()
-    assert driver.session.ms == {}
+    assert driver.session.renderers[0].timers.milliseconds() == {}
     push(driver, shown)
     assert np.array_equal(driver.canvas(), before)
     return float((after != before).any(-1).mean())
@@ -151,8 +151,8 @@ def keys(driver: Driver, shown: str) -> None:
     """The list of keys covers more of an unchanged picture, and Esc closes it."""
     before = covered(driver)
     push(driver, shown)
-    assert covered(driver) > before + 0.05 and driver.session.ms == {}
-    assert any(one.label.startswith("Ctrl+Z: Undo") for one in driver.widgets)
+    assert covered(driver) > before + 0.05 and driver.session.renderers[0].timers.milliseconds() == {}
+    assert any(one.label == "Edit: Undo  (Ctrl+Z)" for one in driver.widgets)
     push(driver, "Esc")
     assert covered(driver) == pytest.approx(before, abs=0.01)
 

@@ -116,7 +116,7 @@ def test_the_divider_is_dragged_and_keys_are_about_the_side_that_was_clicked(dri
         canvas = driver.canvas()
         assert np.array_equal(canvas[:, : place - 2], whole[0][:, : place - 2])
         assert np.array_equal(canvas[:, place + 2 :], whole[1][:, place + 2 :])
-    assert driver.session.camera == before and driver.session.ms == {}
+    assert driver.session.camera == before and driver.session.renderers[0].timers.milliseconds() == {}
     for across, side in ((250.0, 1), (60.0, 0)):
         driver.click(across, 60.0)
         push(driver, "Esc")  # the picked object's panel would lie over the other side

@@ -79,7 +79,7 @@ def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
     driver.actions.panels.scale = 2.0
     driver.resize((640, 400))
     driver.actions.show("weight")
-    driver.actions.prompt = prompts.unsaved(driver.actions, driver.actions.home)
+    driver.actions.prompt = prompts.unsaved(driver.actions, driver.session.free_camera.home)
     driver.frame(6)
     for name in ("prompt", "legend 0"):
         window = imgui.internal.find_window_by_name(name)
@@ -115,7 +115,7 @@ def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -
     found = [imgui.internal.find_window_by_name(name) for name in ("legend 0", "record", "along a line", "errors")]
     for a, b in combinations([w.rect() for w in found], 2):
         assert not a.overlaps(b), (a, b)
-    driver.actions.prompt = prompts.unsaved(driver.actions, driver.actions.home)
+    driver.actions.prompt = prompts.unsaved(driver.actions, driver.session.free_camera.home)
     driver.frame(3)
     box, shown = imgui.internal.find_window_by_name("prompt").rect(), driver.window()
     panels.hidden = True
