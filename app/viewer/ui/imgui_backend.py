@@ -17,6 +17,7 @@ FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second fo
 FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
 _THEME = hello_imgui.ImGuiTheme_.photoshop_style
 _QUIET = (0.66, 0.66, 0.66, 1.0)  # sRGB and opacity of secondary text
+_GRAB, _DRAGGED = 0.5, 0.65  # opacity of a slider's grab, so that its white number stays readable; the second one while dragged
 
 # moderngl-window's names of keys -> imgui's names, where these names differ by more than case
 KEYS = {name: f"{name.lower()}_arrow" for name in ("LEFT", "RIGHT", "UP", "DOWN")}
@@ -48,6 +49,9 @@ class ImguiBackend(Owner):
         self._style = imgui.get_style()
         hello_imgui.apply_theme(_THEME)
         self._style.set_color_(imgui.Col_.text_disabled, _QUIET)
+        red, green, blue, _ = tuple(self._style.color_(imgui.Col_.slider_grab_active))  # the theme's accent
+        self._style.set_color_(imgui.Col_.slider_grab, (red, green, blue, _GRAB))
+        self._style.set_color_(imgui.Col_.slider_grab_active, (red, green, blue, _DRAGGED))
         self.resize_scale(scale)
 
     def resize_scale(self, scale: float) -> None:

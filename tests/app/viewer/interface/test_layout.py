@@ -17,6 +17,7 @@ from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from tests.support.viewing import ROOM, Driver, write_room
 
 SIZE = (1000, 640)
+GRABS = "slider_grab", "slider_grab_active"
 
 
 def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
@@ -123,9 +124,10 @@ def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -
     inside = slice(int(box.min.y) + 6, int(box.max.y) - 6), slice(int(box.min.x) + 6, int(box.max.x) - 6)
     assert np.array_equal(driver.window()[inside], shown[inside])
     style = imgui.get_style()
-    colours = {name: np.array(tuple(style.color_(imgui.Col_[name]))) for name in ("window_bg", "frame_bg", "slider_grab", "text")}
-    behind = colours["window_bg"][:3]
-    for name in ("frame_bg", "slider_grab"):
-        behind = behind + (colours[name][:3] - behind) * colours[name][3]
-    text, grab = (linear_from_srgb(c[:3]) @ LUMINANCE for c in (colours["text"], behind))
-    assert (text + 0.05) / (grab + 0.05) >= 4.5
+    colours = {name: np.array(tuple(style.color_(imgui.Col_[name]))) for name in ("window_bg", "frame_bg", *GRABS, "text")}
+    for grab in GRABS:
+        behind = colours["window_bg"][:3]
+        for name in ("frame_bg", grab):
+            behind = behind + (colours[name][:3] - behind) * colours[name][3]
+        text, under = (linear_from_srgb(c[:3]) @ LUMINANCE for c in (colours["text"], behind))
+        assert (text + 0.05) / (under + 0.05) >= 4.5
