@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,17 +42,14 @@ def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
     return found
 
 
-@cache
-def _blackbodies() -> np.ndarray:
-    """Return (N, 3) the colours of all whole kelvins of the slider."""
-    return blackbody(np.arange(COLDEST, HOTTEST + 1.0))
+_BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider
 
 
 @lru_cache(maxsize=64)
 def kelvin_of(color: Point) -> float | None:
     """Return the temperature of the black body with a light's colour; None for another colour."""
     luminance = float(LUMINANCE @ np.asarray(color))
-    off = np.abs(_blackbodies() - np.asarray(color) / (luminance or 1.0)).max(axis=1)
+    off = np.abs(_BLACKBODIES - np.asarray(color) / (luminance or 1.0)).max(axis=1)
     best = int(off.argmin())
     return COLDEST + best if off[best] < _SAME_COLOUR else None
 
