@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 PRESET = "reference"  # accuracy before speed
 _LIGHT_SAMPLES = 1024  # per point by default: a window's light then has an error of about 0.3 %
+_FINEST = 128  # side of a gather from which the surface cache has its finest level, which takes about three times as long
 _AT_ONCE = 512  # points between two reports of progress
 _OWN = 4e-7  # of the greatest coordinate or diagonal: the resolution of float32, within which a point lies on a surface
 
@@ -116,11 +117,14 @@ class LightMeter(Tenant):
         return Readings(places, sites.normal, direct, indirect, status)
 
     def _lit(self) -> _Light:
-        """Return the shadow maps and the surface cache, made at first use."""
+        """Return the shadow maps and make the surface cache at first use, its finest level for a fine gather."""
         if self._light is None:
             shadows = self.lit.shadows
             if self.settings.most_bounces:
                 self.gatherer.prepare(shadows, Budget(None))
+                surface = self.gatherer.surface
+                while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:
+                    self.gatherer.refine_surface(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
             self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE, shadow_caster(self.world, self.settings)))
         return self._light

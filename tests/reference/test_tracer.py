@@ -11,12 +11,13 @@ import pytest
 import irrsplat
 from irrsplat.app import cli
 from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.meter.light_meter import LightMeter
 from irrsplat.reference.truth import MOST_BOUNCES, traced
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.app.verify.test_verify import rows
 from tests.support.luminaires import bilinear, lambert, lopsided, photometry, steps
 from tests.support.truth import load_reference
-from tests.support.worlds import box, material, quad
+from tests.support.worlds import box, material, point_light, quad
 
 CAMERA = Camera((0.0, 0.0, 0.9), (0.0, 0.0, 0.0))
 
@@ -191,3 +192,20 @@ def test_the_command_on_a_real_scene(mitsuba: Any, tmp_path: Path, capsys: pytes
     assert found["direct light RMSE"] <= 1.0
     assert found["noise of reference"] <= 3.0
     assert (tmp_path / "out/error.png").is_file()
+
+
+def test_a_meter_above_a_suspended_panel_agrees_with_paths(mitsuba: Any) -> None:
+    """A panel of 2 m hangs 8 cm below a ceiling, so that all light there has two bounces or more.
+
+    The sites of the first level are 20 cm apart: readings are up to 40 % too bright. Those of the finest level have half the
+    distance. 8192 paths per point have a standard error of 2 %.
+    """
+    paint = material(0.7)
+    panel = box((1.0, 2.4, 1.0), (3.0, 2.42, 2.0), paint)
+    room = Scene((box((0, 0, 0), (4, 2.5, 3), paint, outward=False), panel), (point_light((2.0, 2.0, 1.5), 5.0),), (CAMERA,))
+    points = np.array([[x, y, z] for y in (2.42, 2.5) for x, z in ((2.0, 1.5), (2.0, 1.2), (1.3, 1.5))], "f4")
+    normals = np.array([[0, 1, 0]] * 3 + [[0, -1, 0]] * 3, "f4")
+    traced = [mitsuba.Tracer(room).irradiance(points + 1e-5 * normals, normals, normals, 64, seed, 40) for seed in (1, 2)]
+    with LightMeter(room) as meter:
+        measured = meter.measure(points, normals).indirect
+    assert measured.mean(1) == pytest.approx(np.mean(traced, axis=(0, 2)), rel=0.15)
