@@ -265,7 +265,7 @@ class Atlas:
     from which further shadow rays give derivatives. count: number of records. block: texels summed at once by the first
     reduction step, as (width, height). light_samples: shadow rays to be added. rays: directions of the texels' own rays, in
     the layout of the table; None: the table's. sky_share: R32F texture, visible share of the sky per texel; None: 1 without a
-    hit.
+    hit. close_light: uniforms of shaders/gather/reduce_total.frag for light at close hits; None: the surface cache lights them.
     """
 
     radiance: moderngl.Texture
@@ -280,6 +280,7 @@ class Atlas:
     light_samples: tuple[LightSamples, ...] = ()
     rays: moderngl.Texture | None = None
     sky_share: moderngl.Texture | None = None
+    close_light: Uniforms | None = None
 
 
 @dataclass(frozen=True, eq=False)

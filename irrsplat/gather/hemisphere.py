@@ -31,12 +31,11 @@ class Gather(Owner):
     kind: "plane", "trace" or "embree". table: (height, width, 4) of a record's texels, direction in its frame and cosθ·dω.
     capacity: greatest number of records in one call. places: number of eye positions of a record, used in turn
     (shaders/gather/places.glsl); an atlas's `frames` then has as many columns for each record. atlas: of no records; a call
-    returns it with those of a batch. notes_close: True if the atlas has the shares of light by close values of the surface cache.
+    returns it with those of a batch.
     """
 
     kind: str
     atlas: Atlas
-    notes_close = False
 
     def __init__(self, world: World, table: np.ndarray, capacity: int, places: int = 1) -> None:
         self.world, self.table, self.capacity, self.places = world, table, capacity, places
@@ -126,5 +125,5 @@ def gather_records(
         with timers("gather") if timers else nullcontext():
             atlas = gather(light, where(batch), np.repeat(batch, gather.places), seed)
         with timers("reduce") if timers else nullcontext():
-            reduce(atlas, cache.records, sky, gather.radii, light.surface if gather.notes_close else None)
+            reduce(atlas, cache.records, sky, gather.radii)
     return atlas

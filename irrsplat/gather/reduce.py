@@ -46,7 +46,7 @@ class ReducePass(Owner):
             )
             for kind in ((0, 0), (0, 1), (1, 0), (1, 1))
         }
-        self.totals = [Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE, "SURFACE": on}) for on in (0, 1)]
+        self.totals = [Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE, "CLOSE_LIGHT": on}) for on in (0, 1)]
         self.light_samples = LightSamplePass(ctx, gradients, places)
         self.targets = Workshop()
 
@@ -54,13 +54,10 @@ class ReducePass(Owner):
         """Return the resources that `release` frees."""
         return (*self.blocks.values(), *self.totals, self.light_samples, self.targets)
 
-    def __call__(
-        self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float], surface: Uniforms | None = None
-    ) -> None:
+    def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
 
-        sky: the uniforms of shaders/lighting/sky.glsl. surface: of shaders/surface_cache/lookup.glsl where the atlas has light of
-        the surface cache, which is corrected at close hits; None: no correction.
+        sky: the uniforms of shaders/lighting/sky.glsl.
         """
         size = uneven(atlas.radiance.width // atlas.block[0]), uneven(atlas.radiance.height // atlas.block[1])
         target = self.targets.get(f"sums of {size}", (), lambda: Target(self.ctx, size, self.components))
@@ -89,7 +86,7 @@ class ReducePass(Owner):
         self.light_samples(target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, target.textures, strict=False))
         textures = [records.textures[name] for name in GATHERED]
-        self.totals[surface is not None](
+        self.totals[atlas.close_light is not None](
             self.targets.get("records", textures, lambda: Target(self.ctx, records.size, textures=textures)),
             vertices=atlas.count,
             mode=moderngl.POINTS,
@@ -100,5 +97,5 @@ class ReducePass(Owner):
             places=self.places,
             table=records.size,
             radii=radii,
-            **(surface or {}),
+            **(atlas.close_light or {}),
         )

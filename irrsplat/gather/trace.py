@@ -12,6 +12,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gather.close_light import BATCH, LEAST, PLACES, SIDE, CloseLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.record_frame import atlas_grid, places_of_texels, sample_offsets
@@ -22,6 +23,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
+from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 
 
@@ -84,7 +86,7 @@ class TraceGather(Gather):
         if embree:
             columns, capacity = atlas_grid(cell, min(capacity, limit * TABLE_COLUMNS // len(rays)), limit)
         super().__init__(world, table, capacity, places)
-        self.notes_close = surface and not hits
+        self._light_samples = light_samples
         self.kind, self.survey = "embree" if embree else "trace", survey
         self.search = LightSearch(world, light_samples, len(rays) / np.pi, embree=embree)
         self.program = Program(
@@ -115,13 +117,26 @@ class TraceGather(Gather):
             rays=table_texture(ctx, np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1), varying=True),
         )
         self.first_hits = FirstHits(world, rays, cell, places, capacity) if embree else None
+        self._rays = np.concatenate([rays, table[..., 3].reshape(-1, 1)], axis=1)
+        resolves_close = surface and not hits and places == 1 and len(rays) > LEAST
+        self._close_light = float_texture(ctx, (uneven(capacity), 1), 2) if resolves_close else None
         # a surface cache has so many sites that the noise of each averages out
         self.sky = None if hits or places > 1 else SkyShares(world, side, self.atlas, embree)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         atlas = self.atlas
-        return (self.program, self.target, atlas.table, atlas.edges, atlas.frames, atlas.rays, self.first_hits, self.sky)
+        return (
+            self.program,
+            self.target,
+            atlas.table,
+            atlas.edges,
+            atlas.frames,
+            atlas.rays,
+            self.first_hits,
+            self.sky,
+            self._close_light,
+        )
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
@@ -155,7 +170,24 @@ class TraceGather(Gather):
             )
         samples = () if self.survey else self.search.light_samples(rows, light)
         sky_share = None if self.sky is None else self.sky(rows, hits, areas)
-        return replace(atlas, count=count, light_samples=samples, sky_share=sky_share)
+        close = None
+        if self._close_light is not None:
+            (planes,) = self._read((1,), count)
+            found = self._close_hits()(light, rows, sites.frame_rotations(numbers), planes, self._rays, hits, seed)
+            self._close_light.write(found.tobytes(), viewport=(0, 0, count, 1))
+            close = {**(light.surface or {}), "close_light": self._close_light}
+        return replace(atlas, count=count, light_samples=samples, sky_share=sky_share, close_light=close)
+
+    def _close_hits(self) -> CloseLight:
+        """Return the passes for light at close hits, which all gathers of the world share."""
+        world, embree, samples = self.world, self.first_hits is not None, min(self._light_samples, PLACES)
+        emitters = samples > 0 and emitter_table(world) is not None
+        inputs = light_defines(world.scene), dict(world.material_defines), samples, embree, emitters
+
+        def made() -> CloseLight:
+            return CloseLight(TraceGather(world, SIDE, BATCH, surface=True, places=PLACES, light_samples=samples, embree=embree))
+
+        return world.derived.get("close light", inputs, made)
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the hits of the last call's first `count` records, R rays each in the order of the cell's texels.

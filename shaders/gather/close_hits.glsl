@@ -13,3 +13,6 @@ vec2 parted(float both)
     float first = floor(both / (TWELVE_BITS + 1.0));
     return vec2(first, both - first * (TWELVE_BITS + 1.0)) / TWELVE_BITS;
 }
+
+// Length of rays from which the value at a hit holds, in extents of its surface: of a record's rays, and of rays from close hits.
+const vec2 CLOSE = vec2(2.0, 1.0);

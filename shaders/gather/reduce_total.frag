@@ -3,7 +3,7 @@
 #include "generated/record_outputs.glsl"
 #include "gather/places.glsl"
 #include "lib/texel.glsl"
-#if SURFACE
+#if CLOSE_LIGHT
 #include "surface_cache/lookup.glsl"
 #endif
 
@@ -21,19 +21,27 @@ uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at 
 uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius
+#if CLOSE_LIGHT
+uniform sampler2D close_light;  // a texel a record: mean luminance of E at its close hits, its part by close values of the surface
+                                // cache (-1: few close hits)
+#endif
 
 const float STEPS = 2.2;     // measured ratio of the summed differences between neighbouring rays to the error of E
+const float FEEDBACK = 0.9;  // greatest share of a record's light that returns to it from close hits
 const float ENCLOSED = 0.2;  // least share of directions that end at inner sides; others may hit objects in that mesh
 
 flat in int v_index;         // in the batch
 
-#if SURFACE
-// Ratio of a record's irradiance in a crack to `whole`, see docs/METHOD.md, 11.5. close: its part by close values of the surface
-// cache. cached: the surface cache at the record. All are luminances in W/m². reflected: mean reflectance of the close hits.
-float in_cracks(float whole, float close, float reflected, float cached)
+#if CLOSE_LIGHT
+// Ratio of a record's irradiance to `whole`, see docs/METHOD.md, 11.5. close: its part by close values of the surface cache.
+// reflected: mean reflectance of the close hits. cached: the surface cache at the record. there: a texel of close_light.
+float with_close_light(float whole, float close, float reflected, float cached, vec2 there)
 {
-    float kept = 1.0 - max(reflected, close / max(cached, 1e-20));  // of the record's own light, by a bounce there and back
-    return min((whole - close) / max(kept, 1e-6), whole) / max(whole, 1e-20);
+    float first = (whole - close + reflected * (there.x - there.y)) / whole;  // without light that returns
+    float back = min(there.y / max(cached, 1e-20), 1.0), share = min(reflected, FEEDBACK);
+    // where light falls, the brighter of two solutions holds: by parallel surfaces, or in proportion to cached values
+    float ratio = max(first / (1.0 - share * back), min(first / (1.0 - share * max(back, reflected)), 1.0));
+    return clamp(ratio, 0.0, 2.0);
 }
 #endif
 
@@ -65,12 +73,14 @@ void main()
     float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
     vec4 normal = texel_at(frames, ivec2(i * places, 2));
     mat3 world = mat3(texel_at(frames, ivec2(i * places, 0)).xyz, texel_at(frames, ivec2(i * places, 1)).xyz, normal.xyz);
-#if SURFACE
-    if (normal.w >= 0.0 && solid.z > 0.0)
+#if CLOSE_LIGHT
+    vec2 there = texel_at(close_light, ivec2(i, 0)).rg;
+    float plain = dot(total.rgb, LUMINANCE);
+    if (normal.w >= 0.0 && there.y >= 0.0 && plain > 0.0)
     {
         vec3 g_world = world * texel_at(frames, ivec2(i * places, 3)).xyz, eye = texel_at(frames, ivec2(i * places, 4)).xyz;
-        vec3 cached = surface_irradiance_at(int(normal.w), eye, g_world).rgb;
-        float ratio = in_cracks(dot(total.rgb, LUMINANCE), solid.z, solid.w, dot(cached, LUMINANCE));
+        float cached = dot(surface_irradiance_at(int(normal.w), eye, g_world).rgb, LUMINANCE);
+        float ratio = with_close_light(plain, solid.z, solid.w, cached, there);
         total.rgb *= ratio;
         M *= ratio;
         G *= ratio;
@@ -98,6 +108,7 @@ void main()
     noise = Y > 0.0 ? min(sqrt(steps) / (STEPS * Y), 1.0) : 1.0;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
+    noise = places > 1 ? solid.z : 0.0;  // of several eyes unknown; for the light at close hits, its part by close values
     M = outerProduct(normal.xyz, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
     write_record(total.rgb, R, M, G, axis, curvature, max_radius, noise);

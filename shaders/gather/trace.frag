@@ -125,9 +125,8 @@ void main()
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     float close = 0.0;
 #if SURFACE && !HITS
-    // a value represents a surface of this extent, and resolves no changes of light along a shorter ray
-    vec3 reflected = max(1.0 - hit.t / max(further.a, near), 0.0) * material.albedo;
-    close = joined(vec2(dot(reflected * further.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), dot(reflected, LUMINANCE)));
+    float reflected = max(1.0 - hit.t / ((places > 1 ? CLOSE.y : CLOSE.x) * max(further.a, near)), 0.0) * dot(material.albedo, LUMINANCE);
+    close = joined(vec2(reflected * dot(further.rgb, LUMINANCE) / max(PI * dot(L, LUMINANCE), 1e-20), reflected));
 #endif
     out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), inner ? -1.0 : close) : vec4(0.0);
 }

@@ -1,0 +1,105 @@
+"""Irradiance at the close hits of records, by a second gather whose rays start there.
+
+A value of the surface cache is a mean over its site's cluster. Close to a record, light changes within less.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.core.color import LUMINANCE
+from irrsplat.gather.hemisphere import Gather, gather_records
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.records.record_cache import RecordCache
+
+PLACES = 8  # hits that share a gather
+SIDE = 4  # side² rays of a gather, as many from each of its hits
+BATCH = 1024  # gathers at once
+_RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
+LEAST = 20.0  # weighted number of close hits below which a record keeps the values of the surface cache
+_STEP = 4096.0  # TWELVE_BITS + 1 in shaders/gather/close_hits.glsl
+
+
+class CloseLight(Owner):
+    """Passes that compute light at close hits. gather: of SIDE² rays from PLACES eye positions, by the surface cache."""
+
+    def __init__(self, gather: Gather) -> None:
+        ctx = gather.world.ctx
+        self.gather, self.reduce, self.found = gather, ReducePass(ctx, gradients=False, places=PLACES), RecordCache(ctx)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """Return the resources that `release` frees."""
+        return (self.gather, self.reduce, self.found)
+
+    def __call__(
+        self,
+        light: HitLight,
+        rows: np.ndarray,
+        rotations: np.ndarray,
+        planes: np.ndarray,
+        rays: np.ndarray,
+        triangles: np.ndarray | None,
+        seed: int,
+    ) -> np.ndarray:
+        """Return (N, 2) luminances in W/m²: mean E at the close hits of N records, and its part by close values of the surface
+        cache; that is -1 for records with few close hits.
+
+        rows: (5, N, 4) of Atlas.frames. rotations: (N,) seeds of the frames. planes: (N, R, 4) of Atlas.planes. rays: (R, 4)
+        directions in a frame, and cosθ·dω. triangles: (N, R) of the hits, if known.
+        """
+        share = np.where(rows[3, :, :3] @ rays[:, :3].T > 0.0, rays[:, 3] / (np.pi * (_STEP - 1.0)), 0.0)
+        pair = np.maximum(planes[..., 3], 0.0)
+        reflected = (pair - _STEP * np.floor(pair / _STEP)) * share
+        close = reflected.sum(1) * len(rays)
+        gathers = np.where(close > LEAST, np.ceil(close * _RAYS / SIDE**2), 0.0).astype(np.intp)
+        values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))
+        some = np.flatnonzero(gathers)
+        if len(some):
+            row, texel, rank = drawn(reflected[some], gathers[some])
+            record = some[row]
+            along = np.einsum("nk,nkx->nx", rays[texel, :3], rows[:3, record, :3].swapaxes(0, 1))
+            plane = planes[record, texel, :3]
+            place = rows[4, record, :3] + along / np.einsum("nx,nx->n", plane, along)[:, None]
+            facing = -plane / np.linalg.norm(plane, axis=1, keepdims=True)
+            triangle = None if triangles is None else triangles[record, texel]
+            eyes = Sites(place, facing, facing, triangle, rotations[record] * len(rays) + rank)
+            values[some] = self._means(light, eyes, gathers[some], seed)
+        return values
+
+    def _means(self, light: HitLight, eyes: Sites, gathers: np.ndarray, seed: int) -> np.ndarray:
+        """Return (N, 2) as a call does, for records with so many `gathers` (N,), from `eyes`."""
+        count = len(eyes) // PLACES
+        if count > self.found.count:
+            self.found.append(eyes[: count - self.found.count])
+        gather_records(self.gather, self.reduce, light, self.found, np.arange(count), seed, where=partial(_eyes_of, eyes))
+        found = self.found.records.read("irradiance", "noise")
+        values = np.stack([found["irradiance"] @ LUMINANCE, found["noise"]], axis=1)[:count]
+        means: np.ndarray = np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None]
+        return means
+
+
+def _eyes_of(eyes: Sites, numbers: np.ndarray) -> Sites:
+    """Return the `eyes` of gathers of these numbers."""
+    return eyes[(PLACES * numbers[:, None] + np.arange(PLACES)).ravel()]
+
+
+def drawn(weights: np.ndarray, gathers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw hits by their `weights` (N, R), PLACES times the `gathers` (N,) of each record.
+
+    Return the record, the texel and the rank in its record of each. Systematic sampling draws them in the order of texels. A
+    gather's hits lie all over the hemisphere, and its places take the parts of the hemisphere in turn.
+    """
+    sums = np.cumsum(weights, dtype=float)
+    ends = sums[weights.shape[1] - 1 :: weights.shape[1]]
+    counts = PLACES * gathers
+    record = np.repeat(np.arange(len(gathers)), counts)
+    rank = np.arange(len(record)) - np.repeat(np.cumsum(counts) - counts, counts)
+    gather, place = np.divmod(rank, PLACES)
+    at = ((place + gather) % PLACES + (gather + 0.5) / gathers[record]) / PLACES
+    begin = np.concatenate([[0.0], ends[:-1]])
+    found = np.searchsorted(sums, begin[record] + at * (ends - begin)[record], side="right")
+    return record, np.minimum(found - record * weights.shape[1], weights.shape[1] - 1), rank
