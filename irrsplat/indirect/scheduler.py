@@ -88,8 +88,10 @@ class RecordScheduler(Owner):
         Affected records become stale. Records close to a place that a mesh has left or reached are removed. change: from
         `change_to`. shadows: of the former scene, None if none are drawn.
         """
-        bounces = self.settings.most_bounces
+        bounces, limited = self.settings.most_bounces, self.adaptation.is_current(settings)
         kept = self.gatherer.apply(settings, change, shadows)
+        if limited and change.dimming is not None and not np.ptp(change.dimming):  # limits depend on ratios of light alone
+            self.adaptation.accept(vars(settings), self.adaptation.compared)
         other_lights = change and change.dimming is None
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
             self._checked.forget()

@@ -92,6 +92,10 @@ class AdaptiveRadius(Owner):
     def _inputs(self, settings: Mapping[str, object]) -> tuple[object, ...]:
         return (*(settings.get(name) for name in _SETTINGS), self.cache.refresh_count, self.cache.luminance_floor)
 
+    def is_current(self, settings: Settings) -> bool:
+        """True if all present records have limits by these settings."""
+        return self._progress.limited == self.cache.count and self._progress.inputs == self._inputs(vars(settings))
+
     @property
     def compared(self) -> int:
         """The number of records by which all others are limited."""

@@ -83,11 +83,8 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
 @pytest.mark.few_sites
 @pytest.mark.parametrize("bounces", [1, "all"])
 def test_a_single_light_is_dimmed_at_once(ctx: moderngl.Context, bounces: Any) -> None:
-    """Light is linear in its only source: the next frame, however short, shows a fresh render's picture.
-
-    Limits of radii are off: a dimmed cache compares all records anew, and a fresh one leaves out its last few.
-    """
-    settings = {**TRACED, "bounces": bounces, "adapt": 0.0}
+    """Light is linear in its only source: the next frame, however short, shows a fresh render's picture."""
+    settings = {**TRACED, "bounces": bounces}
     after = lit_by(dimmed(LIGHT, 0.3))
     with Renderer(lit_by(LIGHT), SIZE, ctx=ctx, **settings) as old, Renderer(after, SIZE, ctx=ctx, **settings) as fresh:
         old.render()
