@@ -90,6 +90,13 @@ def triangle_normals(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return normal, 0.5 * twice
 
 
+def squares_from_boxes(low: np.ndarray, high: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return (N,) the squared distances of a `place` (3,) from the boxes with the corners `low` and `high`, (3, N) each."""
+    sides = zip(low, high, place, strict=True)
+    squares: np.ndarray = sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides)
+    return squares
+
+
 def triangle_areas(corners: np.ndarray) -> np.ndarray:
     """Return (F,) areas of triangles with corners (F, 3, 3)."""
     return triangle_normals(corners)[1]

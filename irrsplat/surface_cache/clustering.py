@@ -60,17 +60,20 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
     return below
 
 
-def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float) -> np.ndarray:
+def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0) -> np.ndarray:
     """Return (M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the
-    sphere."""
+    sphere. level: (M,) how many times the size is halved."""
     low = [float(at.min(initial=np.inf)) for at in position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
-    x, y, z = (((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(position.T, low, strict=True))
+    x, y, z = (
+        ((at.astype(float) - least) * (2.0**level / size) + 0.37).astype(np.int64)
+        for at, least in zip(position.T, low, strict=True)
+    )
     normal = np.ascontiguousarray(normal.T)  # by columns: the same along the short axis takes ten times as long
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
-    key: np.ndarray = (((x << 19 | y) << 19 | z) << 5) | face
+    key: np.ndarray = (((x << 19 | y) << 19 | z) << 8) | level << 5 | face
     return key
 
 
@@ -127,7 +130,7 @@ class Clusters:
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
     stands for each of the tessellation's points, on either side. value: (M,) the numbers of the members' values, -1
-    until SiteChooser fills those that need a gather.
+    until SiteChooser fills those that need a gather. level: (M,) how many times their clusters' size is halved.
     """
 
     tessellation: Tessellation
@@ -138,6 +141,7 @@ class Clusters:
     face: np.ndarray
     member: np.ndarray
     value: np.ndarray
+    level: np.ndarray
 
     @property
     def min_area(self) -> float:
@@ -146,7 +150,8 @@ class Clusters:
 
     def choose(self, left: np.ndarray, most: int, min_area: float) -> Choice:
         """Return the sites among the members `left`, and the site of each, see choose_sites."""
-        return choose_sites(self.keys[left], self.members.position[left], self.area[left], min_area, most)
+        area = self.area[left] * 4.0 ** self.level[left]
+        return choose_sites(self.keys[left], self.members.position[left], area, min_area, most)
 
     def sites(self, at: np.ndarray) -> Sites:
         """Return the members `at` (N,) as places for records."""
@@ -165,7 +170,7 @@ def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size
     for block in _BLOCKS:
         left = np.flatnonzero(found[:, 0] < 0)
         both = np.concatenate([sites, requesting[left]])
-        blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 5  # without the normals' parts
+        blocks = voxel_keys(members.position[both], members.normal[both], block * size) >> 8  # without the normals' parts
         order = np.argsort(blocks[: len(sites)], kind="stable")
         known = blocks[order]
         for first in range(0, len(left), _AT_ONCE):

@@ -61,12 +61,12 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 class LaidOut(Owner):
     """Sites on the GPU: a record for each of S values, in the order of the values, and their lookup table.
 
-    area: (S,) m² of the surface that each stands for. places: the origins of their rays. transport: between the sites. Both are
-    None until they are known.
+    area: (S,) m² of the surface that each stands for. level: (S,) see SiteLayout. places: the origins of their rays. transport:
+    between the sites. Both are None until they are known.
     """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
-        self.area = layout.area
+        self.area, self.level = layout.area, layout.level
         self.places: Places | None = None
         self.transport: Transport | None = None
         self.records = RecordCache(ctx)

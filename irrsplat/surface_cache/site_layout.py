@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.timing.background import Steps, in_background
-from irrsplat.core.vectors import sphere, triangle_areas
+from irrsplat.core.vectors import sphere, squares_from_boxes, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.appearance import in_order
@@ -40,6 +40,8 @@ _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at 
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
+_SMALL_LIGHTS, _VOXELS = 128, 512  # greatest numbers of small lights with fine cells, and of voxels that are candidates
+_AROUND = 1.5  # of the spacing: radius of the ball whose emissive area is the size of a voxel's emitters
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
@@ -91,14 +93,15 @@ class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
     sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
-    the surface that each stands for. triangles: see Tessellation.table. cells: (C + H, 2, 4) float32, for either side of the
-    tessellation's C cells, the numbers of their corners' values, -1 for none, and 0. Where an object occludes part of a cell, so
-    that not all corners see each other, the last is the number of one of the H further rows. Such a row has the lines beyond
-    which corners are hidden, see _borders.
+    the surface that each stands for. level: (S,) of its cluster, see Clusters. triangles: see Tessellation.table. cells:
+    (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of their corners' values, -1 for none, and
+    0. Where an object occludes part of a cell, so that not all corners see each other, the last is the number of one of the H
+    further rows. Such a row has the lines beyond which corners are hidden, see _borders.
     """
 
     sites: Sites
     area: np.ndarray
+    level: np.ndarray
     triangles: np.ndarray
     cells: np.ndarray
 
@@ -128,7 +131,8 @@ class SiteChooser:
         yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
-        return SiteLayout(clusters.sites(at), area.astype(float), clusters.tessellation.table, cells), clusters
+        level, table = clusters.level[at], clusters.tessellation.table
+        return SiteLayout(clusters.sites(at), area.astype(float), level, table, cells), clusters
 
     def _cluster(self) -> Steps[tuple[Clusters, Choice]]:
         """Tessellate the surfaces and cluster their corners, at a spacing by the surfaces' area, or wider to limit the sites.
@@ -164,8 +168,7 @@ class SiteChooser:
         columns = np.ascontiguousarray(corners.transpose(1, 2, 0))  # of the first, the second and the third corners
         low, high = (reduce(extreme, columns) for extreme in (np.minimum, np.maximum))
         for place, reach in zip(places.astype(np.float32), (_ROOMS * rooms).astype(np.float32), strict=True):
-            sides = zip(low, high, place, strict=True)  # of the triangles' boxes; squares of the distances from these:
-            away = sum(np.maximum(np.maximum(least - x, x - most), 0.0) ** 2 for least, most, x in sides)
+            away = squares_from_boxes(low, high, place)
             counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
         counts = np.minimum(counts, area) if len(places) else area
         return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
@@ -177,7 +180,9 @@ class SiteChooser:
         """
         offset = offset_of(self.scene)
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        tessellation = tessellate(vertices, faces, spacing * wider, offset)
+        emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)
+        lights = _small_lights(self.scene, vertices, faces[emits[mesh[: len(faces)]]], spacing)
+        tessellation = tessellate(vertices, faces, spacing * wider, offset, lights)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
@@ -186,14 +191,14 @@ class SiteChooser:
         members = clustering.both_sides(tessellation, offset, points, points[inner])
         member = np.stack([which, len(points) + number[which]])
         area = np.bincount(member.ravel(), weights=np.tile(tessellation.area, 2), minlength=len(members))
-        face = tessellation.face[np.concatenate([points, points[inner]])]
+        face, level = (of[np.concatenate([points, points[inner]])] for of in (tessellation.face, tessellation.level))
         value = self._known_values(members)
         value[len(points) :][unlit[inner]] = DARK_VALUE
         left = np.flatnonzero(value < 0)
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
-            keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing)
-            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value)
+            keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level)
+            clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, level)
             first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
                 return clusters, first
@@ -316,6 +321,26 @@ def _interesting(scene: Scene) -> np.ndarray:
     emitters = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
     places = np.array([*(camera.eye for camera in scene.cameras), *lights, *emitters], float).reshape(-1, 3)
     return places[:: -(-len(places) // _PLACES) or 1]
+
+
+def _small_lights(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
+    """Return (K, 4) the places of lights, and sizes in metres below half of the `spacing`. A point light has the size 0.
+
+    emissive: (F, 3) the triangles of emitters. A voxel of `spacing` metres is one light. Its size is the width of a strip that
+    has the area around it, so that a part of a large panel is not small.
+    """
+    lights = np.array([[*light.position, 0.0] for light in scene.lights if not light.directional], float).reshape(-1, 4)
+    cells = tessellate(vertices, emissive, spacing, 0.0)
+    _, voxel = np.unique(np.floor(cells.position / spacing).astype(np.int64), axis=0, return_inverse=True)
+    weights = np.maximum(cells.area, 1e-30)
+    area = np.bincount(voxel.ravel(), weights)
+    at = np.stack([np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T], axis=1)
+    some = at[area < spacing**2]
+    some = some[:: -(-len(some) // _VOXELS) or 1]
+    width = [area[((at - one) ** 2).sum(1) < (_AROUND * spacing) ** 2].sum() / (2.0 * _AROUND * spacing) for one in some]
+    lights = np.concatenate([lights, np.column_stack([some, width])])
+    lights = lights[lights[:, 3] < 0.5 * spacing]
+    return lights[:: -(-len(lights) // _SMALL_LIGHTS) or 1]
 
 
 def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:

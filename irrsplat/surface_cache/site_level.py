@@ -242,7 +242,9 @@ class SiteLevel(Owner):
         if steps.drawing is None:
             R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
             emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
-            steps.drawing = in_background(partial(survey.places, R, laid_out.area, corners, emissive, self.settings.seed))
+            steps.drawing = in_background(
+                partial(survey.places, R, laid_out.area, laid_out.level, corners, emissive, self.settings.seed)
+            )
         laid_out.places = budget.advance(steps.drawing)
         if laid_out.places is None:
             return False

@@ -22,7 +22,8 @@ from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
 
 PLACES = 8  # of a site
-_NEAR = 0.3  # of the width of a cluster: rays from emissive surfaces closer to it count less, by the square of the distance
+_NEAR = 0.3  # of a cluster's width, before halving: rays from closer emissive surfaces count by the square of the distance
+_TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than that is no part of the ceiling at its rim
 _BOUNCES = 8  # along which the importance of sites is followed
 
 
@@ -81,18 +82,21 @@ class Survey:
         self._hits.append(_Hits(numbers[rays[0]], hits.site[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
-    def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, emissive: np.ndarray, seed: int) -> Places:
+    def places(
+        self, R: np.ndarray, area: np.ndarray, level: np.ndarray, corners: np.ndarray, emissive: np.ndarray, seed: int
+    ) -> Places:
         """Return the places of the sites. A site without a hit uses its own position.
 
-        R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. corners: (F, 3, 3) of the triangles.
-        emissive: (F,) True for triangles that emit light.
+        R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
+        (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
         """
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
         assert self.sites.triangle is not None
         weight = self._importance(R, area)[hits.origin] * hits.share
         # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.
         away = ((hits.position - self.sites.position[hits.origin]) ** 2).sum(1)
-        near = np.minimum(away / np.maximum(_NEAR**2 * area[hits.site], 1e-30), 1.0)
+        near = np.minimum(away / np.maximum(_NEAR**2 * (area * 4.0**level)[hits.site], 1e-30), 1.0)
+        near = np.where(near < _TOUCHING, 0.0, near)
         weight *= np.where(emissive[self.sites.triangle[hits.origin]], near, 1.0)
         drawn = _drawn(hits.site, weight, hits.position, len(self.sites), seed)
         met = drawn >= 0

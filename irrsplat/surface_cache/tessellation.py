@@ -1,7 +1,7 @@
 """A scene's surfaces cut into small triangular cells, so that values at their corners are found at any point.
 
 A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
-triangle is one.
+triangle is one. Light is steep close to small lights: a triangle there is cut into parts first, and each part into its own cells.
 """
 
 from __future__ import annotations
@@ -11,23 +11,26 @@ from functools import reduce
 
 import numpy as np
 
-from irrsplat.core.vectors import triangle_normals
+from irrsplat.core.vectors import squares_from_boxes, triangle_normals
 from irrsplat.core.vertex_layout import vertex_column
 
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
+_FINEST = 4  # greatest number of times that steps close to lights are halved
 
 
 @dataclass(frozen=True)
 class Tessellation:
     """The cells of F triangles.
 
-    table: (F, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell.
+    table: (T, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell. A
+    triangle of n² parts has -n, and the row of its first part. The rows of all parts follow those of the F triangles.
     corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
     shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one for all three corners.
     position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that a point on the edge of a wall sees
     the wall. normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the front by the
-    winding. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point.
+    winding. face: (P,) the triangles' numbers. area: (P,) m², a third of the cells at each point. level: (P,) how many times the
+    steps around each are halved.
     """
 
     table: np.ndarray
@@ -37,6 +40,7 @@ class Tessellation:
     geometric: np.ndarray
     face: np.ndarray
     area: np.ndarray
+    level: np.ndarray
 
     @property
     def cells(self) -> int:
@@ -50,22 +54,37 @@ class Tessellation:
         return corners
 
 
-def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float) -> Tessellation:
+def tessellate(
+    vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float, lights: np.ndarray | None = None
+) -> Tessellation:
     """Return the tessellation with steps of at most `spacing` metres, one number or (F,), or longer beyond _MAX_CELLS cells.
 
-    vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see scene.flatten.flatten.
+    vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see scene.flatten.flatten. lights: (K, 4) places and sizes
+    in metres of small lights. A step near one is at most about as long as the distance and the size together.
     """
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
-    edges = (p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1])
-    longest = np.sqrt(reduce(np.maximum, (np.einsum("fx,fx->f", e, e) for e in edges)))
+    spacing = np.broadcast_to(spacing, len(p))
+    longest = _longest(p)
     n = steps(longest, spacing)
+    cut = np.flatnonzero(longest > _SMALL * spacing) if lights is not None and len(lights) else np.zeros(0, np.intp)
+    cut = cut[_halvings(p[cut], spacing[cut], lights) > 0]
+    row = np.concatenate([np.arange(len(p)), np.repeat(cut, n[cut] ** 2)])  # the triangle of each row of the table
+    table = np.zeros((len(row), 2), np.float32)
+    table[cut] = np.stack([-n[cut], len(p) + np.cumsum(n[cut] ** 2) - n[cut] ** 2], axis=1)
+    level = np.zeros(len(row), np.intp)
+    if len(cut):
+        p, normals = (np.concatenate([of, _parts(of[cut], n[cut])]) for of in (p, normals))
+        level[len(faces) :] = _halvings(p[len(faces) :], spacing[row[len(faces) :]], lights)
+        longest, spacing = _longest(p), spacing[row] * 0.5**level
+        n = steps(longest, spacing)
+        n[cut] = 0  # their parts have all cells
     unit, size = triangle_normals(p)
     geometric = unit.T.astype(np.float32)
 
     tiny = longest <= _SMALL * spacing
-    counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2)
+    counts = np.where(tiny, 1, (n + 1) * (n + 2) // 2) * (n > 0)
     begin, first = (np.cumsum(of) - of for of in (counts, n * n))
-    face, face_of_cell = (np.repeat(np.arange(len(faces)), of) for of in (counts, n * n))
+    face, face_of_cell = (np.repeat(np.arange(len(p)), of) for of in (counts, n * n))
     position, normal = np.empty((2, len(face), 3), np.float32)
     area = size[face]
     middles = ((of[:, 0] + of[:, 1] + of[:, 2])[tiny] / np.float32(3.0) for of in (p, normals))
@@ -92,8 +111,34 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndar
     length *= np.sign(np.einsum("px,px->p", normal, facing))
     known = length != 0.0
     normal = np.where(known[:, None], normal / np.where(known, length, 1.0)[:, None], facing)
-    table = np.stack([n, first], axis=1).astype(np.float32)
-    return Tessellation(table, corners, position, normal, facing, face, area)
+    table[n > 0] = np.stack([n, first], axis=1)[n > 0]
+    return Tessellation(table, corners, position, normal, facing, row[face], area, level[face])
+
+
+def _longest(p: np.ndarray) -> np.ndarray:
+    """Return (F,) the longest edges of triangles `p` (F, 3, 3)."""
+    edges = (p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1])
+    longest: np.ndarray = np.sqrt(reduce(np.maximum, (np.einsum("fx,fx->f", e, e) for e in edges)))
+    return longest
+
+
+def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> np.ndarray:
+    """Return (F,) how many times the `spacing` (F,) of triangles `p` (F, 3, 3) is halved near the `lights` (K, 4)."""
+    low, high = (np.ascontiguousarray(extreme(p, axis=1).T) for extreme in (np.min, np.max))
+    step = spacing.copy()
+    for *place, size in () if lights is None else lights:
+        np.minimum(step, np.sqrt(squares_from_boxes(low, high, place)) + size, out=step)
+    halvings: np.ndarray = np.minimum(np.log2(spacing / np.maximum(step, 1e-30)), _FINEST).astype(np.intp)
+    return halvings
+
+
+def _parts(corners: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Return (P, 3, 3) the columns at the corners of the n² parts of each triangle, by those at its `corners` (F, 3, 3)."""
+    of = np.repeat(np.arange(len(n)), n * n)
+    i, j = _corners(np.arange(len(of)) - np.repeat(np.cumsum(n * n) - n * n, n * n), n[of])
+    share = np.stack([n[of][:, None] - i - j, i, j], axis=-1) / n[of][:, None, None]
+    parts: np.ndarray = np.einsum("pck,pkx->pcx", share.astype(np.float32), corners[of])
+    return parts
 
 
 def _inset(p: np.ndarray, inset: float) -> np.ndarray:

@@ -1,7 +1,7 @@
 // The surface cache: indirect irradiance at sites spread over all surfaces, by the cells of tessellation.py.
 #include "lib/rays/triangles.glsl"
 
-uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell
+uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell; of parts, -n and the texel of the first
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: an object occludes part of the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
@@ -48,6 +48,11 @@ Lookup surface_lookup(int triangle, vec3 share, int side)
 {
     vec2 cut = texel_at(surface_triangles, table_texel(triangle * surface_known)).xy;
     vec3 weights;
+    if (cut.x < 0.0)
+    {
+        int part = surface_cell(share.yz * -cut.x, int(-cut.x), share);
+        cut = texel_at(surface_triangles, table_texel(int(cut.y) + part)).xy;
+    }
     int cell = int(cut.y) + surface_cell(share.yz * cut.x, int(cut.x), weights);
     vec4 found = texel_at(surface_cells, table_texel(cell, 2, side));
     vec3 known = mix(weights, vec3(0.0), lessThan(found.xyz, vec3(0.0)));

@@ -22,7 +22,7 @@ from irrsplat.surface_cache.site_places import PLACES
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import box, material, point_light, scene
-from tests.surface_cache.test_bounces import ALL, few, gathered, made, values
+from tests.surface_cache.test_bounces import ALL, advance, few, gathered, made, values
 from tests.surface_cache.test_surface import clusters
 
 __all__ = ["few"]
@@ -147,12 +147,14 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
 
     With 64 rays a site, the noise of the transport is a tenth of the light; it is a twentieth with the usual number of rays.
     """
-    with made(ctx, ROOM) as renderer, made(ctx, replace(ROOM, lights=tuple(lit(1.0)))) as other:
+    with made(ctx, ROOM) as renderer, made(ctx, ROOM) as other:
         surface = renderer.scheduler.gatherer.surface
         assert surface is not None
         for step in range(1, STEPS + 1):
             renderer.relight(lit(step / STEPS))
             surface.advance(renderer.draw_shadows(), Budget(TICK))
+        other.relight(lit(1.0))
+        advance(other)
         assert not surface.complete and surface.laid_out is not None
         area, found, true = surface.laid_out.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15

@@ -71,6 +71,29 @@ def test_cells_are_cut_in_halves_however_long_they_are() -> None:
     assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0] > 2
 
 
+def test_steps_are_short_near_a_small_light() -> None:
+    """Above a floor of two triangles, steps close to a light 10 cm away are a quarter of the usual 0.5 m: 0.1 < 0.125 < 0.25.
+
+    The parts fill both triangles, and their cells come after those of no other triangle: each has its own row of the table.
+    """
+    ground = scene(quad((0, 0, 0), (0, 0, 4), (4, 0, 0)))
+    found = tessellate(*flatten(ground)[:2], 0.5, INSET, np.array([[1.0, 0.1, 2.0, 0.0]]))
+    whole, parts = found.table[:2], found.table[2:]
+    assert (whole[:, 0] == [-12, -12]).all() and whole[:, 1].tolist() == [2, 2 + 12**2], "n = 12 for edges of √32 m"
+    assert (
+        len(parts) == 2 * 12**2 and (np.diff(parts[:, 1]) == parts[:-1, 0] ** 2).all() and found.area.sum() == pytest.approx(16)
+    )
+    corners = found.position[found.corners].astype(float)
+    longest = max(np.linalg.norm(corners[:, i] - corners[:, j], axis=-1).max() for i, j in ((0, 1), (1, 2), (2, 0)))
+    middle = corners.mean(1)
+    edges = np.linalg.norm(corners[:, 0] - corners[:, 1], axis=-1)
+    near, far = (
+        edges[(np.linalg.norm(middle - (1, 0.1, 2), axis=-1) < r) == inside].max() for r, inside in ((0.15, True), (1, False))
+    )
+    assert near < 0.13 and far > 0.3 and longest <= 0.5
+    assert found.level.max() == 2 and not found.level[found.position[:, 0] > 2.5].any()
+
+
 # ---- sites ------------------------------------------------------------------------------------------------------------
 
 
@@ -128,13 +151,14 @@ def oracle(
     n = cut.table[:, 0].astype(int)
     out = np.zeros((len(p), 3))
     for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
-        first = int(cut.table[t, 1])
-        cells = slice(first, first + n[t] ** 2)
+        rows = int(cut.table[t, 1]) + np.arange(n[t] ** 2) if n[t] < 0 else np.array([t])  # of its parts, if it has any
+        first = int(cut.table[rows[0], 1])
+        cells = slice(first, int(cut.table[rows[-1], 1]) + n[rows[-1]] ** 2)
         right, up = triangles[t, 1:] - triangles[t, 0]
         basis = np.stack([right, np.cross(np.cross(right, up), right)], axis=1)
         basis /= np.linalg.norm(basis, axis=0)
         corners = (cut.position[cut.corners[cells]] - triangles[t, 0]) @ basis
-        if n[t] ** 2 == 1 and len(np.unique(cut.corners[cells])) == 1:
+        if n[t] == 1 and len(np.unique(cut.corners[cells])) == 1:
             out[i] = values[int(numbers[first, s, 0])]
             continue
         share, _ = inside(corners, ((point - triangles[t, 0]) @ basis)[None])
@@ -146,9 +170,9 @@ def oracle(
 
 @pytest.mark.few_sites
 def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
-    """A floor and a ball of small triangles next to it; each site has a distinct value."""
+    """A floor with a light close to it and a ball of small triangles; each site has a distinct value."""
     eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
-    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(point_light((0, 2, 0.5), 3.0),), camera=eye)
+    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(point_light((-0.4, 0.1, 0.5)),), camera=eye)
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
         cache = renderer.scheduler.gatherer.surface
@@ -169,6 +193,7 @@ def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
         facing = np.cross(right, up)
         side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
         tessellation = clusters(renderer.world, detail_for(renderer.settings)).tessellation
+        assert (tessellation.table[triangle, 0] < 0.0).mean() > 0.3, "pixels of triangles that are cut into parts"
         expected = oracle(cache, tessellation, values, position[seen, :3].astype(float), triangle, side)
     off = np.abs(found[seen, :3] - expected).max(1)
     assert (off < 0.01).mean() > 0.99 and np.median(off) < 3e-3, "but for the inset of the points"
