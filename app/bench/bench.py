@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import cast
 
-from irrsplat.app.bench import compare, machine, paper_times
-from irrsplat.app.bench.cases import LEGEND, TURN, Run, Timing, measure
+from irrsplat.app.bench import compare, machine
+from irrsplat.app.bench.cases import LEGEND, TURN, Run, measure
 from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core.errors import InputError
 from irrsplat.reference.truth import in_words
@@ -40,13 +40,13 @@ def run(args: Namespace) -> int:
     elif args.output is not None:
         raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
     names = args.scenes or (DEFAULT_SCENES if not args.peers else race.DEFAULT_SCENES)
-    loaded = [(name, irrsplat.load(name, **vars(args.loading)).local) for name in dict.fromkeys(names)]
+    loaded = [irrsplat.load(name, **vars(args.loading)).local for name in dict.fromkeys(names)]
     if args.peers:
-        written: dict[str, object] = {"machine": {}, "runs": []} | race.run([scene for _, scene in loaded], args, bounces)
+        written: dict[str, object] = {"machine": {}, "runs": []} | race.run(loaded, args, bounces)
     elif args.profile:
         from irrsplat.app.bench import stage_profile
 
-        written = {"profiles": stage_profile.run([scene for _, scene in loaded], args, bounces)}
+        written = {"profiles": stage_profile.run(loaded, args, bounces)}
     else:
         about, runs = _timed(loaded, args, bounces)
         written = {"machine": about, "runs": [asdict(run) for run in runs]}
@@ -66,12 +66,11 @@ def _bounces(text: str) -> int | All:
     return bounces
 
 
-def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
+def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
     """Print the tables of every scene and size; return the machine and the runs for the JSON."""
     about: dict[str, object] = {}
     runs: list[Run] = []
-    startup: dict[str, dict[str, float] | None] = {}  # seconds by part
-    for source, scene in loaded:
+    for scene in loaded:
         for notice in scene.notices:
             say(f"notice: {notice}")
         sizes: list[Size] = list(dict.fromkeys((w, h) for w, h in args.size or [SIZE]))
@@ -81,10 +80,7 @@ def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | 
         if args.flight != "off":
             out()
             runs += _flown(scene, (sizes[0][0], max(1, round(0.75 * sizes[0][0]))), runs[-1].clock)
-        start = machine.startup(source, sizes[0])
-        startup[scene.name] = start
-        out(f"\n{scene.name}, {_started(start)}")
-    return about | {"startup_s": startup} if startup else about, runs
+    return about, runs
 
 
 def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, object]) -> list[Run]:
@@ -92,21 +88,15 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
     import irrsplat
 
     runs: list[Run] = []
-    empty: dict[str, Timing] = {}
     for preset in presets:
         with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces, tile_size=0) as renderer:
             if not about:
                 about |= machine.about(renderer.about)
                 out(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
                 out(LEGEND)
-            for result, timing in measure(renderer, doing):
-                runs.append(result)
-                if result.case == "empty":
-                    empty[preset] = timing
+            runs += measure(renderer, doing)
     out(f"\n{scene.name}, {size[0]}x{size[1]}, {in_words(bounces)}")
     out("\n".join(_cases(runs)))
-    out()
-    out("\n".join(paper_times.table(scene.name, empty, runs[0].clock)))
     return runs
 
 
@@ -151,13 +141,6 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
     doing("")
     out("\n".join(columns(rows, left=1)))
     return runs
-
-
-def _started(seconds: dict[str, float] | None) -> str:
-    """Return the start-up times of a new process as a sentence."""
-    if seconds is None:
-        return "starting up: a process of its own failed"
-    return "a fresh process starts in seconds: " + ", ".join(f"{part} {took:.2f}" for part, took in seconds.items())
 
 
 def _number(value: float | None, how: str) -> str:

@@ -14,7 +14,6 @@ from irrsplat.app.bench import gather_truth, machine
 from irrsplat.scene.model import Camera, Light, Scene
 
 if TYPE_CHECKING:
-    from irrsplat.image.view import Progress
     from irrsplat.records.cache_file import CacheState
     from irrsplat.renderer import Renderer
 
@@ -58,7 +57,7 @@ class Timing:
     """Timing of one picture.
 
     seconds: wall time to full coverage. picture: wall time to the picture; processor: in processor time. records: final cache
-    size. stages: milliseconds by stage at the end. rounds: (records, milliseconds by stage) after each round.
+    size. stages: milliseconds by stage.
     """
 
     seconds: float
@@ -66,18 +65,17 @@ class Timing:
     records: int
     stages: dict[str, float]
     processor: float
-    rounds: list[tuple[int, dict[str, float]]]
 
 
-def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
+def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: None) -> Iterator[Run]:
     """Yield the cases of one renderer from its scene's first camera; notify: called with progress messages."""
     scene, camera = renderer.scene, renderer.scene.camera()
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
 
-    def result(case: str, timings: list[Timing], seen: Camera) -> tuple[Run, Timing]:
+    def result(case: str, timings: list[Timing], seen: Camera) -> Run:
         memory = {"process": _mib(machine.peak_memory()), "gpu": _mib(machine.gpu_memory(renderer))}
         notify(f"{name}: error of {case}")
-        found = _run(renderer, case, timings, memory, error(renderer, seen)), middle(timings)
+        found = _run(renderer, case, timings, memory, error(renderer, seen))
         machine.forget_peak()  # the reference's peak does not belong to the next case
         return found
 
@@ -184,21 +182,15 @@ def middle(timings: list[Timing]) -> Timing:
 
 def picture(renderer: Renderer, camera: Camera) -> Timing:
     """Time one picture to its last pixel; raise KeyboardInterrupt if the user interrupts."""
-    rounds: list[tuple[int, dict[str, float]]] = []
-
-    def watch(progress: Progress) -> None:
-        if progress.round <= 2:  # the second round splats the records of the first
-            rounds.append((progress.records, renderer.timers.milliseconds()))
-
     start, processor = time.perf_counter(), time.process_time()
-    _, stats = renderer.converge(camera, watch)
+    _, stats = renderer.converge(camera)
     with renderer.ctx:
         renderer.ctx.finish()
         seconds = time.perf_counter() - start
         if stats["interrupted"]:  # converge keeps a partial result, which is useless here
             raise KeyboardInterrupt
         processor = time.process_time() - processor
-        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), processor, rounds)
+        return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), processor)
 
 
 def error(renderer: Renderer, camera: Camera) -> float | None:

@@ -1,11 +1,9 @@
-"""Description of the machine, start-up times, and peak memory of a case."""
+"""Description of the machine, and peak memory of a case."""
 
 from __future__ import annotations
 
-import json
 import os
 import platform
-import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
@@ -17,24 +15,6 @@ from irrsplat.gpu.resource import Owner
 
 _STATUS, _CLEAR = "/proc/self/status", "/proc/self/clear_refs"  # Linux: the peak of the resident set, and its reset
 _BYTES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}  # per texture component, by dtype
-# A new process, with nothing imported yet; prints seconds by part
-_START = """
-import json, sys, time
-source, size, times = sys.argv[1], (int(sys.argv[2]), int(sys.argv[3])), [time.perf_counter()]
-import irrsplat
-irrsplat.Renderer
-times.append(time.perf_counter())
-from irrsplat.gpu import context
-from irrsplat.gpu.program import programs_of
-ctx = context.create()
-times.append(time.perf_counter())
-scene = irrsplat.load(source)
-times.append(time.perf_counter())
-for program in programs_of(irrsplat.Renderer(scene, size, ctx=ctx, bounces=1)):
-    program.gl  # they are linked when they are first wanted
-times.append(time.perf_counter())
-print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a, b in zip(times, times[1:]))))))
-"""
 
 
 def about(gl: Mapping[str, object]) -> dict[str, object]:
@@ -47,20 +27,6 @@ def about(gl: Mapping[str, object]) -> dict[str, object]:
         "python": platform.python_version(),
         "irrsplat": version(),
     }
-
-
-def startup(source: str, size: tuple[int, int]) -> dict[str, float] | None:
-    """Return the seconds of a new process for import, context, scene and shaders (with geometry upload).
-
-    source: a path or a bundled scene. None if the process fails.
-    """
-    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-    command = [sys.executable, "-c", _START, source, *map(str, size)]
-    environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
-        return None
-    return {part: float(seconds) for part, seconds in json.loads(done.stdout.splitlines()[-1]).items()}
 
 
 def forget_peak() -> None:

@@ -16,7 +16,8 @@ import numpy as np
 
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
-from irrsplat.app.common.plot import Line, loglog, palette
+from irrsplat.app.common import plot as plots
+from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, out, progress
 from irrsplat.app.verify.measure import silent
 from irrsplat.core import files
@@ -74,6 +75,7 @@ def run(args: Namespace) -> int:
     if args.scenes or args.size or args.preset or args.peers or args.compare:
         raise InputError("--growth has scenes, sizes and a preset of its own; give it with --quick, --json and -o alone")
     if args.output is not None:
+        plots.require()
         frame.check_writable(args.output)
     counts, sides = QUICK if args.quick else (TRIANGLES, SIDES)
     plan = [(count, sides[0]) for count in counts] + [(OWN, side) for side in sides]
@@ -124,11 +126,7 @@ def plot(by_triangles: Sequence[Row], by_pixels: Sequence[Row]) -> np.ndarray:
 
 
 def _lines(x: np.ndarray, series: dict[str, list[float]]) -> list[Line]:
-    colours = palette(len(series))
-    return [
-        Line(words, x, np.maximum(np.array(y, float), 1e-4), colour)
-        for (words, y), colour in zip(series.items(), colours, strict=True)
-    ]
+    return [Line(words, x, np.maximum(np.array(y, float), 1e-4)) for words, y in series.items()]
 
 
 def _runs(row: Row) -> Iterator[dict[str, object]]:

@@ -59,7 +59,7 @@ def _with_legend(picture: np.ndarray) -> np.ndarray:
     """Append the scale of `signed_error` below a picture (H', W, 3)."""
     from PIL import Image
 
-    from irrsplat.image.figures.pen import legend_height, write_legend
+    from irrsplat.image.figures.legend import legend_height, write_legend
 
     share = f"{100.0 * FULL:g} % of the mean irradiance or more"
     lines = ((BRIGHT, f"too bright by {share}"), (DARK, f"too dark by {share}"), (GREY, "no surface; white is right"))

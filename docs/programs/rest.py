@@ -15,7 +15,7 @@ import numpy as np
 from tables import table
 
 import irrsplat
-from irrsplat.app.common.plot import Line, loglog, palette
+from irrsplat.app.common.plot import Line, loglog
 from irrsplat.core.files import write_picture
 from irrsplat.image.view import Progress
 
@@ -24,6 +24,7 @@ sys.path.insert(0, str(ROOT))
 from tests.support.truth import SIZE, load_reference  # noqa: E402
 
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
+COLOURS = ((27, 94, 160), (200, 80, 20), (60, 130, 60), (130, 60, 150), (90, 90, 90))
 SECONDS = 60.0
 TARGET = 0.4  # percent, at which a refinement ends
 Point = tuple[float, int, float, float]  # seconds, records, and in percent the error and its estimate
@@ -57,7 +58,7 @@ def measured() -> dict[str, Any]:
     """Measure all scenes with one bounce and with all, and draw docs/images/measured/rest.png."""
     found = {f"{name} {bounces}": one(name, bounces) for bounces in (1, "all") for name in SCENES}
     lines = []
-    for name, colour in zip(SCENES, palette(len(SCENES)), strict=True):
+    for name, colour in zip(SCENES, COLOURS, strict=True):
         pale = tuple(160 + round(0.37 * channel) for channel in colour)
         for words, column, ink in ((name, 2, colour), ("its estimate", 3, pale)):
             at = (np.array([point[i] for point in found[f"{name} 1"]]) for i in (0, column))

@@ -10,7 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.errors import InputError
-from irrsplat.image.figures import cutaway, figure1
+from irrsplat.image.figures import figure1
 from irrsplat.image.tonemap import tonemap
 
 FAST: Any = {"bounces": 1, "gather_size": 8, "shadow_size": 64}
@@ -49,10 +49,7 @@ def test_every_view_has_a_figure(size: tuple[int, int], camera: dict[str, Any], 
 
 
 def test_the_figure_where_there_is_no_usual_one() -> None:
-    """An eye within the sphere has the whole screen for a quad. Where no record is seen, the plain picture stands.
-
-    A surface outside the canvas paints nothing.
-    """
+    """An eye within the sphere has the whole screen for a quad. Where no record is seen, the plain picture stands."""
     with irrsplat.Renderer(irrsplat.load("furnace"), (170, 170), **FAST) as renderer:
         frame, eye, settings = renderer.render(), renderer.scene.camera(), renderer.settings
     plain = tonemap(frame.image, frame.exposure)
@@ -66,11 +63,6 @@ def test_the_figure_where_there_is_no_usual_one() -> None:
     for one, camera in ((replace(frame, depth=np.full_like(frame.depth, np.inf)), eye), (frame, away)):
         assert figure1.choose_record(one, camera, settings) is None
         assert np.array_equal(figure1.diagram(one, camera, settings), plain)
-    canvas, view = np.zeros((8, 8, 3)), cutaway.Parallel(np.eye(3), np.zeros(3), np.full(2, 4.0), 1.0)
-    corners = np.array([[(-1, -1, 0), (1, -1, 0), (-1, 1, 0), (1, 1, 0)]], float)
-    for shift, painted in ((99.0, False), (0.0, True)):
-        cutaway.paint(canvas, view, cutaway.Surface(corners + shift, np.ones((1, 4, 3)), np.array([[0.0, 0.0, 1.0]])))
-        assert canvas.any() == painted
 
 
 def test_a_render_with_figures_tells_of_its_rounds() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from irrsplat.app.bench import gather_truth
 from irrsplat.core.errors import InputError
-from irrsplat.image.figures.pen import Colour
+from irrsplat.image.figures.legend import Colour
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.reference.truth import NOTHING, in_words

@@ -1,4 +1,4 @@
-"""Mitsuba as a peer: its path tracer, and the path tracer of `verify`, which uses Mitsuba's intersections."""
+"""Mitsuba as a peer: the path tracer of `verify`, which uses its intersections, and Open Image Denoise."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, cast
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series
 from irrsplat.app.bench.peers.table import Notify
-from irrsplat.image.figures.pen import Colour
 from irrsplat.reference import worker
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
@@ -18,39 +17,21 @@ from irrsplat.settings import All
 if TYPE_CHECKING:  # importing it needs Mitsuba
     from irrsplat.reference.trace_points import TimedLevels
 
+_NAME = "Mitsuba"
+_COLOURS = (130, 80, 160), (180, 110, 210), (90, 40, 120)
 _FILTERS = "fast", "high"  # qualities of Open Image Denoise
 _PROCESS = "from irrsplat.reference.trace_points import main; main()"
 
 
-def measure_path(
+def measure(
     scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
 ) -> Iterator[Series]:
-    """Measure Mitsuba's own integrator."""
-    yield from _traced("Mitsuba", "path", ((60, 140, 60), (110, 190, 60), (20, 100, 20)), scene, bounces, views[0], notify)
-
-
-def measure_joined(
-    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], notify: Notify
-) -> Iterator[Series]:
-    """Measure the integrator of `verify`, with next-event estimation at every vertex."""
-    colours = (130, 80, 160), (180, 110, 210), (90, 40, 120)
-    yield from _traced("Mitsuba, lights joined", "joined", colours, scene, bounces, views[0], notify)
-
-
-def _traced(
-    name: str,
-    method: str,
-    colours: Sequence[Colour],
-    scene: Scene,
-    bounces: int | All,
-    view: JudgedView,
-    notify: Notify,
-) -> Iterator[Series]:
-    """Yield a path tracer's measurements with growing sample counts, and the same with each filter of Open Image Denoise.
+    """Yield the path tracer's measurements with growing sample counts, and the same with each filter of Open Image Denoise.
 
     Further views are the same, as it keeps no data.
     """
-    notify(name)
+    view = views[0]
+    notify(_NAME)
     filters = _FILTERS if importlib.util.find_spec("pyoidn") is not None else ()
     answer = worker.call(
         _PROCESS,
@@ -59,7 +40,6 @@ def _traced(
             (view.position, view.normal, view.geometric),
             view.judged,
             view.truth.irradiance.astype(float),
-            method,
             vertices(bounces),
             judging.ENOUGH,
             judging.SECONDS / 4.0,
@@ -69,8 +49,8 @@ def _traced(
     )
     found = cast("TimedLevels", answer)
     about = f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads"
-    for (quality, levels), colour in zip(found["levels"].items(), colours, strict=False):
-        system = f"{name} + OIDN {quality}" if quality else name
+    for (quality, levels), colour in zip(found["levels"].items(), _COLOURS, strict=False):
+        system = f"{_NAME} + OIDN {quality}" if quality else _NAME
         rows = [
             Measurement(system, f"{count} samples", seconds, rmse, seconds, rmse)
             for count, seconds, rmse in levels
@@ -78,4 +58,4 @@ def _traced(
         ]
         yield Series(tuple(rows), about, colour, keeps_nothing=not quality)
     if not filters:
-        yield Series((), f"{name} + OIDN: Open Image Denoise (pyoidn) is not installed")
+        yield Series((), f"{_NAME} + OIDN: Open Image Denoise (pyoidn) is not installed")

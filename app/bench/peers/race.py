@@ -13,6 +13,7 @@ from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
 from irrsplat.app.bench.peers.table import PEERS, Notify, others
+from irrsplat.app.common import plot as plots
 from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core import files
@@ -45,6 +46,7 @@ def check(args: Namespace) -> None:
             raise InputError("the plot of --peers is a .png", args.output)
         if len(args.scenes) > 1 or len(args.size or []) > 1:
             raise InputError("-o plots one scene of one size; name one, or leave -o out")
+        plots.require()
         frame.check_writable(args.output)
 
 

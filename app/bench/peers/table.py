@@ -50,24 +50,14 @@ PEERS: tuple[Peer, ...] = (
     Peer("Radiance", "radiance:measure", "pyradiance"),
     Peer(
         "Mitsuba",
-        "mitsuba:measure_path",
+        "mitsuba:measure",
         "mitsuba",
-        "Mitsuba: its own integrator, `direct` for one bounce and `path` for more, on cosine-distributed rays from each pixel;\n"
+        "Mitsuba: its rays in the integrator of `verify`, which connects each vertex to points that the lights illuminate;\n"
         "+ OIDN: these irradiances as a picture, by the fast and the high filter of Open Image Denoise, with the normals",
-    ),
-    Peer(
-        "Mitsuba, lights joined",
-        "mitsuba:measure_joined",
-        "mitsuba",
-        "lights joined: its rays in the integrator of `verify`, which connects each vertex to points that the lights illuminate",
     ),
 )
 
 
 def others() -> str:
-    """Return the names of all other renderers, one per package, for help and messages."""
-    names: dict[str, str] = {}
-    for peer in PEERS:
-        if peer.package:
-            names.setdefault(peer.package, peer.name)
-    return " and ".join(names.values())
+    """Return the names of all other renderers, for help and messages."""
+    return " and ".join(peer.name for peer in PEERS if peer.package)

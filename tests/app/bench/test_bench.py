@@ -14,7 +14,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, compare, fly_through, gather_truth, paper_times, scaling, stage_profile
+from irrsplat.app.bench import cases, compare, fly_through, gather_truth, scaling, stage_profile
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.camera_path import load_path
@@ -43,12 +43,10 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
-def checked_rows(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[tuple[str, str, str], dict[str, Any]]:
+def checked_rows(written: dict[str, Any]) -> dict[tuple[str, str, str], dict[str, Any]]:
     """Assert the keys and ranges of a benchmark's JSON; return its rows by scene, preset and case."""
     assert set(written) == {"machine", "runs"}
     assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
-    for scene in scenes:
-        assert set(written["machine"]["startup_s"][scene]) == {"import", "context", "load", "shaders"}
     for run in written["runs"]:
         assert set(run) == KEYS
         flight = run["case"].startswith("flight")
@@ -63,7 +61,7 @@ def test_each_case_starts_from_its_named_state(tmp_path: Path, capsys: pytest.Ca
     """The stages and the number of records of each row show the state from which its case starts."""
     command = ["bench", "cornell-paper", "--preset", "default", "--size", "12", "10", "--flight", "off"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
-    of = checked_rows(json.loads((tmp_path / "b.json").read_text()), ("cornell-paper",))
+    of = checked_rows(json.loads((tmp_path / "b.json").read_text()))
     assert [*of] == [("cornell-paper", "default", case) for case in CASES]
     empty, warm, moved, light = of.values()
     assert {"shadow", "gather"} <= set(empty["stages_ms"]), "the case starts empty, without the results of the warm-up run"
@@ -97,7 +95,7 @@ def test_scenes_presets_and_flights_have_rows(tmp_path: Path, capsys: pytest.Cap
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
-    of = checked_rows(written, ("cornell-paper", "furnace"))
+    of = checked_rows(written)
     expected = []
     for scene, some in (("cornell-paper", CASES), ("furnace", CASES[:3])):  # the furnace has no light to move
         expected += [(scene, preset, case) for preset in ("paper", "default") for case in some]
@@ -107,9 +105,7 @@ def test_scenes_presets_and_flights_have_rows(tmp_path: Path, capsys: pytest.Cap
     assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane covers 0.945 of E"
 
     out = capsys.readouterr().out
-    for name, ms, _ in paper_times.ROWS:
-        assert any(line.startswith(name) and f"{ms:.2f}" in line for line in out.splitlines()), f"{name} is missing"
-    assert "times faster than paper" in out and "8800 GT" in out and written["machine"]["renderer"] in out
+    assert "times faster than paper" in out and written["machine"]["renderer"] in out
 
 
 def test_a_reference_is_gathered_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

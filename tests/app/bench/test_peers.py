@@ -66,7 +66,12 @@ def test_the_verdict_is_a_ratio_to_the_time_of_irrsplat() -> None:
     assert "irrsplat does not get there (4.0% at best)" in fine
     told = list(race.report("cornell", found))
     assert "absent: not installed" in told and "slow: after 1 s" in told
-    assert race.plot("cornell", found).shape[2] == 3
+
+
+def test_a_plot_has_a_line_for_each_system() -> None:
+    pytest.importorskip("matplotlib")
+    drawn = race.plot("cornell", [Series(measurements("a", (1.0, 0.2), (30.0, 0.05)), "", (200, 0, 0))])
+    assert drawn.shape[2] == 3 and (np.abs(drawn - [200 / 255, 0, 0]).max(-1) < 0.05).any()
 
 
 # ---- short comparisons ---------------------------------------------------------------------------------------------------

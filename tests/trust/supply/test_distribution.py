@@ -29,7 +29,7 @@ NEEDS = {  # extra: Python that fails without it
     "docs": "import mkdocs, material, mkdocstrings_handlers.python, latex2mathml.converter",
     "embree": "import embreex.rtcore_scene",
     "gltf": "import DracoPy, meshopt, alktx2",
-    "peers": "import pyradiance, mitsuba, pyoidn",
+    "peers": "import matplotlib, pyradiance, mitsuba, pyoidn",
     "reference": "import mitsuba, irrsplat.reference.path_tracer",
     "video": "import av",
 }
