@@ -12,15 +12,11 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
 
 from irrsplat.app import grammar
 from irrsplat.app.common.outputs import missing
 from irrsplat.app.common.terminal import INTERRUPTED, fail
 from irrsplat.core.errors import InputError, IrrsplatError
-
-if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,11 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # 2⁴ clock cycles; read when numpy is loaded
     try:
         with _quiet_libraries(debug), _ended_as_by_ctrl_c():
-            args, mistakes = grammar.read(sys.argv[1:] if argv is None else argv)
+            args = grammar.parse(sys.argv[1:] if argv is None else argv)
             command = grammar.COMMANDS[args.command]
-            _check_scenes(args, mistakes)
-            command.check_files(args, mistakes)
-            mistakes.raise_all()
+            _check_scenes(args)
+            command.check_files(args)
             status = command.run(args)
             sys.stdout.flush()
             return status
@@ -70,15 +65,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail(f"internal error: {type(error).__name__}: {error}; IRRSPLAT_DEBUG=1 shows where", 1)
 
 
-def _check_scenes(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add missing scenes to `mistakes`."""
+def _check_scenes(args: argparse.Namespace) -> None:
+    """Raise InputError for a missing scene."""
     scenes = args.scenes if hasattr(args, "scenes") else [getattr(args, "scene", None)]
     for scene in scenes:
         if scene is not None:
             from irrsplat.scene import located
 
-            with mistakes.gathered():
-                located(scene)
+            located(scene)
 
 
 @contextmanager

@@ -9,9 +9,10 @@ from typing import Any, NoReturn
 from irrsplat.app.commands import bake, bench, cache, fill, info, measure, render, verify, view
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
-from irrsplat.app.common.parser import Mistakes, Parser
+from irrsplat.app.common.parser import Parser
 from irrsplat.app.common.terminal import out
 from irrsplat.app.common.version import version
+from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.settings import SETTINGS
 
@@ -33,58 +34,35 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Return the checked command line.
 
     It has `command`, its arguments, `loading` for a scene, and `values`, the settings given by flag. Raises InputError, one
-    line, for all errors; SystemExit(0) after --help and --version.
+    line, for the first error; SystemExit(0) after --help and --version.
     """
-    args, mistakes = read(argv)
-    mistakes.raise_all()
+    top = build()
+    args: argparse.Namespace
+    args, rest = top.parse_known_args(list(_spelled_out(argv)))
+    if rest:
+        raise InputError(f"unexpected '{rest[0]}'; see {top.prog} {args.command} --help")
+    if hasattr(args, "up_axis"):
+        args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
+    if any(name.startswith("set_") for name in vars(args)):
+        args.values = {
+            name: declaration.parse(text)
+            for name, declaration in SETTINGS.items()
+            if (text := getattr(args, "set_" + name, None)) is not None
+        }
+    if hasattr(args, "camera"):
+        flags.check_camera(args)
+    COMMANDS[args.command].check(args)
     return args
 
 
-def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
-    """Return the command line and its mistakes; an invalid flag has the value None.
-
-    Raises InputError only if no command is recognizable.
-    """
-    mistakes = Mistakes()
-    top = build(mistakes)
-    args, rest = top.parse_known_args(list(_spelled_out(argv)))
-    page = f"{top.prog} {args.command} --help"
-    for word in rest:
-        mistakes.add(f"unexpected '{word}'", page)
-    if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
-        with mistakes.gathered():
-            args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
-    if any(name.startswith("set_") for name in vars(args)):
-        args.values = {}
-        for name, declaration in SETTINGS.items():
-            if (text := getattr(args, "set_" + name, None)) is not None:
-                with mistakes.gathered():
-                    args.values[name] = declaration.parse(text)
-    if hasattr(args, "camera") and not mistakes.arguments & flags.OF_CAMERAS:
-        for wrong in flags.wrong_with_the_camera(args):
-            mistakes.add(wrong)
-    COMMANDS[args.command].check(args, mistakes)
-    return args, mistakes
-
-
-def build(mistakes: Mistakes | None = None) -> Parser:
-    """Return the complete grammar; it adds errors of a command line to `mistakes`."""
-    top = Parser(mistakes, prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
+def build() -> Parser:
+    """Return the complete grammar."""
+    top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action=_Version, help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
     for command in COMMANDS.values():
         command.add(commands)
-    _share(top.mistakes, top)
     return top
-
-
-def _share(mistakes: Mistakes, parser: Parser) -> None:
-    """Collect the errors of `parser` and its subparsers in `mistakes`."""
-    parser.mistakes = mistakes
-    for action in parser._actions:
-        if isinstance(action.choices, dict):
-            for inner in action.choices.values():
-                _share(mistakes, inner)
 
 
 def _spelled_out(argv: Sequence[str]) -> Iterator[str]:

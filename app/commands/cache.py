@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from irrsplat.app.commands.shared import values
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Parser
-
-if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
 
 
 def add(commands: Any) -> None:
@@ -44,13 +41,12 @@ def add(commands: Any) -> None:
         tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
 
 
-def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add an error to `mistakes` if the cache cannot be written."""
-    if args.tool != "info" and "output" not in mistakes.arguments:
+def check_files(args: argparse.Namespace) -> None:
+    """Raise InputError if the cache cannot be written."""
+    if args.tool != "info":
         from irrsplat.core import files
 
-        with mistakes.gathered():
-            files.check_file(args.output)
+        files.check_file(args.output)
 
 
 def run(args: argparse.Namespace) -> int:

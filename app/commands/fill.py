@@ -10,9 +10,9 @@ from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
+from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
     from irrsplat.app.film.fill import Filled
     from irrsplat.app.film.flight import Flight
 
@@ -38,10 +38,10 @@ def add(commands: Any) -> None:
     flags.add_settings(parser, stages=flags.STAGES[:-1])  # picture settings too, so that a film's flags are valid here
 
 
-def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add errors to `mistakes` for a missing flight."""
-    if not mistakes.arguments & flags.OF_CAMERAS and args.path is None:
-        mistakes.add("fill needs a flight; give --path FILE")
+def check(args: argparse.Namespace) -> None:
+    """Raise InputError for a missing flight."""
+    if args.path is None:
+        raise InputError("fill needs a flight; give --path FILE")
 
 
 def run(args: argparse.Namespace) -> int:

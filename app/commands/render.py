@@ -16,7 +16,6 @@ from irrsplat.core.errors import InputError
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
     from irrsplat.image.statistics import Statistics
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
@@ -81,23 +80,18 @@ def _add_false_colours(parser: argparse.ArgumentParser) -> None:
 # ---- before the work ---------------------------------------------------------------------------------------------------
 
 
-def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add errors to `mistakes` for unknown buffers, and for files of outputs, --stats and --cache that cannot be written."""
+def check_files(args: argparse.Namespace) -> None:
+    """Raise InputError for unknown buffers, and for files of outputs, --stats and --cache that cannot be written."""
     from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
-    names = []
-    for pattern in () if "output" in mistakes.arguments else args.output:
-        with mistakes.gathered():
-            names.append(flight.first_name(args, pattern) if flight.flies(args) else pattern)
+    names = [flight.first_name(args, pattern) if flight.flies(args) else pattern for pattern in args.output]
     for name in names:
-        for buffers in (None, _buffers(args)):
-            with mistakes.gathered():
-                if video.is_film(name):
-                    video.check(name, flight.flies(args))
-                else:
-                    check_writable(name, buffers, video.ENDINGS)
-    rendering.check_kept_files(args, mistakes, names)
+        if video.is_film(name):
+            video.check(name, flight.flies(args))
+        else:
+            check_writable(name, _buffers(args), video.ENDINGS)
+    rendering.check_kept_files(args, names)
 
 
 def _buffers(args: argparse.Namespace) -> list[str] | None:

@@ -7,10 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from irrsplat.app.common.parser import Mistakes
 
-
-def _nothing(args: argparse.Namespace, mistakes: Mistakes) -> None:
+def _nothing(args: argparse.Namespace) -> None:
     """Accept all arguments."""
 
 
@@ -19,11 +17,10 @@ class Command:
     """Functions of a command.
 
     add: adds its parser, named as in app/grammar.py, to argparse's subparsers. run: does the work, and returns the exit
-    status. check: reports incompatible flags; check_files: unusable files. An invalid argument is None in their args, and
-    named in `Mistakes.arguments`.
+    status. check: refuses incompatible flags; check_files: unusable files.
     """
 
     add: Callable[[Any], None]
     run: Callable[[argparse.Namespace], int]
-    check: Callable[[argparse.Namespace, Mistakes], None] = _nothing
-    check_files: Callable[[argparse.Namespace, Mistakes], None] = _nothing
+    check: Callable[[argparse.Namespace], None] = _nothing
+    check_files: Callable[[argparse.Namespace], None] = _nothing

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from typing import Any
 
 from irrsplat.app.commands.shared import values
+from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
-OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
 STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
 
 
@@ -23,7 +22,7 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def add_loading(parser: argparse.ArgumentParser) -> None:
-    """Add the options of loading, which `grammar.read` collects in `args.loading`."""
+    """Add the options of loading, which `grammar.parse` collects in `args.loading`."""
     group = parser.add_argument_group(
         "reading the scene", "values that a file does not define; a .scene uses only --sky and --allow"
     )
@@ -59,7 +58,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (), stages: tuple[str, ...] = STAGES) -> None:
-    """Add the settings of `stages` except `besides`; `grammar.read` collects them in `args.values`."""
+    """Add the settings of `stages` except `besides`; `grammar.parse` collects them in `args.values`."""
     for stage in stages:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
@@ -116,18 +115,18 @@ def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     return group
 
 
-def wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
-    """Yield camera errors that show before the scene is loaded."""
+def check_camera(args: argparse.Namespace) -> None:
+    """Raise InputError for camera errors that show before the scene is loaded."""
     if (args.eye is None) != (args.target is None):
-        yield "--eye and --target go together; give both or neither"
+        raise InputError("--eye and --target go together; give both or neither")
     if args.up is not None and args.eye is None:
-        yield "--up needs --eye and --target; give them as well"
+        raise InputError("--up needs --eye and --target; give them as well")
     if args.eye is not None and args.camera is not None:
-        yield "--camera and --eye are two different cameras; give one of them"
+        raise InputError("--camera and --eye are two different cameras; give one of them")
     if args.fov is not None and not 0.0 < args.fov < 180.0:
-        yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
+        raise InputError(f"--fov lies between 0 and 180 degrees, not {args.fov:g}")
     if args.path is None and args.frames is not None:
-        yield "--frames chooses among the frames of a path; give --path as well"
+        raise InputError("--frames chooses among the frames of a path; give --path as well")
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:
-            yield f"--path brings its own cameras; leave --path or --{flag} out"
+            raise InputError(f"--path brings its own cameras; leave --path or --{flag} out")

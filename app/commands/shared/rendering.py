@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.common.outputs import Outputs, twins
 from irrsplat.app.common.terminal import progress, say
+from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:
-    from irrsplat.app.common.parser import Mistakes
     from irrsplat.app.film.frames import OnRound
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
@@ -33,22 +33,17 @@ def camera(args: argparse.Namespace, scene: Scene) -> Camera:
     return replace(camera, **given) if given else camera
 
 
-def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequence[str] = ()) -> None:
-    """Add errors to `mistakes` for unusable files of --stats and --cache, and for duplicates among them and the outputs
-    `names`.
-    """
+def check_kept_files(args: argparse.Namespace, names: Sequence[str] = ()) -> None:
+    """Raise InputError for unusable files of --stats and --cache, and for duplicates among them and the outputs `names`."""
     from irrsplat.core import files, paths
 
-    frozen = args.cache_mode == "frozen"
     for path in (args.stats, args.cache):
-        if path is not None and "cache" not in mistakes.arguments:
-            with mistakes.gathered():
-                if path is args.cache and frozen:
-                    paths.check_readable(File(path), paths.MOST_GEOMETRY)
-                else:
-                    files.check_file(path)
+        if path is args.cache is not None and args.cache_mode == "frozen":
+            paths.check_readable(File(path), paths.MOST_GEOMETRY)
+        elif path is not None:
+            files.check_file(path)
     for twin in twins(names, (("--stats", args.stats), ("--cache", args.cache))):
-        mistakes.add(twin)
+        raise InputError(twin)
 
 
 def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:

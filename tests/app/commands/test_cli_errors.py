@@ -188,29 +188,17 @@ def test_a_message_suggests_the_right_spelling(argv: list[str], meant: str, refu
     assert meant in line and line.count("did you mean") == bool(meant)
 
 
-def test_all_mistakes_are_reported_in_one_line(refused: Callable[..., str], place: Path) -> None:
-    argv = ["render", "cornel", "--exposre", "auto", "--a", "9", "--size", "4", "--preset", "fast", "--up", "0", "1", "0"]
-    line = refused([*argv, "-o", "b.mp4", "-o", "missing/c.png", "--buffers", "dpth,colour", "--stats", "missing/s.json"])
-    requested = ["(1) unknown flag --exposre", "--size: expected 2 arguments", "--preset: takes default|paper"]
-    requested += ["'a' takes 0.01..2, not 9", "--up needs --eye", "no file 'cornel'", "b.mp4: a film needs a flight"]
-    requested += ["missing/c.png: cannot", "'dpth' (did you mean 'depth'?), 'colour'", "missing/s.json: cannot write"]
-    assert not [words for words in requested if words not in line]
-    assert line.startswith("irrsplat: 10 mistakes: (1) ") and "(10) " in line and "(11)" not in line
-
-
 @pytest.mark.parametrize(
-    ("argv", "count"),
+    ("argv", "words"),
     [
-        ([*RENDER, "--eye", "0", "0", "x", *TARGET], 1),  # without the mistake that --target lacks --eye
-        ([*RENDER, *EYE, "--targt", "0", "0", "0"], 1),  # without the mistake that --eye lacks --target
-        (["render", "--outpt", "a.png"], 1),  # without the mistake that -o is missing
-        ([*RENDER, "--presett", "paper", "--sizes", "4", "4"], 2),  # values of unknown flags are not read as scenes
-        (["render", "--fill-hols", "plain.scene"], 2),  # the flag has no value; the other mistake is the missing -o
+        ([*RENDER, "--eye", "0", "0", "x", *TARGET], "not 'x'"),  # not that --target lacks --eye
+        ([*RENDER, *EYE, "--targt", "0", "0", "0"], "unknown flag --targt"),  # not that --eye lacks --target
+        (["render", "--outpt", "a.png"], "unknown flag --outpt"),  # not that -o is missing
+        (["render", "cornel", "--fill-hols", "plain.scene"], "unknown flag --fill-hols"),  # the grammar comes before the scene
     ],
 )
-def test_a_mistake_is_reported_without_its_consequences(argv: list[str], count: int) -> None:
-    _, mistakes = grammar.read(argv)
-    assert len(mistakes.found) == count, mistakes.found
+def test_a_mistake_is_reported_without_its_consequences(argv: list[str], words: str, refused: Callable[..., str]) -> None:
+    assert words in refused(argv)
 
 
 def test_a_missing_package_of_the_viewer_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 import irrsplat
 from irrsplat.app import grammar
-from irrsplat.app.common.parser import Mistakes, Parser
+from irrsplat.app.common.parser import Parser
 from irrsplat.app.viewer import preferences
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
@@ -172,20 +172,19 @@ def _preferences(folder: Path, data: bytes) -> None:
 
 
 @cache
-def _grammar() -> Parser:
-    return grammar.build()
-
-
-def _built(mistakes: Mistakes) -> Parser:
+def _grammar(build: Callable[[], Parser] = grammar.build) -> Parser:
     """Return one grammar for all cases, in place of the slow `grammar.build`."""
-    grammar._share(mistakes, _grammar())
-    return _grammar()
+    return build()
 
 
 def _command_line(folder: Path, data: bytes) -> None:
     words = data.decode("utf-8", "surrogateescape").split("\n")
     _grammar()
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit), mock.patch.object(grammar, "build", _built):
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.suppress(SystemExit),
+        mock.patch.object(grammar, "build", _grammar),
+    ):
         grammar.parse(words)
 
 
