@@ -77,9 +77,6 @@ def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tupl
         for size in sizes:
             presets = list(dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))))
             runs += _scene(scene, size, presets, bounces, about)
-        if args.flight != "off":
-            out()
-            runs += _flown(scene, (sizes[0][0], max(1, round(0.75 * sizes[0][0]))), runs[-1].clock)
     return about, runs
 
 
@@ -117,30 +114,6 @@ def _cases(runs: Sequence[Run]) -> Iterator[str]:
         if (presets[0], case) in seconds_of:
             found = (f"{seconds_of[p, 'empty'] / seconds_of[p, case]:.1f} times ({p})" for p in presets)
             yield f"{words}, faster than from empty: {', '.join(found)}"
-
-
-def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
-    """Print the table of the flight in a window; return two runs per case, the median and the worst frame."""
-    from irrsplat.app.bench import fly_through
-
-    out(f"{scene.name}, flight of {fly_through.FRAMES} frames, {size[0]}x{size[1]}")
-    out(fly_through.LEGEND)
-    rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
-    runs: list[Run] = []
-    bounces = Settings().bounces  # as in the viewer
-    doing(f"{scene.name}: filling the cache")
-    for flown in fly_through.fly(scene, size, fly_through.FRAMES):
-        doing("")
-        cells = f"{flown.median:.0f}", f"{flown.worst:.0f}", f"{1e3 / flown.median:.0f}", str(flown.new), str(flown.records)
-        rows.append((flown.case, *cells, f"{flown.first:.2f}"))
-        for word, ms in (("", flown.median), (" worst", flown.worst)):
-            case, seconds = f"flight {flown.case}{word}", 1e-3 * ms
-            made = scene.name, "default", list(size), case, seconds, flown.records, None, flown.stages, clock
-            runs.append(Run(*made, bounces=bounces, seconds_all=[seconds]))
-        doing(f"{scene.name}: serving every view along the way, then the second flight")
-    doing("")
-    out("\n".join(columns(rows, left=1)))
-    return runs
 
 
 def _number(value: float | None, how: str) -> str:

@@ -17,7 +17,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "bench",
         help="measure times, also of the published method and of other renderers",
-        description="Measure times and errors with an empty and a full cache, after turns and changes of light, and in flight.",
+        description="Measure times and errors with an empty and a full cache, and after turns and changes of light.",
         epilog="References for the errors are gathered once and kept in the cache folder of the user, or in the folder of\n"
         "IRRSPLAT_CACHE. --peers requires the extra: pip install 'irrsplat[peers]'.",
     )
@@ -29,7 +29,6 @@ def add(commands: Any) -> None:
     flags.add_preset(parser, None, words, action="append")
     flags.add_loading(parser)
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as in the paper)")
-    add("--flight", choices=("on", "off"), default="on", help="also measure a flight in the viewer (default: on)")
     add("--json", metavar="FILE", help="also write the results to this file")
     add("--compare", metavar="FILE", help="print ratios of time to an earlier --json")
     add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")

@@ -11,7 +11,6 @@ from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
-from irrsplat.app.film.words import CACHE_MODES
 from irrsplat.core.errors import InputError
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
@@ -49,7 +48,7 @@ def add(commands: Any) -> None:
     add("--buffers", metavar="NAME,…", help="buffers in .exr, .npz and folders (default: all)")
     flags.add_cache(parser)
     add(
-        "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
+        "--cache-mode", choices=("keep", "frozen", "update"), default="keep", metavar="WORD",
         help="keep: add records to those of --cache; frozen: change no records and no file, so that a frame does not depend on "
         "other frames; update: as keep, but accept a file of another state of the scene, and gather affected records again "
         "(default: keep)",
@@ -118,7 +117,6 @@ def run(args: argparse.Namespace) -> int:
     """
     from irrsplat import settings
     from irrsplat.app.common import false_colours
-    from irrsplat.app.common.pictures import Pictures
     from irrsplat.app.film import films, frames, frozen
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
@@ -127,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
     with_figures = _has_folder(args) and not keeps
-    files = Pictures(false_colours.checked(args))
+    coloured = false_colours.checked(args)
     films.check(args)
     if keeps:
         frozen.check(args)
@@ -144,7 +142,7 @@ def run(args: argparse.Namespace) -> int:
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
     small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
-    pictures_sampled = flight is None and small and "samples" not in args.values and files.coloured is None
+    pictures_sampled = flight is None and small and "samples" not in args.values and coloured is None
     arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
     sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
     made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
@@ -156,9 +154,9 @@ def run(args: argparse.Namespace) -> int:
         with rendering.round_progress(args) as on_round:
             if flight is not None:
                 how = {"frozen": keeps, "kept": "" if made is None else made.temporary}
-                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, **how)
             else:
-                needed_buffers = None if with_figures or files.coloured is not None else needed(args.output, buffers)
+                needed_buffers = None if with_figures or coloured is not None else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
@@ -171,7 +169,7 @@ def run(args: argparse.Namespace) -> int:
             picture = frame
         for path in args.output if flight is None else ():
             shown = picture if path in pngs else frame
-            outputs.write(path, partial(files.save, path, shown, buffers, renderer, camera))
+            outputs.write(path, partial(false_colours.save, coloured, path, shown, buffers, renderer, camera))
         if cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if flight is not None and made is not None:

@@ -46,6 +46,16 @@ def checked(args: argparse.Namespace) -> FalseColours | None:
     return FalseColours(args.falsecolor, scale)
 
 
+def save(
+    coloured: FalseColours | None, name: str, frame: Frame, buffers: list[str] | None, renderer: Renderer, camera: Camera
+) -> None:
+    """Write a new frame of `renderer` from `camera`, in false colours for a .png; raise IrrsplatError for a failed write."""
+    if coloured is not None and name.lower().endswith(".png"):
+        coloured.save(name, frame, renderer, camera)
+    else:
+        frame.save(name, buffers)
+
+
 @dataclass
 class FalseColours:
     """False-colour pictures of `buffer` with `scale`; the first picture of a path sets an automatic end of the scale."""

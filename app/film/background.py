@@ -10,7 +10,6 @@ from fractions import Fraction
 from pathlib import Path as File
 
 from irrsplat.app.common.outputs import Outputs
-from irrsplat.app.common.pictures import Pictures
 from irrsplat.app.film import films, frames, video
 from irrsplat.app.film.flight import Flight
 from irrsplat.core.errors import InputError
@@ -117,7 +116,7 @@ def _write(job: FilmJob, name: str, report: Callable[[float], object]) -> None:
     pattern, numbers = films.pattern_in(str(File(name).parent)), range(job.path.frames)
     flight, outputs = Flight(job.path, numbers, (pattern,)), Outputs()
     with Renderer(job.scene, job.size, job.preset, **job.values) as renderer:
-        frames.render(renderer, flight, None, False, on_round, outputs, Pictures(), kept=pattern)
+        frames.render(renderer, flight, None, False, on_round, outputs, None, kept=pattern)
     outputs.raise_failures()
     report(1.0)
     video.write(name, [File(numbered(pattern, number)) for number in numbers], Fraction(video.RATE))

@@ -6,7 +6,7 @@ import os
 import re
 import string
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,11 @@ from irrsplat.core.files import (
     write_file,
 )
 from irrsplat.core.paths import named
-from irrsplat.image.backdrop import display_picture
-from irrsplat.image.frame_buffers import FrameBuffers
-from irrsplat.image.output.exr import write_exr
+from irrsplat.image.backdrop import BackdropKind, display_picture
+from irrsplat.image.output.exr import attributes, write_layers
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
+from irrsplat.scene.model import Camera
 
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
@@ -38,7 +39,7 @@ _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # spelling of {frame} that gives 
 
 
 @dataclass(frozen=True, repr=False)
-class Frame(FrameBuffers):
+class Frame:
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
     image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are sampled at its centre. records_*:
@@ -47,6 +48,38 @@ class Frame(FrameBuffers):
     is in the image, other backdrops are composited behind it. camera: in world space; None if unknown. A notebook shows the
     picture.
     """
+
+    image: np.ndarray
+    direct: np.ndarray
+    indirect: np.ndarray
+    irradiance: np.ndarray
+    emission: np.ndarray
+    weight: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    smooth_normal: np.ndarray
+    albedo: np.ndarray
+    opacity: np.ndarray
+    depth: np.ndarray
+    alpha: np.ndarray
+    records_position: np.ndarray
+    records_normal: np.ndarray
+    records_irradiance: np.ndarray
+    records_radius: np.ndarray
+    stats: Statistics = field(default_factory=Statistics)
+    figures: dict[str, np.ndarray] = field(default_factory=dict)
+    backdrop: BackdropKind = "sky"
+    camera: Camera | None = None
+
+    @property
+    def exposure(self) -> float:
+        """The picture's exposure in stops (stats["exposure"]; 0 where that is missing)."""
+        return float(self.stats.get("exposure", 0.0))
+
+    @property
+    def picture(self) -> np.ndarray:
+        """The image as a screen shows it, (H, W, 3) sRGB-encoded 0..1, before its backdrop; (H, W, 4) where that is clear."""
+        return display_picture(self.image, self.exposure, self.alpha, self.backdrop)
 
     def __repr__(self) -> str:
         """Return the frame in a line: its size, and its known numbers of records and rounds."""
@@ -85,7 +118,7 @@ class Frame(FrameBuffers):
         if not ending:
             _write_folder(Path(os.path.realpath(path)), self._pictures(names))
         elif ending == ".exr":
-            write_file(path, lambda part: write_exr(part, self, names))
+            write_file(path, lambda part: self._write_exr(part, names))
         elif ending == ".npz":
             write_file(path, lambda part: self._write_npz(part, names))
         else:
@@ -102,6 +135,13 @@ class Frame(FrameBuffers):
         rows = slice(first, first + _ROWS)
         whole = first, len(self.image)
         return display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole)
+
+    def _write_exr(self, part: Path, names: Sequence[str]) -> None:
+        layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
+        if self.backdrop == "clear" and "image" in layers:
+            layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
+        height, width = self.image.shape[:2] if self.image.size else self.depth.shape
+        write_layers(part, layers, height, attributes(self.stats, self.camera, width / height))
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

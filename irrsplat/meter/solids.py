@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from irrsplat.core.vectors import sphere
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
 
@@ -46,7 +47,7 @@ def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
     more than it enters it."""
     tried = np.zeros(len(points), np.intp)
     left = np.arange(len(points))  # points without an escaping ray so far
-    for direction in _directions():
+    for direction in sphere(_DIRECTIONS)[(np.arange(_DIRECTIONS) * 23) % _DIRECTIONS]:  # successive ones are far apart
         asked = normals[left] @ direction > _RISE
         if mesh.closed:
             asked &= tried[left] < _ENOUGH
@@ -57,17 +58,6 @@ def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
             left = np.setdiff1d(left, freed, assume_unique=True)
     found = np.zeros(len(points), bool)
     found[left] = True
-    return found
-
-
-def _directions() -> np.ndarray:
-    """Return (_DIRECTIONS, 3) unit vectors over the sphere: a Fibonacci lattice, ordered so that successive ones are far
-    apart."""
-    i = np.arange(_DIRECTIONS)
-    z, angle = 1.0 - (2.0 * i + 1.0) / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
-    level = np.sqrt(1.0 - z * z)
-    lattice = np.stack([level * np.cos(angle), level * np.sin(angle), z], 1)
-    found: np.ndarray = lattice[(i * 23) % _DIRECTIONS]
     return found
 
 

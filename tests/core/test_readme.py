@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, fly_through
+from irrsplat.app.bench import cases
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
 
@@ -44,8 +44,8 @@ def small(words: list[str]) -> list[str]:
         i = words.index("--size")
         words = words[:i] + words[i + 3 :]
     quick = ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64", *([] if "--bounces" in words else ["--bounces", "1"])]
-    if words[0] == "bench":  # tests/app/bench has all presets and flights
-        quick = [*([] if "--preset" in words else ["--preset", "default"]), *([] if "--flight" in words else ["--flight", "off"])]
+    if words[0] == "bench":  # tests/app/bench has all presets
+        quick = [] if "--preset" in words else ["--preset", "default"]
     return [*words, "--size", "24", "24", *quick]
 
 
@@ -68,7 +68,6 @@ def test_the_commands_run(
     # a window in memory that closes after some frames (tests/app/viewer/interface/test_window.py opens a real one)
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
-    monkeypatch.setattr(fly_through, "FRAMES", 5)
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(cases, "error", lambda renderer, camera: None)  # tests/app/bench has the errors
     files_of(next(page for page in PAGES if command in page), tmp_path)

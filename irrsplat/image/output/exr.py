@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.files import check_exr, json_text
 from irrsplat.image import statistics
-from irrsplat.image.frame_buffers import FrameBuffers
 from irrsplat.scene.model import Camera
 
 _NEAR, _DISTANT = 1e-3, 1e3  # near and far of worldToNDC: no pixel depends on them
-
-
-def write_exr(path: Path, frame: FrameBuffers, names: Sequence[str]) -> None:
-    """Write the image buffers of a frame; raises OSError if the file is truncated."""
-    rows = frame.image.shape[0] or frame.depth.shape[0]
-    buffers = {name: np.ascontiguousarray(getattr(frame, name), np.float32) for name in names if name in CHANNELS}
-    write_layers(path, _layers(frame, buffers), rows, attributes(frame))
 
 
 def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:
@@ -34,20 +25,13 @@ def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header
     check_exr(path, rows)
 
 
-def _layers(frame: FrameBuffers, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return layers by the buffers' names; with a clear backdrop, image has a premultiplied A."""
-    if frame.backdrop == "clear" and "image" in buffers:
-        return {**buffers, "image": np.ascontiguousarray(np.dstack([buffers["image"], frame.alpha]), np.float32)}
-    return buffers
-
-
-def attributes(frame: FrameBuffers) -> dict[str, Any]:
+def attributes(stats: statistics.Statistics, camera: Camera | None, aspect: float) -> dict[str, Any]:
     """Return the header's attributes, equal for equal runs.
 
-    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. A frame with
-    a camera also has OpenEXR's standard attributes, see `of_camera`.
+    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. With a
+    camera also OpenEXR's standard attributes, see `of_camera`.
     """
-    kept = statistics.repeatable(frame.stats)
+    kept = statistics.repeatable(stats)
     found: dict[str, Any] = {"stats": json_text(kept), "software": f"irrsplat {_version()}"}
     if "preset" in kept:
         found["irrsplat:preset"] = str(kept["preset"])
@@ -57,8 +41,8 @@ def attributes(frame: FrameBuffers) -> dict[str, Any]:
         found[f"irrsplat:{name}"] = (
             float(value) if number else ("on" if value else "off") if isinstance(value, bool) else str(value)
         )
-    if frame.camera is not None:
-        found |= of_camera(frame.camera, frame.aspect)
+    if camera is not None:
+        found |= of_camera(camera, aspect)
     return found
 
 

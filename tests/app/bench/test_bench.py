@@ -14,7 +14,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, compare, fly_through, gather_truth, scaling, stage_profile
+from irrsplat.app.bench import cases, compare, gather_truth, scaling, stage_profile
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.camera_path import load_path
@@ -27,7 +27,6 @@ from tests.support.truth import load_reference
 from tests.support.worlds import floor, material, sphere
 from tests.support.worlds import scene as scene_of
 
-FLIGHTS = ("filling", "filling worst", "warm", "warm worst")
 CASES = ("empty", "warm", "moved", "light")
 KEYS = {"scene", "preset", "size", "case", "seconds", "records", "rmse", "stages_ms", "clock"}  # the contract's
 KEYS |= {"bounces", "seconds_all", "picture_seconds", "memory_mib"}
@@ -39,7 +38,6 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 32)
     monkeypatch.setattr(gather_truth, "COUNT", 150)
-    monkeypatch.setattr(fly_through, "FRAMES", 4)
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
@@ -49,17 +47,16 @@ def checked_rows(written: dict[str, Any]) -> dict[tuple[str, str, str], dict[str
     assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
     for run in written["runs"]:
         assert set(run) == KEYS
-        flight = run["case"].startswith("flight")
         assert run["clock"] in ("gpu", "wall") and isinstance(run["records"], int) and run["records"] > 0
         assert run["seconds_all"] == [run["seconds"]]
         assert {"splat", "composite", "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
-        assert flight or (run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0)
+        assert run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0
     return {(run["scene"], run["preset"], run["case"]): run for run in written["runs"]}
 
 
 def test_each_case_starts_from_its_named_state(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The stages and the number of records of each row show the state from which its case starts."""
-    command = ["bench", "cornell-paper", "--preset", "default", "--size", "12", "10", "--flight", "off"]
+    command = ["bench", "cornell-paper", "--preset", "default", "--size", "12", "10"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     of = checked_rows(json.loads((tmp_path / "b.json").read_text()))
     assert [*of] == [("cornell-paper", "default", case) for case in CASES]
@@ -91,7 +88,7 @@ def test_a_profile_counts_nested_time_once(tmp_path: Path, monkeypatch: pytest.M
 
 
 @pytest.mark.long
-def test_scenes_presets_and_flights_have_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_scenes_and_presets_have_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
@@ -99,7 +96,6 @@ def test_scenes_presets_and_flights_have_rows(tmp_path: Path, capsys: pytest.Cap
     expected = []
     for scene, some in (("cornell-paper", CASES), ("furnace", CASES[:3])):  # the furnace has no light to move
         expected += [(scene, preset, case) for preset in ("paper", "default") for case in some]
-        expected += [(scene, "default", f"flight {case}") for case in FLIGHTS]
     assert [*of] == expected
     assert of["furnace", "default", "empty"]["rmse"] < 0.01, "E is π everywhere"
     assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane covers 0.945 of E"
@@ -159,18 +155,6 @@ def test_a_flight_keeps_the_accuracy_of_its_first_view() -> None:
         for camera in cameras:
             renderer.converge(camera)
         assert compare_pixels(renderer.render(first), reference)["rmse"] <= 1.1 * fresh
-
-
-@pytest.mark.few_sites
-def test_the_second_flight_adds_few_records() -> None:
-    """The benchmark completes each view between the flights: the second flight adds at most 1 % of the records."""
-    filling, warm = fly_through.fly(irrsplat.load("cornell-paper"), (24, 18), frames=4)
-    own, made = fly_through.route(irrsplat.load("cornell")), fly_through.route(irrsplat.load("cornell-paper"))
-    assert own.frames == 90 and made.frames == fly_through.FRAMES and made.camera(0) == made.camera(made.frames - 1)
-    assert (filling.case, warm.case) == ("filling", "warm")
-    assert filling.new > 0 and warm.new <= 0.01 * warm.records and warm.records >= filling.records == filling.new
-    for flown in (filling, warm):
-        assert flown.ms.shape == (4,) and {"gbuffer", "splat"} <= set(flown.stages)
 
 
 @pytest.mark.few_sites
