@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from irrsplat.meter.light_meter import LightMeter, irradiance
     from irrsplat.renderer import Renderer, render
     from irrsplat.scene import load
-    from irrsplat.scene.io.objects.arrays import make_mesh, make_scene
-    from irrsplat.scene.io.objects.mitsuba_scene import from_mitsuba
+    from irrsplat.scene.io.arrays import make_mesh, make_scene
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
 
@@ -33,7 +32,6 @@ __all__ = [
     "Renderer",
     "Scene",
     "Settings",
-    "from_mitsuba",
     "irradiance",
     "load",
     "make_mesh",
@@ -48,8 +46,7 @@ _NAMES = {  # module: what it gives, as in the imports above
     "irrsplat.meter.light_meter": ("LightMeter", "irradiance"),
     "irrsplat.renderer": ("Renderer", "render"),
     "irrsplat.scene": ("load",),
-    "irrsplat.scene.io.objects.arrays": ("make_mesh", "make_scene"),
-    "irrsplat.scene.io.objects.mitsuba_scene": ("from_mitsuba",),
+    "irrsplat.scene.io.arrays": ("make_mesh", "make_scene"),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
     "irrsplat.settings": ("Settings", "preset"),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 from typing import Any
@@ -30,8 +29,6 @@ def test_the_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     for block in BLOCKS:
-        if "import mitsuba" in block and importlib.util.find_spec("mitsuba") is None:
-            continue  # tests/scene/test_objects.py has it where the extra is there
         for long, short in SMALL:
             block = block.replace(long, short)
         exec(compile(block, "python.md", "exec"), names)

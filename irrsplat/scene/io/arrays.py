@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.model.checks import check_type, checked
 from irrsplat.scene.motion import affine
-from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
+from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.map_file import MOST_ROWS
 from irrsplat.sky.sky_text import Sky, sky_of
@@ -67,7 +66,10 @@ def make_mesh(
         uvs=None if uvs is None else np.tile(_rows(f"the uvs {said}", uvs, 2, len(points)), 2),
     )
     check_type(f"the material {said}", part.material, Material)
-    (built,) = build_meshes([smoothed(part, crease_angle)])
+    if normals is None and crease_angle > 0.0 and len(corners):
+        smooth, corner_normals = crease_normals(points, corners, crease_angle)
+        part = replace(part, normals=smooth, corner_normals=corner_normals)
+    (built,) = build_meshes([part])
     return built.mesh_or_error(Path(name or "mesh"))
 
 
@@ -89,39 +91,21 @@ def make_scene(
     """
     meshes = (meshes,) if isinstance(meshes, Mesh) else meshes
     given = Scene(cast(tuple[Mesh, ...], meshes), cast(tuple[Light, ...], lights), cast(tuple[Camera, ...], cameras))
-    return completed(given.meshes, given.lights, given.cameras, given_sky(sky), up, name)
-
-
-def completed(
-    meshes: Sequence[Mesh],
-    lights: Sequence[Light],
-    cameras: Sequence[Camera],
-    sky: Sky | None,
-    up: Up,
-    name: str,
-    notices: Sequence[str] = (),
-    dropped: int = 0,
-    origin: Vector = (0.0, 0.0, 0.0),
-) -> Scene:
-    """Return the Scene of these parts, with meshes relative to `origin`, and defaults for missing light or camera.
-
-    Raises InputError for a scene without triangles. Meshes far from 0 0 0 become relative to a nearby origin.
-    """
+    around = _given_sky(sky)
     if up not in ("x", "y", "z"):
         raise InputError(f"up is one of x, y, z, not {up!r:.60}")
-    if not any(len(mesh.faces) for mesh in meshes):
+    if not any(len(mesh.faces) for mesh in given.meshes):
         raise InputError("no triangle of these meshes has an area; nothing is left to show", name)
     path, vector = Path(name), up_vector(Path(name), up)
-    counts = Counter({name: dropped})
     try:
-        scene = finish(path, meshes, lights, cameras, sky, counts, notices, (), vector, origin, invent=False)
+        scene = finish(path, given.meshes, given.lights, given.cameras, around, {}, up=vector, invent=False)
     except FarAway as far:
-        moved = Scene(tuple(meshes), (), (), origin=origin).relative_to(far.origin)
-        scene = finish(path, moved.meshes, lights, cameras, sky, counts, notices, (), vector, far.origin, invent=False)
+        moved = given.relative_to(far.origin).meshes
+        scene = finish(path, moved, given.lights, given.cameras, around, {}, up=vector, origin=far.origin, invent=False)
     return replace(scene, path="", files=())
 
 
-def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
+def _given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
     """Return the sky of a text, a radiance (3,) or a map (H, W, 3); raise InputError for other values."""
     if sky is None:
         return None
@@ -138,25 +122,12 @@ def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
         raise InputError("a sky is a radiance (3,), a map of radiance (H, W, 3), or a text such as 'cie overcast lux 10000'")
     if not (array.min() >= 0.0 and array.max() <= GREATEST):  # false for NaN
         raise InputError(f"a sky's radiance is from 0 to {GREATEST:g}")
-    return Sky(environment=sky_map(array))
-
-
-def sky_map(radiance: np.ndarray) -> Environment:
-    """Return the Environment of an equirectangular map (H, W, 3) of radiance, without its suns; large maps are halved."""
-    while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
-        height, width = radiance.shape[:2]
-        radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
-    shown = np.ascontiguousarray(radiance, np.float32)
+    while len(array) > MOST_ROWS and array.shape[0] % 2 == array.shape[1] % 2 == 0:
+        height, width = array.shape[:2]
+        array = array.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
+    shown = np.ascontiguousarray(array, np.float32)
     light, suns = split(shown)
-    return Environment(shown, light, suns, f"a map, {shown.shape[1]}x{shown.shape[0]}")
-
-
-def smoothed(part: Part, crease_angle: float) -> Part:
-    """Return the part with normals by the crease angle if it has none; with an angle of 0 normals are those of faces."""
-    if part.normals is not None or crease_angle <= 0.0 or not len(part.corners):
-        return part
-    normals, corner_normals = crease_normals(part.positions, part.corners, crease_angle)
-    return replace(part, normals=normals, corner_normals=corner_normals)
+    return Sky(environment=Environment(shown, light, suns, f"a map, {shown.shape[1]}x{shown.shape[0]}"))
 
 
 def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = None) -> np.ndarray:
