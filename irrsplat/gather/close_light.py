@@ -48,25 +48,25 @@ class CloseLight(Owner):
         """Return (N, 2) luminances in W/m²: mean E at the close hits of N records, and its part by close values of the surface
         cache; that is -1 for records with few close hits.
 
-        rows: (5, N, 4) of Atlas.frames. rotations: (N,) seeds of the frames. planes: (N, R, 4) of Atlas.planes. rays: (R, 4)
+        rows: (5, N, 4) of Atlas.frames. rotations: (N,) seeds of the frames. planes: (N, R, 4) of Atlas.planes. rays: (4, R)
         directions in a frame, and cosθ·dω. triangles: (N, R) of the hits, if known.
         """
-        share = np.where(rows[3, :, :3] @ rays[:, :3].T > 0.0, rays[:, 3] / (np.pi * (_STEP - 1.0)), 0.0)
+        above = np.einsum("nk,kr->nr", rows[3, :, :3], rays[:3]) > 0.0  # @ would start threads of OpenBLAS, which then spin
         pair = np.maximum(planes[..., 3], 0.0)
-        reflected = (pair - _STEP * np.floor(pair / _STEP)) * share
-        close = reflected.sum(1) * len(rays)
+        reflected = (pair - _STEP * np.floor(pair / _STEP)) * (rays[3] / (np.pi * (_STEP - 1.0))) * above
+        close = reflected.sum(1) * rays.shape[1]
         gathers = np.where(close > LEAST, np.ceil(close * _RAYS / SIDE**2), 0.0).astype(np.intp)
         values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))
         some = np.flatnonzero(gathers)
         if len(some):
             row, texel, rank = drawn(reflected[some], gathers[some])
             record = some[row]
-            along = np.einsum("nk,nkx->nx", rays[texel, :3], rows[:3, record, :3].swapaxes(0, 1))
+            along = np.einsum("kn,nkx->nx", rays[:3, texel], rows[:3, record, :3].swapaxes(0, 1))
             plane = planes[record, texel, :3]
             place = rows[4, record, :3] + along / np.einsum("nx,nx->n", plane, along)[:, None]
             facing = -plane / np.linalg.norm(plane, axis=1, keepdims=True)
             triangle = None if triangles is None else triangles[record, texel]
-            eyes = Sites(place, facing, facing, triangle, rotations[record] * len(rays) + rank)
+            eyes = Sites(place, facing, facing, triangle, rotations[record] * rays.shape[1] + rank)
             values[some] = self._means(light, eyes, gathers[some], seed)
         return values
 

@@ -117,7 +117,7 @@ class TraceGather(Gather):
             rays=table_texture(ctx, np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1), varying=True),
         )
         self.first_hits = FirstHits(world, rays, cell, places, capacity) if embree else None
-        self._rays = np.concatenate([rays, table[..., 3].reshape(-1, 1)], axis=1)
+        self._rays = np.stack([*rays.T, table[..., 3].ravel()])
         resolves_close = surface and not hits and places == 1 and len(rays) > LEAST
         self._close_light = float_texture(ctx, (uneven(capacity), 1), 2) if resolves_close else None
         # a surface cache has so many sites that the noise of each averages out
