@@ -17,7 +17,7 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
-_FEW = 64, 1 / 16  # new records, and their share of all, below which a splat of all records costs more than old limits gain
+_FEW = 1 / 8  # share of new records below which a splat of all records costs more than old limits gain
 _SETTINGS = ("a", "adapt", "gradients", "weights")  # settings that limits depend on
 
 
@@ -71,7 +71,7 @@ class AdaptiveRadius(Owner):
         same = inputs == self._progress.inputs
         done = self._progress if same else _Progress()
         limited, compared = min(done.limited, cache.count), min(done.compared, cache.count)
-        old_too = old_too and cache.count - compared >= min(_FEW[0], int(_FEW[1] * cache.count))
+        old_too = old_too and cache.count - compared >= int(_FEW * cache.count)
         first = compared if old_too else limited
         changed = False
         if not same or first < cache.count:

@@ -167,16 +167,16 @@ def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx
 
 
 def test_few_new_records_limit_no_old_ones_until_there_are_more(ctx: moderngl.Context) -> None:
-    """A 16th of 340 records are 21: 15 new ones leave old limits, and with 25 more all limits are those of one comparison."""
-    made, cache = Made(ctx, 340), RecordCache(ctx)
+    """An 8th of 360 records are 45: 30 new ones leave old limits, and with 30 more all limits are those of one comparison."""
+    made, cache = Made(ctx, 360), RecordCache(ctx)
     with AdaptiveRadius(ctx, cache, Timers(ctx, software=True)) as adaptation:
         cache.luminance_floor = made.dark
         found = []
-        for count in (300, 315, 340):
+        for count in (300, 330, 360):
             made.append(cache, count)
             found.append((adaptation(BASE, old_too=True, same_floor=True), cache.limits(300)))
     assert not found[1][0] and np.array_equal(found[0][1], found[1][1])
-    assert found[2][0] and np.array_equal(cache.limits(340), made.limits(BASE)[:340])
+    assert found[2][0] and np.array_equal(cache.limits(360), made.limits(BASE)[:360])
     cache.release()
 
 
