@@ -27,13 +27,12 @@ from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SCALES, SECTIONS, Panels, ViewOptions
+from irrsplat.app.viewer.view_options import SECTIONS, Panels, ViewOptions
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.camera_path import path_text
 from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
-from irrsplat.scene.model import Camera
 from irrsplat.settings import preset
 
 _FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
@@ -57,7 +56,7 @@ class Actions:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
         self.say, self.attempt = self.messages.say, self.messages.attempt
-        self.panels = Panels(scale=min(max(preferences.scale, SCALES[0]), SCALES[1]))
+        self.panels = Panels()
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
@@ -84,10 +83,6 @@ class Actions:
         return f"needs the extra {command.extra}: {install}" if module and find_spec(module) is None else ""
 
     @property
-    def options(self) -> ViewOptions:
-        return self.session.options
-
-    @property
     def selected(self) -> bool:
         return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
 
@@ -98,14 +93,10 @@ class Actions:
 
     def save_preferences(self, size: tuple[int, int] | None) -> str | None:
         """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
-        self.preferences.size, self.preferences.scale = size or self.preferences.size, self.panels.scale
+        self.preferences.size = size or self.preferences.size
         return stored.save(self.preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
-
-    def go(self, camera: Camera) -> None:
-        """Set the camera to one in world space."""
-        self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
     def record(self) -> None:
         """Begin to record the flight, or end the recording and write the path file."""
@@ -121,7 +112,7 @@ class Actions:
 
     def show(self, name: str) -> None:
         """Show a buffer."""
-        self.options.buffer = name
+        self.session.options.buffer = name
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
@@ -130,12 +121,12 @@ class Actions:
 
     def _owner(self, name: str) -> ViewOptions | Panels:
         """Return the object that holds an option."""
-        return self.panels if hasattr(self.panels, name) else self.options
+        return self.panels if hasattr(self.panels, name) else self.session.options
 
     def is_active(self, command: Command) -> bool:
         """Return True if the choice or the option of an action is the present one."""
         session, argument = self.session, command.argument
-        now = {"show": self.options.buffer, "use_preset": session.settings(session.options.side)[0]}
+        now = {"show": self.session.options.buffer, "use_preset": session.renderer(session.options.side).preset}
         if command.action == "toggle" and isinstance(argument, str):
             return self.is_on(argument)
         return command.action in now and argument == now[command.action]
@@ -158,11 +149,11 @@ class Actions:
 
     def split(self) -> None:
         """Show two presets, or one picture again."""
-        self.session.split(not self.options.split)
+        self.session.split(not self.session.options.split)
 
     def flip(self) -> None:
         """Show one side alone, and change to the other side at each call. A single picture is first split."""
-        options = self.options
+        options = self.session.options
         if not options.split:
             self.session.split(True)
         options.side = 0 if options.divider == 0.0 else 1
@@ -170,14 +161,14 @@ class Actions:
         self.say(("left", "right")[options.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
-        self.session.use_preset(self.options.side, name)
+        self.session.use_preset(self.session.options.side, name)
         self.say(f"preset {name}", topic="preset")
 
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends. Set it to the default if it is 0, which means no refinement."""
-        now = self.session.settings(self.options.side)[1].viewer_quality
+        now = self.session.renderer(self.session.options.side).settings.viewer_quality
         aim = max(0.5 * now, _FINEST) if now else preset("default").viewer_quality
-        self.session.change(self.options.side, viewer_quality=aim)
+        self.session.change(self.session.options.side, viewer_quality=aim)
         self.say(f"refinement ends at {aim:.2g} % of estimated error", topic="refine")
 
     def trace(self) -> None:
@@ -188,13 +179,13 @@ class Actions:
         """Update all background work: dialog, film and reference. Measure the plane if it is shown."""
         self.attempt(self.dialog.update)
         self.attempt(lambda: self.film.update(self.say))
-        self.attempt(lambda: self.session.plane.update(self.options.plane, self.session.scene))
+        self.attempt(lambda: self.session.plane.update(self.session.options.plane, self.session.scene))
         self.attempt(lambda: self.session.tracing.update(self._subject, self.say))
 
     @property
     def _subject(self) -> Subject:
         """The view for which `trace` makes a reference."""
-        return self.session.subject(self.session.camera, self.session.settings(self.options.side)[1])
+        return self.session.subject(self.session.camera, self.session.renderer(self.session.options.side))
 
     def clear(self) -> None:
         for renderer in self.session.active:
@@ -290,8 +281,8 @@ class Actions:
         if path is None:
             raise InputError("there is no path to film; R records one")
         values = overrides(renderer.preset, renderer.settings)
-        if np.isfinite(session.exposure):
-            values["exposure"] = session.exposure
+        if np.isfinite(session.auto_exposure.stops):
+            values["exposure"] = session.auto_exposure.stops
         make_folder(folder)
         scene, path = session.scene.placed(session.origin), path.shifted(session.origin)
         name = _stamped(str(folder / "irrsplat"), self.title, ".mp4")
@@ -318,11 +309,6 @@ class Actions:
         self.editor.pick_light(None)
         self.panels.close_menus, self.prompt = True, None
         self.messages.close()
-
-    def enlarge(self, step: float) -> None:
-        """Make text and widgets larger by a step, within SCALES."""
-        self.panels.scale = min(max(self.panels.scale + step, SCALES[0]), SCALES[1])
-        self.say(f"interface × {self.panels.scale:g}", topic="scale")
 
     def find_command(self, all_keys: bool = False) -> None:
         """Open the prompt for an action, a setting or a scene. all_keys: True to begin with the keys of flight and the mouse."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -25,12 +24,11 @@ _FILE = "viewer.json"
 class Preferences:
     """The choices of the user.
 
-    size: size of the window, pixels. scale: the scale of text and widgets. recent: scenes, newest first, at most RECENT. Each is
-    an absolute path or the name of a bundled scene.
+    size: size of the window, pixels. recent: scenes, newest first, at most RECENT. Each is an absolute path or the name of a
+    bundled scene.
     """
 
     size: tuple[int, int] | None = None
-    scale: float = 1.0
     recent: list[str] = field(default_factory=list)
 
     def opened(self, source: str) -> None:
@@ -61,8 +59,8 @@ def save(preferences: Preferences) -> str | None:
         text = json.dumps({"version": VERSION} | asdict(preferences), indent=1, allow_nan=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text + "\n")
-    except (IrrsplatError, OSError, TypeError, ValueError, RecursionError) as error:
-        return _line(error if isinstance(error, IrrsplatError) else f"{path}: cannot write: {error}")
+    except (IrrsplatError, OSError) as error:
+        return " ".join(f"cannot write the preferences: {error}".split())
     return None
 
 
@@ -72,16 +70,12 @@ def load() -> tuple[Preferences, list[str]]:
         data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
         if data["version"] != VERSION:
             raise ValueError(f"not of version {VERSION}")
-        size, scale = data["size"] and tuple(map(int, data["size"])), float(data["scale"])
-        if (size and not (len(size) == 2 and 0 < min(size) <= max(size) <= SIDE)) or not math.isfinite(scale):
-            raise ValueError("wrong size or scale")
+        size = data["size"] and tuple(map(int, data["size"]))
+        if size and not (len(size) == 2 and 0 < min(size) <= max(size) <= SIDE):
+            raise ValueError("wrong size")
         recent = [source for source in data["recent"] if os.path.isabs(source) or source in bundled()]
-        return Preferences(size, scale, list(dict.fromkeys(recent))[:RECENT]), []
+        return Preferences(size, list(dict.fromkeys(recent))[:RECENT]), []
     except FileNotFoundError:
         return Preferences(), []
     except (IrrsplatError, OSError, ValueError, TypeError, LookupError, OverflowError, RecursionError) as error:
-        return Preferences(), [_line(f"{_FILE} cannot be used ({error}); defaults replace it")]
-
-
-def _line(said: object) -> str:
-    return " ".join(str(said).split())
+        return Preferences(), [" ".join(f"{_FILE} cannot be used ({error}); defaults replace it".split())]

@@ -9,7 +9,7 @@ from typing import Unpack, cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_reference import Reference, Subject, TracedReference
+from irrsplat.app.viewer.buffers.background_reference import Reference, Subject
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera, PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
@@ -68,7 +68,7 @@ class Session(Owner):
         ]  # the renderer of the left side, and of the right side too if there is no second renderer
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
-            self.free_camera.go(camera.shifted(np.negative(self.origin)))
+            self.free_camera.camera = camera.shifted(np.negative(self.origin))
         self.auto_exposure = AutoExposure()
         self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
         self.plane = MeasuringPlane(usual_height(scene))
@@ -120,16 +120,6 @@ class Session(Owner):
     def whole(self) -> bool:
         """True if the views have the window's size. Views of a moving camera may be smaller."""
         return all(view.image.size == self.size for view in self.views)
-
-    @property
-    def budget(self) -> float:
-        """The frame budget in seconds."""
-        return self.renderers[0].settings.budget / 1e3
-
-    @property
-    def exposure(self) -> float:
-        """The exposure of both sides in stops; NaN before the first picture."""
-        return self.auto_exposure.stops
 
     def _at_rest(self, progress: Progress) -> bool:
         """Return True if the cache and the picture of a side no longer change."""
@@ -216,30 +206,17 @@ class Session(Owner):
         """Return the renderer of a side."""
         return self.active[min(side, len(self.active) - 1)]
 
-    def settings(self, side: int) -> tuple[str, Settings]:
-        renderer = self.renderer(side)
-        return renderer.preset, renderer.settings
-
     def source(self, side: int) -> ViewSource:
         """Return the last tick's view of a side. Raises InputError before the first tick of a scene."""
         if not self.views:
             raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split else 0
         renderer, view = self.renderers[i], self.views[i]
-        reference = self.reference(view.camera, renderer.settings)
-        return ViewSource(renderer, view, self.exposure, reference, self.light_scale, self.origin)
+        reference = self.tracing.of(self.subject(view.camera, renderer))
+        return ViewSource(renderer, view, self.auto_exposure.stops, reference, LightScale().up_to(self.brightest), self.origin)
 
-    @property
-    def light_scale(self) -> LightScale:
-        """The scale of false colours on both sides, with a known upper end."""
-        return LightScale().up_to(self.brightest)
-
-    def reference(self, camera: Camera, settings: Settings) -> TracedReference | None:
-        """Return the traced reference for `camera` and the bounces of the settings; None for none."""
-        return self.tracing.of(self.subject(camera, settings))
-
-    def subject(self, camera: Camera, settings: Settings) -> Subject:
-        return Subject(self.scene, camera, self.size, settings.bounces)
+    def subject(self, camera: Camera, renderer: Renderer) -> Subject:
+        return Subject(self.scene, camera, self.size, renderer.settings.bounces)
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,6 @@ import numpy as np
 Point = tuple[float, float, float]
 Surface = tuple[Point, Point]  # a point and its unit normal
 
-SCALES = (0.75, 2.0)  # the least and the greatest scale of the interface
 SECTIONS = ("settings", "lights", "outliner", "why", "plane")  # the optional sections of the side panel
 
 
@@ -50,4 +49,3 @@ class Panels:
     close_menus: bool = False  # True if menus and lists close in the next frame
     context_menu: bool = False  # True if it opens in the next frame
     sought: str = ""  # the setting to which the list of settings scrolls
-    scale: float = 1.0  # the user's scale of text and widgets, on top of the monitor's scale

@@ -72,7 +72,7 @@ class Viewer(Owner):
         self.controls = Controls(wnd, self.actions, self.display, self.backend, lambda: self._place)
         self._pictures = Workshop()
         self.inspected: InspectedRecord | None = None
-        self.cache_file: CacheFile | None = None
+        self._kept: tuple[KeptCache, Scene] | None = None  # the file of records, and the scene to which they belong
         self._awake_until = 0.0  # by the clock in use, seconds
         self._shown: object = None  # the last state of all parts that change without an event
         self._quick = 0  # frames since the last tick
@@ -116,7 +116,7 @@ class Viewer(Owner):
             return
         actions.collect()
         before, self._unspent = now(), self._unspent + dt
-        interface = self.backend.wants_mouse or self.backend.wants_keyboard
+        interface = self.backend.io.want_capture_mouse or self.backend.io.want_capture_keyboard
         if answers and not self.controls.flies and self._quick < _QUICK and session.shows_now(any_camera=interface):
             self._quick += 1
         else:
@@ -152,10 +152,9 @@ class Viewer(Owner):
         return answers
 
     def _restyle(self) -> None:
-        """Scale text and widgets by the monitor and by the user's choice. Call it between frames."""
-        scale = self.desktop.scale * self.actions.panels.scale
-        if scale != self.backend.scale:
-            self.backend.resize_scale(scale)
+        """Scale text and widgets by the monitor. Call it between frames."""
+        if self.desktop.scale != self.backend.scale:
+            self.backend.resize_scale(self.desktop.scale)
 
     @property
     def _minimised(self) -> bool:
@@ -177,9 +176,8 @@ class Viewer(Owner):
     def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
         """Begin a pass of the interface, `dt` seconds after the last one, and make its windows, over a `picture` if given."""
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
-        own = not self.controls.looking
         paint = None if picture is None else partial(self.backend.background, picture)
-        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, paint=paint)
+        self.interface.draw(self.backend.scale, self.inspected, cursor, paint)
 
     def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
@@ -188,7 +186,7 @@ class Viewer(Owner):
         event in flight shows at once, since the tick after it gathers no records. hurried: True if such an event came before it.
         """
         session, start = self.session, now()
-        budget, dt = session.budget, max(self._unspent, 0.0)
+        budget, dt = session.renderers[0].settings.budget / 1e3, max(self._unspent, 0.0)
         self._quick, self._unspent, first = 0, 0.0, not session.views
         self.controls.fly(dt)
         moving, seconds = session.moving, max(budget - self._overhead, _LEAST * budget)
@@ -212,7 +210,7 @@ class Viewer(Owner):
         if actions.screenshot_wanted:
             actions.screenshot_wanted = False
             if not self.session.whole:
-                self.session.tick(0.0, self.session.budget)
+                self.session.tick(0.0, self.session.renderers[0].settings.budget / 1e3)
                 self.display.update(self.canvas, cursor)
             actions.save_screenshot(_pixels(self.canvas))
         self._restyle()
@@ -287,9 +285,33 @@ class Viewer(Owner):
         problem = None
         if remember:
             problem = self.actions.save_preferences(None if self.wnd.fullscreen else self.wnd.size)
-            problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
+            problem = self._save_cache() or problem
         self.release()
         return problem
+
+    def load_cache(self, path: str, update: bool) -> None:
+        """Load the file of the left side's records, if it exists, and save them there at the end.
+
+        update: True if a file of another state of the scene is loaded, with a message. Records that differ are gathered again.
+        Raises InputError for a file of other settings and, without `update`, of another scene.
+        """
+        self._kept = KeptCache(path), self.session.scene
+        if os.path.exists(path) and (reason := self.session.renderers[0].load_cache(path, update)):
+            self.actions.say(cache_file.renewal(path, reason))
+
+    def _save_cache(self) -> str | None:
+        """Write the file of records again, unless there are none. Return None, or the reason of an unchanged file in one line."""
+        renderer = self.session.renderers[0]
+        if self._kept is None or not renderer.cache.count:
+            return None
+        kept, scene = self._kept
+        if self.session.scene is not scene:
+            return f"{kept.path}: not written, since the scene on show is no longer the loaded one"
+        try:
+            kept.save(renderer.save_cache)
+        except IrrsplatError as error:
+            return str(error)
+        return None
 
 
 def _pixels(target: Target) -> np.ndarray:
@@ -330,7 +352,8 @@ def run(
             viewer.actions.say(notice)
         came: list[int] = []
         try:
-            viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions, update)
+            if cache is not None:
+                viewer.load_cache(cache, update)
             with signals(viewer.end) as came:
                 viewer.loop()
         finally:
@@ -340,35 +363,3 @@ def run(
         return problem
     finally:
         wnd.destroy()
-
-
-class CacheFile:
-    """The file at `path` of a session's records; of the left side's records if there are two sides.
-
-    update: True if a file of another state of the scene is loaded, with a message. The records that differ are gathered again.
-    Raises InputError for an existing file of other settings and, without `update`, of another scene.
-    """
-
-    def __init__(self, path: str, actions: Actions, update: bool = False) -> None:
-        self.path, self.actions, self.source = path, actions, actions.source
-        self._kept = KeptCache(path)
-        if os.path.exists(path) and (reason := actions.session.renderers[0].load_cache(path, update)):
-            actions.say(cache_file.renewal(path, reason))
-
-    def save(self) -> str | None:
-        """Write the file again. Return None, or one line with the reason why the file is unchanged.
-
-        The file belongs to the first opened scene, without edits of lights or objects. An empty cache never replaces the file.
-        """
-        actions, renderer = self.actions, self.actions.session.renderers[0]
-        if not renderer.cache.count:
-            return None
-        if actions.source != self.source:
-            return f"{self.path}: not written, since another scene was opened"
-        if actions.editor.changed:
-            return f"{self.path}: not written, since lights or objects are no longer the scene's own"
-        try:
-            self._kept.save(renderer.save_cache)
-        except IrrsplatError as error:
-            return str(error)
-        return None

@@ -7,7 +7,6 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import glfw
@@ -58,15 +57,6 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
     return wnd
 
 
-@dataclass(frozen=True)
-class _Event:
-    """A waiting event of a kind in _EVENTS. flows: True if it comes many times a second. handle: a call of its handler."""
-
-    kind: str
-    flows: bool
-    handle: Callable[[], None]
-
-
 class Desktop:
     """Functions that moderngl-window lacks: dropped files, focus, the monitor's scale and waiting for events.
 
@@ -74,7 +64,8 @@ class Desktop:
     """
 
     def __init__(self, wnd: BaseWindow) -> None:
-        self._events: deque[_Event] = deque()  # the waiting events, oldest first
+        # the waiting events, oldest first: True if the event comes many times a second, and a call of its handler
+        self._events: deque[tuple[bool, Callable[[], None]]] = deque()
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def listen(self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None]) -> None:
@@ -111,7 +102,7 @@ class Desktop:
 
         def keep(*values: Any) -> None:
             flows = kind in _FLOWING or (kind == "key" and values[3] == _REPEAT)
-            self._events.append(_Event(kind, flows, lambda: call(*values)))
+            self._events.append((flows, lambda: call(*values)))
 
         return keep
 
@@ -119,7 +110,7 @@ class Desktop:
         """Return True if an event waits. flowing: True if flowing events count, such as the motions of a mouse."""
         if self._window is not None:
             glfw.poll_events()
-        return any(flowing or not event.flows for event in self._events)
+        return any(flowing or not flows for flows, _ in self._events)
 
     def take(self) -> list[bool]:
         """Handle the first waiting event, and all directly following flowing events if it flows.
@@ -127,11 +118,12 @@ class Desktop:
         Return a list with True for each handled event that flows. The interface needs a pass between events: only then does it
         decide if it takes the next click or key.
         """
-        taken = list[_Event]()
-        while self._events and (not taken or (taken[-1].flows and self._events[0].flows)):
-            taken.append(self._events.popleft())
-            taken[-1].handle()
-        return [event.flows for event in taken]
+        taken = list[bool]()
+        while self._events and (not taken or (taken[-1] and self._events[0][0])):
+            flows, handle = self._events.popleft()
+            taken.append(flows)
+            handle()
+        return taken
 
 
 @contextmanager

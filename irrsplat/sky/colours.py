@@ -42,7 +42,11 @@ def clear_sky(directions: np.ndarray, sun: np.ndarray, turbidity: float) -> np.n
         here = (1.0 + A * np.exp(B / rise)) * (1.0 + C * np.exp(D * gamma) + E * cosine**2)
         there = (1.0 + A * np.exp(B)) * (1.0 + C * np.exp(D * theta_sun) + E * sun[1] ** 2)
         chromaticity.append(at_zenith * here / there)
-    x, y = chromaticity
+    return of_chromaticity(*chromaticity)
+
+
+def of_chromaticity(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the linear colours (…, 3) of CIE chromaticities, with luminance 1. Negative components become 0 before."""
     return _unit_luminance(np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y], -1) @ _RGB_FROM_XYZ.T)
 
 

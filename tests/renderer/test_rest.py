@@ -61,7 +61,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
     settle(driver)
     session = driver.session
     assert session.views[0].samples == SAMPLES and session.renderers[0].timers.milliseconds() == {}
-    driver.actions.go(replace(session.camera, fov=48.0))
+    session.free_camera.camera = replace(session.camera, fov=48.0)
     counts = []
     for _ in range(400):
         driver.frame()
@@ -97,7 +97,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     moves: tuple[Any, ...] = (
         lambda: session.change(0, blend=0.7),
         lambda: actions.editor.set_light(0, brighter(actions.editor.scene.lights[0])),
-        lambda: actions.go(replace(session.camera, fov=44.0)),
+        lambda: setattr(session.free_camera, "camera", replace(session.camera, fov=44.0)),
     )
     for act in moves:
         driver.settle()
@@ -136,11 +136,11 @@ def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counte
     cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]
     driver.move(80, 60)
     for camera in 3 * cameras:  # later views can shrink a record's radius; the next flight fills the gap
-        driver.actions.go(camera)
+        driver.session.free_camera.camera = camera
         driver.settle()
     spied.clear()
     for camera in cameras:
-        driver.actions.go(camera)
+        driver.session.free_camera.camera = camera
         driver.frame()
         assert driver.session.progress[0].new == 0
     assert spied["lib/nothing"] == len(cameras) and spied["image/composite"] == len(cameras)  # a g-buffer begins with nothing

@@ -38,9 +38,6 @@ class Subject:
         view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
         return self.scene.meshes is other.scene.meshes and view and lit == others_lit
 
-    def plan(self) -> list[Pass]:
-        return [Pass(self.camera, self.size, side, number) for number, side in enumerate(SIDES)]
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -95,7 +92,7 @@ class _Tracing:
         if not subject.scene.triangles:
             raise InputError("the scene has no surfaces, so there is nothing to trace")
         self.subject, self.latest = subject, cast(Estimate | None, None)
-        plan = subject.plan()
+        plan = [Pass(subject.camera, subject.size, side, number) for number, side in enumerate(SIDES)]
         self._left = iter(plan)
         self.calling = worker.refining(subject.scene, plan, vertices(subject.bounces), self._take)
 

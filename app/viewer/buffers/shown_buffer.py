@@ -17,8 +17,6 @@ from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Scene
-from irrsplat.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -75,17 +73,9 @@ class ViewSource:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
-    def settings(self) -> Settings:
-        return self.renderer.settings
-
-    @property
-    def scene(self) -> Scene:
-        return self.renderer.scene
-
-    @property
     def inputs(self) -> object:
         """The inputs of all buffers of the view, for a memo, which compares them by ==."""
-        return Identity(self.view), self.settings, self.exposure
+        return Identity(self.view), self.renderer.settings, self.exposure
 
     @property
     def gain(self) -> float:

@@ -146,25 +146,25 @@ def weight_range(settings: Settings) -> tuple[float, float]:
 
 def _weight(source: ViewSource) -> Uniforms:
     """Return the uniforms of the sum of weights Σw on a logarithmic scale, with the contour of the threshold."""
-    low, high = weight_range(source.settings)
-    return {"values": source.view.splats.weight, "low": low, "high": high, "threshold": source.settings.threshold}
+    low, high = weight_range(source.renderer.settings)
+    return {"values": source.view.splats.weight, "low": low, "high": high, "threshold": source.renderer.settings.threshold}
 
 
 def _weight_legend(source: ViewSource) -> Legend:
-    (low, high), threshold = weight_range(source.settings), source.settings.threshold
+    (low, high), threshold = weight_range(source.renderer.settings), source.renderer.settings.threshold
     mark = float(np.log(threshold / low) / np.log(high / low)) if threshold > 0.0 else None
     text = f"logarithmic; the line is the tolerance {threshold:.3g}, black on the side that requests records"
     return Legend(text, f"{low:.3g}", f"{high:.3g}", "", colour_map(), mark)
 
 
 def _requests(source: ViewSource) -> Uniforms:
-    splats, settings = source.view.splats, source.settings
+    splats, settings = source.view.splats, source.renderer.settings
     limits = {"tolerance": settings.threshold, "spread": settings.spread, "luminance_floor": splats.luminance_floor}
     return {"values": splats.weight, "image": source.view.image, "gain": source.gain, "sums": splats.sums, **limits}
 
 
 def _requests_legend(source: ViewSource) -> Legend:
-    settings = source.settings
+    settings = source.renderer.settings
     variance = f", or whose records differ by {100.0 * settings.spread:.3g} %" if settings.spread else ""
     return Legend(f"orange: pixels with Σw below {settings.threshold:.3g}{variance}")
 
@@ -180,23 +180,23 @@ def _normal(name: str, title: str, texture: Callable[[View], moderngl.Texture]) 
 
 
 def _position(source: ViewSource) -> Uniforms:
-    low, high = source.scene.bounds
+    low, high = source.renderer.scene.bounds
     return {"values": source.view.gbuffer.position, "low": low, "high": np.where(high > low, high, low + 1.0)}
 
 
 def _position_legend(source: ViewSource) -> Legend:
     form = ".2f" if any(source.origin) else ".3g"
-    low, high = (" ".join(f"{v:{form}}" for v in end) for end in source.scene.bounds + source.origin)
+    low, high = (" ".join(f"{v:{form}}" for v in end) for end in source.renderer.scene.bounds + source.origin)
     return Legend("x y z as red, green, blue within the scene's bounds", low, high, CHANNELS["position"].unit)
 
 
 def _depth(source: ViewSource) -> Uniforms:
-    low, high = _depth_range(source.scene, source.view.camera)
+    low, high = _depth_range(source.renderer.scene, source.view.camera)
     return {"values": source.view.gbuffer.position, "low": low, "high": high}
 
 
 def _depth_legend(source: ViewSource) -> Legend:
-    low, high = _depth_range(source.scene, source.view.camera)
+    low, high = _depth_range(source.renderer.scene, source.view.camera)
     return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", CHANNELS["depth"].unit, colour_map())
 
 
@@ -236,7 +236,7 @@ def _shadow(source: ViewSource) -> Uniforms | None:
 
 
 def _shadow_legend(source: ViewSource) -> Legend:
-    if source.renderer.shadows is None or not source.scene.lights:
+    if source.renderer.shadows is None or not source.renderer.scene.lights:
         return Legend("no light casts shadows here")
     return Legend("distance from the light / depth of the map; black: nothing", "0", "1", "", colour_map())
 

@@ -32,10 +32,6 @@ class Editor:
         return self.session.scene
 
     @property
-    def changed(self) -> bool:
-        return self.scene is not self.loaded
-
-    @property
     def unsaved(self) -> bool:
         """True if no file holds the present state of the scene."""
         return self.scene is not self.saved

@@ -12,11 +12,9 @@ from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Light, Mesh
+from irrsplat.sky.colours import of_chromaticity
 
 COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
-_REC_709 = np.array(  # from CIE XYZ, white D65 (IEC 61966-2-1)
-    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
-)
 # CIE chromaticity of a black body (Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications"):
 # polynomials for x in 1000/T, and for y in x
 _X_BELOW_4000, _X_ABOVE = (-0.2661239, -0.2343589, 0.8776956, 0.179910), (-3.0258469, 2.1070379, 0.2226347, 0.240390)
@@ -36,10 +34,7 @@ def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
     T, inverse = np.asarray(kelvin, float), 1000.0 / np.asarray(kelvin, float)
     x = np.where(T <= 4000.0, np.polyval(_X_BELOW_4000, inverse), np.polyval(_X_ABOVE, inverse))
     warm = np.where(T <= 2222.0, np.polyval(_Y_BELOW_2222, x), np.polyval(_Y_BELOW_4000, x))
-    y = np.where(T <= 4000.0, warm, np.polyval(_Y_ABOVE, x))
-    colors = np.maximum(np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y], axis=-1) @ _REC_709.T, 0.0)
-    found: np.ndarray = colors / (colors @ LUMINANCE)[..., None]
-    return found
+    return of_chromaticity(x, np.where(T <= 4000.0, warm, np.polyval(_Y_ABOVE, x)))
 
 
 _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider

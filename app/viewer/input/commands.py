@@ -26,7 +26,7 @@ class Command:
     title: str
     action: str
     key: str = ""
-    argument: str | float | bool | None = None
+    argument: str | bool | None = None
     ctrl: bool = False
     shift: bool = False
     help: str = ""
@@ -103,8 +103,6 @@ _WINDOW = (
     Command("Window", "Lights", "toggle", "F4", "lights"),
     Command("Window", "Hide the interface", "toggle", "F2", "hidden", help="press again to show it"),
     Command("Window", "Objects", "toggle", argument="outliner", help="list the objects; click to select one"),
-    Command("Window", "Larger text", "enlarge", "EQUAL", 0.25, ctrl=True, section=True),
-    Command("Window", "Smaller text", "enlarge", "MINUS", -0.25, ctrl=True),
 )
 _HELP = (
     Command("Help", "Find a command…", "find_command", "P", ctrl=True, help="any action or setting, by name"),

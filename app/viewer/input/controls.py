@@ -67,7 +67,7 @@ class Controls:
     @property
     def pointer(self) -> tuple[int, int] | None:
         """The pixel under the mouse, from the top left; None if the mouse is over the interface, captured or outside."""
-        if self.backend.wants_mouse or self.looking:
+        if self.backend.io.want_capture_mouse or self.looking:
             return None
         left, top, width, height = self.picture()
         x, y = (int(v * self.wnd.pixel_ratio) for v in self.mouse)
@@ -91,7 +91,7 @@ class Controls:
             float(getattr(names, plus) in self.pressed) - float(getattr(names, minus) in self.pressed)
             for plus, minus in (("D", "A"), ("E", "Q"), ("W", "S"))
         )
-        if self.backend.wants_keyboard:
+        if self.backend.io.want_capture_keyboard:
             self.pressed.clear()  # the interface takes all keys from now on; a key flies again when it is pressed again
         elif right or up or ahead:
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
@@ -126,7 +126,7 @@ class Controls:
             return
         if key == names.ESCAPE:
             self._capture(False)
-        elif self.backend.wants_keyboard:
+        elif self.backend.io.want_capture_keyboard:
             return
         flying = self.looking or self.flies
         found = commands.of_key(names, key, bool(ctrl), bool(shift))
@@ -145,7 +145,7 @@ class Controls:
         if self.looking:
             if not self._skip:  # the first motion of a captured mouse is a jump
                 self.travelled += abs(dx) + abs(dy)
-                self.session.free_camera.look(dx, dy, self._per_pixel)
+                self.session.free_camera.turn(dx * self._per_pixel, dy * self._per_pixel)
             self._skip = False
             return
         self.mouse = (x, y)
@@ -159,7 +159,7 @@ class Controls:
         elif self.dragged == "orbit" and self.actions.editor.dragging:
             self.dragged = ""  # the handles take the drag
         elif self.dragged == "orbit" and self.travelled > _CLICK:
-            self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
+            self.session.free_camera.turn(4.0 * dx * self._per_pixel, 4.0 * dy * self._per_pixel, self.pivot)
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
         """Begin a drag or a click at the position of the last motion event.
@@ -175,7 +175,7 @@ class Controls:
         x = self.mouse[0]
         self.backend.io.add_mouse_button_event(button - 1, True)
         self.travelled = 0.0
-        if self.backend.wants_mouse:
+        if self.backend.io.want_capture_mouse:
             return
         if self.session.options.split and self.pointer is not None:
             self.session.options.side = self.session.side_at(self.pointer[0])
@@ -220,7 +220,7 @@ class Controls:
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
         camera = self.session.free_camera
-        if self.backend.wants_mouse:
+        if self.backend.io.want_capture_mouse:
             self.backend.io.add_mouse_wheel_event(x_offset, y_offset)
         elif not self.looking:
             camera.dolly(y_offset, self.display.point_at(self.pointer))

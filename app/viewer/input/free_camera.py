@@ -13,7 +13,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
 from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
-PITCH = math.radians(89.0)  # radians: the steepest pitch of `look` and `orbit`, up and down
+PITCH = math.radians(89.0)  # radians: the steepest pitch of a turn, up and down
 STALL = 0.25  # seconds: the longest time step that counts, so that the camera does not leap through a wall after a stall
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
@@ -27,8 +27,9 @@ class FreeCamera:
     """A camera that flies, turns and orbits. It always stays valid. Without a motion, `camera` stays one object.
 
     Lengths are in metres; world space is right-handed. Arguments that are not finite are ignored, and so are moves beyond FAR
-    diagonals from the first camera. A roll stays until the first turn or orbit. camera: the present camera; its target lies
-    straight ahead, at the distance of the last pivot. first: the camera to which `home` returns. speed: metres per second.
+    diagonals from the first camera. A roll stays until the first turn. camera: the present camera, which any other may replace;
+    its target lies straight ahead, at the distance of the last pivot. first: the camera to which `home` returns. speed: metres
+    per second.
     """
 
     def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
@@ -44,17 +45,6 @@ class FreeCamera:
         if not 0.0 < math.hypot(*up) < math.inf:
             raise InputError("the world's up vector has no direction; give another up")
         self._world = upright_axes(up)  # rows east, up and south
-
-    def look(self, dx: float, dy: float, per_pixel: float) -> None:
-        """Turn the view by a mouse motion in pixels, right and down positive. per_pixel: radians for one pixel.
-
-        The view turns right and left about the world's up. Its pitch ends at ±89°. The view never rolls.
-        """
-        self._turn(dx * per_pixel, dy * per_pixel)
-
-    def orbit(self, pivot: tuple[float, float, float], dx: float, dy: float, per_pixel: float) -> None:
-        """Turn the eye about the world point `pivot` by the angles of `look`. The pivot keeps its place on the screen."""
-        self._turn(dx * per_pixel, dy * per_pixel, np.asarray(pivot, float))
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
         """Fly for `seconds` (at most STALL count) by keys, each -1..1. pace: a factor on the speed.
@@ -80,15 +70,15 @@ class FreeCamera:
         self._stand(about + out * max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least), about=about)
 
     def home(self) -> None:
-        self.go(self.first)
+        self.camera = self.first
 
-    def go(self, camera: Camera) -> None:
-        """Set the camera. The world's up and the speed stay."""
-        self.camera = camera
+    def turn(self, right: float, down: float, pivot: tuple[float, float, float] | None = None) -> None:
+        """Turn to the right and down by angles in radians, about the eye or the world point `pivot`.
 
-    def _turn(self, right: float, down: float, about: np.ndarray | None = None) -> None:
-        """Turn to the right and down by angles in radians, about the eye or the point `about`."""
-        before = self.camera.axes
+        The view turns right and left about the world's up. Its pitch ends at ±89°. The view never rolls, and a pivot keeps its
+        place on the screen.
+        """
+        before, about = self.camera.axes, None if pivot is None else np.asarray(pivot, float)
         yaw, now = _angles(before, self._world)
         pitch = min(max(now - down, -PITCH), PITCH)
         if not math.isfinite(right + down) or (right == 0.0 and (down == 0.0 or abs(pitch - now) < POLE)):
@@ -106,14 +96,10 @@ class FreeCamera:
             return
         back = (camera.axes if axes is None else axes)[2]
         depth = 0.0 if about is None else float(back @ (eye - about))
-        reach = self._useful(depth if depth > 0.0 else math.dist(camera.eye, camera.target))
+        reach = depth if depth > 0.0 else math.dist(camera.eye, camera.target)
         # far from the origin, the target must differ from the eye by enough digits to give the view's direction
-        reach = max(reach, 1e-7 * float(np.abs(eye).max()))
+        reach = max(min(max(reach, NEAR * self._diagonal), FAR * self._diagonal), 1e-7 * float(np.abs(eye).max()))
         self.camera = Camera(point_of(eye), point_of(eye - back * reach), up, camera.fov)
-
-    def _useful(self, reach: float) -> float:
-        """Return the distance to the target, clamped to NEAR and FAR diagonals."""
-        return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
 
 
 def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import dist
 from typing import cast
 
@@ -12,7 +12,6 @@ from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSourc
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.show.light.line_profile import Profile, line_profile
 from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
@@ -24,6 +23,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
 
+COUNT = 100  # points along a line
 _NEAR = 0.02  # share of the depth: a point nearer than this to the surface at its pixel is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
@@ -74,7 +74,7 @@ class Display(Owner):
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
         buffer, view, markers = options.buffer, source.view, self.markers
-        renderer, settings, scene = source.renderer, source.settings, source.scene
+        renderer, settings, scene = source.renderer, source.renderer.settings, source.renderer.scene
         BUFFERS[buffer].draw(Canvas(screen, self.programs, region), source)
         if not BUFFERS[buffer].in_view:
             return
@@ -92,7 +92,7 @@ class Display(Owner):
         if number is None:
             return None
         region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        covered = self.markers.contributes(screen, source.view, records, number, source.settings, region)
+        covered = self.markers.contributes(screen, source.view, records, number, source.renderer.settings, region)
         return self.inspector.inspect(number, side, source, covered)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
@@ -128,7 +128,7 @@ class Display(Owner):
         source, place = seen
         if texel(source.view.gbuffer.position, *place)[3] <= 0.0:
             return None
-        (mesh,) = meshes_of(source.scene, texel(source.view.gbuffer.emission, *place)[3:].astype(int))
+        (mesh,) = meshes_of(source.renderer.scene, texel(source.view.gbuffer.emission, *place)[3:].astype(int))
         return int(mesh) if mesh >= 0 else None
 
     def surface_at(self, cursor: tuple[int, int]) -> Surface | None:
@@ -165,3 +165,37 @@ class Display(Owner):
             return None
         lux = self._memo.get("light", (source.inputs, pixel), lambda: BUFFERS["light"].value(source, *pixel))
         return None if lux is None else float(lux[0])
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The values of a buffer along a line.
+
+    metres: (N,) distances from the first end. values: (N, C) in `unit`; NaN where the view has no value. channels: the names of
+    the C channels.
+    """
+
+    metres: np.ndarray
+    values: np.ndarray
+    unit: str
+    channels: tuple[str, ...]
+
+    @property
+    def summary(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """The least, mean and greatest value, each (C,); None if no point has a value."""
+        there = self.values[np.isfinite(self.values).all(axis=1)]
+        return (there.min(0), there.mean(0), there.max(0)) if len(there) else None
+
+
+def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Profile:
+    """Return the profile of the buffer `name` between two points. Where a surface hides the line, its values count."""
+    buffer, share, view = BUFFERS[name], np.linspace(0.0, 1.0, COUNT), source.view
+    points = np.array(start) + share[:, None] * np.subtract(end, start)
+    places = [pixel_of(view.camera, view.gbuffer.position.size, (x, y, z)) for x, y, z in points.tolist()]
+    found = [None if place is None else buffer.value(source, *place) for place in places]
+    channels = max((len(value) for value in found if value is not None), default=1)
+    values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
+    if name == "position":
+        values = values + source.origin
+    names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
+    return Profile(share * dist(start, end), values, buffer.legend(source).unit, names)

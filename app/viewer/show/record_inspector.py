@@ -88,7 +88,7 @@ class RecordInspector(Owner):
         if not records.count or not depth_at(source, x, y):
             return None
         p, n = texel(view.gbuffer.position, x, y)[:3], texel(view.gbuffer.normal, x, y)[:3]
-        w = weights(self.columns(source), records.luminance_floor, p, n, view, source.settings)
+        w = weights(self.columns(source), records.luminance_floor, p, n, view, source.renderer.settings)
         return int(np.argmax(w)) if w.any() else None
 
     def inspect(self, number: int, side: int, source: ViewSource, covered: int) -> InspectedRecord | None:
@@ -98,7 +98,7 @@ class RecordInspector(Owner):
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
         """Return the values of record `number`: a label, and a text with the unit."""
-        columns, settings, records = self.columns(source), source.settings, source.renderer.cache.records
+        columns, settings, records = self.columns(source), source.renderer.settings, source.renderer.cache.records
         one = {name: column[number] for name, column in columns.items()}
         size = source.view.gbuffer.position.size
         along, across = reach(columns, records.luminance_floor, source.view.camera, size, settings)[number]

@@ -46,38 +46,33 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
         for i, (point, move) in enumerate(_points(session, light)):
             if (place := _dragged(actions, layout, i, np.asarray(point))) is not None:
                 actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(point_of(place))))  # type: ignore[misc]
-        _draw_axis(session, layout, light)
+        if axis := _axis(session, light):
+            with layout.over_picture() as draw:
+                line(draw, *(layout.seen(session.camera, end) for end in axis), AMBER)
 
 
 def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point], Light]]]:
     """Return the places of a light's handles, and the light after a move of each one. A spot has a second one at its target."""
-    if light.directional:
-        middle, there = _sun_handle(session, light)
+    axis = _axis(session, light)
+    if light.directional and axis is not None:
         length = np.linalg.norm(light.position)
-        return [(there, lambda place: moved(light, point_of(length * unit(np.subtract(place, middle)[None])[0])))]
+        return [(axis[1], lambda place: moved(light, point_of(length * unit(np.subtract(place, axis[0])[None])[0])))]
     moves: list[tuple[Point, Callable[[Point], Light]]] = [(light.position, lambda place: moved(light, place))]
-    if light.spot_target is not None:
-        moves.append((light.spot_target, lambda place: replace(light, spot_target=place)))
-    return moves
+    return moves if axis is None else [*moves, (axis[1], lambda place: replace(light, spot_target=place))]
 
 
-def _sun_handle(session: Session, light: Light) -> tuple[Point, Point]:
-    """Return the middle of the scene (the camera's target if the middle is out of view), and a place toward the light."""
+def _axis(session: Session, light: Light) -> tuple[Point, Point] | None:
+    """Return the ends of the axis of a spot, or of a directional light; None for any other light.
+
+    The latter begins in the middle of the scene, or at the camera's target if the middle is out of view.
+    """
+    if not light.directional:
+        return None if light.spot_target is None else (light.position, light.spot_target)
     camera, middle = session.camera, point_of(session.scene.bounds.mean(0))
     if pixel_of(camera, session.size, middle) is None:
         middle = point_of(np.asarray(camera.target, float))
     away = _SUN * dist(camera.eye, middle) * unit(np.asarray(light.position, float)[None])[0]
     return middle, point_of(middle + away)
-
-
-def _draw_axis(session: Session, layout: Layout, light: Light) -> None:
-    """Draw the axis of a spot or of a directional light."""
-    if not light.directional and light.spot_target is None:
-        return
-    start, end = _sun_handle(session, light) if light.directional else (light.position, light.spot_target)
-    assert end is not None
-    with layout.over_picture() as draw:
-        line(draw, layout.seen(session.camera, start), layout.seen(session.camera, end), AMBER)
 
 
 def _draw_box(session: Session, layout: Layout, mesh: Mesh) -> None:

@@ -11,8 +11,6 @@ import moderngl
 from imgui_bundle import hello_imgui, imgui, implot
 from moderngl_window.context.base.keys import BaseKeys
 
-from irrsplat.gpu.resource import Owner, Resource
-
 FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second font has the arrows, which the first lacks
 FONT_SIZE = 16.0  # window coordinates at scale 1: the height of the font
 _THEME = hello_imgui.ImGuiTheme_.photoshop_style
@@ -25,11 +23,11 @@ _KEYPAD_ENTER = 335  # glfw's number; moderngl-window has no name for it
 KEYS |= {f"NUMBER_{i}": f"_{i}" for i in range(10)} | {f"NUMPAD_{i}": f"keypad{i}" for i in range(10)}
 
 
-class ImguiBackend(Owner):
+class ImguiBackend:
     """An imgui context in the current OpenGL context. It is imgui's current context between `begin` and `draw`.
 
     scale: the scale of text and widgets, 1 on a plain monitor. io: the input of this context. It takes events at any time, also
-    while another context is current.
+    while another context is current. Its `want_capture_mouse` and `want_capture_keyboard` are true if the interface takes events.
     """
 
     def __init__(self, scale: float = 1.0) -> None:
@@ -101,28 +99,15 @@ class ImguiBackend(Owner):
         for modifier, held in ((imgui.Key.mod_ctrl, ctrl), (imgui.Key.mod_shift, shift), (imgui.Key.mod_alt, alt)):
             self.io.add_key_event(modifier, held)
         found = _key_table(cast(Hashable, keys)).get(key)
-        if found is not None and not (found == imgui.Key.tab and pressed and not self.wants_keyboard):
+        if found is not None and not (found == imgui.Key.tab and pressed and not self.io.want_capture_keyboard):
             self.io.add_key_event(found, pressed)
 
     def mouse_position(self, x: float, y: float) -> None:
-        """Set the mouse position (x, y), window coordinates from the top left corner. This updates `wants_mouse` at once."""
+        """Set the mouse position (x, y), window coordinates from the top left corner. Update `want_capture_mouse` at once."""
         self.io.add_mouse_pos_event(x, y)
         imgui.set_current_context(self._context)
         if imgui.get_frame_count():  # there are no windows before the first frame
             imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(x, y))
-
-    @property
-    def wants_mouse(self) -> bool:
-        """True if the interface takes the mouse events, by the windows of the last `begin`."""
-        return self.io.want_capture_mouse
-
-    @property
-    def wants_keyboard(self) -> bool:
-        """True if the interface takes the keyboard events, by the windows of the last `begin`."""
-        return self.io.want_capture_keyboard
-
-    def owned(self) -> tuple[Resource, ...]:
-        return ()
 
     def release(self) -> None:
         """Free the imgui context and its OpenGL objects. No method may be called afterwards."""

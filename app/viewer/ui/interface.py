@@ -18,13 +18,8 @@ from irrsplat.app.viewer.ui.legends import draw_legends, draw_record
 from irrsplat.app.viewer.ui.line_plot import draw_line, draw_plot
 from irrsplat.app.viewer.ui.menus import draw_context_menu, draw_menus
 from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner, draw_rings
-from irrsplat.app.viewer.ui.panels.light_panels import (
-    draw_plane,
-    draw_sight_lines,
-    draw_values,
-    draw_why,
-)
-from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings, draw_sides
+from irrsplat.app.viewer.ui.panels.light_panels import draw_plane, draw_values, draw_why
+from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings
 from irrsplat.settings import SETTINGS
 
 
@@ -76,13 +71,11 @@ class Interface:
         scale: float,
         inspected: InspectedRecord | None,
         cursor: tuple[int, int] | None,
-        own_cursor: bool,
         paint: Callable[[Box], None] | None = None,
     ) -> None:
         """Draw all windows.
 
-        scale: the scale of text and widgets. cursor: the pixel under the mouse. own_cursor: True if an arrow marks the mouse.
-        paint: a call that draws the picture below all windows.
+        scale: the scale of text and widgets. cursor: the pixel under the mouse. paint: a call that draws the picture.
         """
         actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
         layout.start(scale, panels.controls and not panels.hidden)
@@ -98,7 +91,6 @@ class Interface:
             if display.shows_scene:
                 draw_rings(actions, layout)
                 draw_values(actions, layout)
-                draw_sight_lines(actions, display, layout)
                 draw_handles(actions, layout)
                 draw_line(actions, layout)
             draw_menus(actions)
@@ -111,8 +103,6 @@ class Interface:
         self.prompt.draw(actions, layout)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
-        if own_cursor:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)
 
 
 _LINKS = (("All settings…", "settings"), ("Lights…", "lights"), ("Objects…", "outliner"))
@@ -185,8 +175,6 @@ class SidePanel:
     def _controls(self) -> None:
         """Draw the buffer, the preset, the first settings and the state."""
         actions = self.actions
-        if actions.session.options.split:
-            draw_sides(actions)
         self._buffer()
         draw_presets(actions, self.layout)
         for name in SLIDERS:
@@ -199,7 +187,7 @@ class SidePanel:
         self._state()
 
     def _buffer(self) -> None:
-        actions, shown = self.actions, self.actions.options.buffer
+        actions, shown = self.actions, self.actions.session.options.buffer
         if imgui.begin_combo(self.layout.label("buffer"), BUFFERS[shown].title, imgui.ComboFlags_.height_largest):
             for name, buffer in BUFFERS.items():
                 if imgui.selectable(buffer.title, name == shown)[0]:

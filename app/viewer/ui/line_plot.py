@@ -7,8 +7,7 @@ from imgui_bundle import imgui, implot
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.light.line_profile import Profile
+from irrsplat.app.viewer.show.display import Display, Profile
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, Layout, dot, in_unit, line
 
 _SIZE = (420.0, 170.0)  # window coordinates at scale 1: width and height of the plot

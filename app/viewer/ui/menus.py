@@ -95,6 +95,6 @@ def _scenes(actions: Actions) -> None:
 def _cameras(actions: Actions) -> None:
     """Draw the cameras of the scene."""
     imgui.separator()
-    for i, camera in enumerate(actions.session.scene.placed(actions.session.origin).cameras):
+    for i, camera in enumerate(actions.session.scene.cameras):
         if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:
-            actions.go(camera)
+            actions.session.free_camera.camera = camera

@@ -55,7 +55,7 @@ def walk(clip: Clip) -> None:
     clip.take(5, frames=2)
     clip.take(3, frames=16)
     for way in (1.0, -1.0):
-        clip.take(4, lambda share: camera.orbit(camera.camera.target, 0.06 * way, 0.015 * way, 1.0))  # noqa: B023
+        clip.take(4, lambda share: camera.turn(0.06 * way, 0.015 * way, camera.camera.target))  # noqa: B023
     clip.take(2, frames=12)
     actions.toggle("points")
     actions.toggle("discs")

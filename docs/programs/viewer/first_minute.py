@@ -35,7 +35,7 @@ def pictures(scene: str, orbits: bool) -> list[Image.Image]:
         now = time.monotonic()
         if orbits:
             way = math.sin(TURN * (now - start)) - math.sin(TURN * (last - start))  # to and fro
-            camera.orbit(camera.camera.target, ANGLE * way, 0.0, 1.0)
+            camera.turn(ANGLE * way, 0.0, camera.camera.target)
         viewer.frame(now - last)
         last = now
         if time.monotonic() - start >= TIMES[len(found)]:

@@ -175,7 +175,7 @@ def test_edited_lights_keep_the_file(place: Path, window: Callable[[OnViewer], N
     window(relit)
     assert cli.main(VIEW) == 0
     err = capsys.readouterr().err
-    assert "no longer the scene's own" in err and err.count("\n") == 1
+    assert "no longer the loaded one" in err and err.count("\n") == 1
     assert (place / "room.cache").read_bytes() == content
 
 

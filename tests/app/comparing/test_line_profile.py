@@ -40,7 +40,7 @@ def test_light_along_a_line_under_a_light(driver: Driver, tmp_path: Path) -> Non
     assert found.values[:, 0] == pytest.approx(lux, rel=0.03), "equal within a pixel"
     assert [float(v[0]) for v in found.summary] == pytest.approx([lux.min(), lux.mean(), lux.max()], rel=0.013)
     # the line stays on the floor when the camera turns; points outside of the view have no value
-    driver.session.free_camera.look(-200.0, 0.0, 0.004)
+    driver.session.free_camera.turn(-0.8, 0.0)
     driver.frame(2)
     turned = driver.display.profile(0)
     assert turned is not None and np.array_equal(turned.metres, found.metres)

@@ -9,7 +9,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.light.line_profile import line_profile
+from irrsplat.app.viewer.show.display import line_profile
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import Driver, push, write_room
 

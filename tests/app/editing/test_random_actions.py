@@ -17,6 +17,7 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.light_edit import heated, moved
 from irrsplat.app.viewer.view_options import Point
+from irrsplat.app.viewer.window import Desktop
 from irrsplat.scene.motion import transformed
 from irrsplat.settings import SettingValues
 from tests.renderer.test_no_holes import holes
@@ -82,7 +83,7 @@ def move_camera(driver: Driver, draw: Draw) -> None:
     start, by = draw.uniform((0.0, 24.0), 60.0).tolist(), float(draw.choice([0.0, 12.0]))
     driver.move(*start)
     driver.frame(2)
-    if not driver.viewer.backend.wants_mouse:  # a click on a panel may have any effect
+    if not driver.viewer.backend.io.want_capture_mouse:  # a click on a panel may have any effect
         driver.drag((start[0], start[1]), (start[0] + by, start[1] + 0.4 * by))
 
 
@@ -124,10 +125,10 @@ def check(driver: Driver, done: list[str]) -> None:
 
 
 @pytest.mark.long
-def test_random_actions_leave_no_hole_and_can_be_undone(driver: Driver) -> None:
+def test_random_actions_leave_no_hole_and_can_be_undone(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """After undo and redo, the scene is the tracked one of a list; after undoing all edits, the scene is the loaded one."""
     driver.resize(SIZES[0])
-    driver.actions.panels.scale = 0.75
+    monkeypatch.setattr(Desktop, "scale", 0.75)
     driver.session.change(0, **QUICK)
     draw, states, at, edits, done = np.random.default_rng(SEED), [editor(driver).loaded], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])

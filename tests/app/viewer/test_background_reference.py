@@ -40,7 +40,7 @@ def traced_truth(driver: Driver, tracer: Tracer) -> TracedReference:
 def here(driver: Driver) -> TracedReference | None:
     """Return the reference of the visible view, or None."""
     on = driver.session
-    return on.reference(on.camera, on.settings(0)[1])
+    return on.tracing.of(on.subject(on.camera, on.renderer(0)))
 
 
 def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +50,7 @@ def test_both_buffers_show_the_truth(driver: Driver, monkeypatch: pytest.MonkeyP
     tracer.wait(driver)
     found = Tracer.traced(SIZE)
     pictures = {
-        "reference": show("irradiance", found.irradiance, session.exposure, found.seen),
+        "reference": show("irradiance", found.irradiance, session.auto_exposure.stops, found.seen),
         "error": signed_error(read(session.views[0], session.renderers[0].cache.read(), {}).irradiance, found),
     }
     for name, expected in pictures.items():
@@ -78,11 +78,11 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer) -> None:
 
 def test_a_truth_holds_for_one_view_and_lighting(driver: Driver, tracer: Tracer) -> None:
     """The reference is valid for one camera, size, lighting and number of bounces, and becomes valid again after an undo."""
-    session, editor = driver.session, driver.actions.editor
-    truth, home, bounces = traced_truth(driver, tracer), session.camera, session.settings(0)[1].bounces
+    session, editor, fly = driver.session, driver.actions.editor, driver.session.free_camera
+    truth, home, bounces = traced_truth(driver, tracer), session.camera, session.renderer(0).settings.bounces
     point_light = editor.scene.lights[0]
     for change, undo in (
-        (lambda: session.free_camera.go(replace(home, fov=home.fov + 1.0)), lambda: session.free_camera.go(home)),
+        (lambda: setattr(fly, "camera", replace(home, fov=home.fov + 1.0)), lambda: setattr(fly, "camera", home)),
         (lambda: editor.set_light(0, brighter(point_light)), lambda: editor.set_light(0, point_light)),
         (lambda: driver.resize((200, 240)), lambda: driver.resize(SIZE)),
     ):
@@ -105,10 +105,10 @@ def test_a_move_ends_the_tracing_and_its_samples_stay(driver: Driver, monkeypatc
     tracer, home = Tracer(monkeypatch, early=1), driver.session.camera
     push(driver, "Y")
     first = tracer.wait(driver)
-    driver.actions.go(driver.session.scene.camera("corner"))
+    driver.session.free_camera.camera = driver.session.scene.camera("corner")
     driver.frame(2)
     assert driver.session.tracing.traced is None and "the view is another one" in driver.said and here(driver) is None
-    driver.actions.go(home)
+    driver.session.free_camera.camera = home
     driver.frame()
     assert here(driver) is first and first.estimate.samples == 8
 

@@ -74,18 +74,18 @@ def test_a_map_of_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderng
 
 def test_positions_and_depths_run_through_the_scene_s_bounds(cornell: ShownView, target: Target) -> None:
     """Colours of positions are linear within the scene's bounds; the scale of depth spans the corners of the bounds."""
-    (low, high), seen, camera = cornell.source.scene.bounds, cornell.seen, cornell.source.view.camera
+    (low, high), seen, camera = cornell.source.renderer.scene.bounds, cornell.seen, cornell.source.view.camera
     expected = (cornell.frame.position[seen] - low) / (high - low)
     assert np.abs(cornell.draw(target, "position")[seen] - expected).max() < 1e-3
     axis = np.subtract(camera.target, camera.eye) / np.linalg.norm(np.subtract(camera.target, camera.eye))
-    along = (cornell.source.scene.corners - camera.eye) @ axis
+    along = (cornell.source.renderer.scene.corners - camera.eye) @ axis
     expected = viridis((cornell.frame.depth[seen] - along.min()) / (along.max() - along.min()))
     assert np.abs(cornell.draw(target, "depth")[seen] - expected).max() < 1.0 / 255.0
 
 
 def test_the_contour_runs_between_pixels_on_different_sides(cornell: ShownView, target: Target) -> None:
     """The contour is white above the threshold and black below it, at pixels with a neighbour on the other side."""
-    weight, threshold, seen = cornell.frame.weight, cornell.source.settings.threshold, cornell.seen
+    weight, threshold, seen = cornell.frame.weight, cornell.source.renderer.settings.threshold, cornell.seen
     below, line = weight < threshold, np.zeros(weight.shape, bool)
     for axis in (0, 1):
         one, other = slice(None, -1), slice(1, None)
@@ -97,7 +97,7 @@ def test_the_contour_runs_between_pixels_on_different_sides(cornell: ShownView, 
     assert line.sum() > 50
     picture = cornell.draw(target, "weight")
     assert (picture[line] == np.where(below[line], 0.0, 1.0)[:, None]).all()
-    low, high = weight_range(cornell.source.settings)
+    low, high = weight_range(cornell.source.renderer.settings)
     scale = viridis(np.log(np.maximum(weight, low) / low) / np.log(high / low))
     rest = seen & ~line
     assert np.abs(picture[rest] - scale[rest]).max() < 1.0 / 255.0
@@ -153,7 +153,7 @@ def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, targ
     spot = worlds.point_light((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
     light = spot if kind == "spot" else Light((0, 1, 0), (1, 1, 1), directional=True)
     with shown_view(worlds.scene(*bodies, lights=(light,)), rounds=1) as made:
-        scene, shadows = made.source.scene, made.renderer.shadows
+        scene, shadows = made.source.renderer.scene, made.renderer.shadows
         assert shadows is not None
         thick = 1.001 * scene.diagonal if kind == "sun" else shadows.layout[2]
         top = 2.0 if kind == "spot" else thick / 2 - 0.5  # the middle of the bounds is at height ½

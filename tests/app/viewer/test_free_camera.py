@@ -43,12 +43,12 @@ def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
     """A turn by 90° keeps the pitch p, and the heading becomes the former right: forward' = cos p · right + sin p · up."""
     flight = FreeCamera(camera, DIAGONAL)
     side, p, before = flight.camera.axes[0], math.radians(pitch(flight)), forward(flight)
-    flight.look(90, 0, DEGREE)
+    flight.turn(90 * DEGREE, 0.0)
     np.testing.assert_allclose(forward(flight), math.cos(p) * side + math.sin(p) * np.array(Y), atol=1e-12)
     assert flight.camera.eye == camera.eye
-    flight.look(270, 0, DEGREE)
+    flight.turn(270 * DEGREE, 0.0)
     np.testing.assert_allclose(forward(flight), before, atol=1e-12)
-    flight.look(0, 30, DEGREE)
+    flight.turn(0.0, 30 * DEGREE)
     assert pitch(flight) == pytest.approx(math.degrees(p) - 30.0), "the mouse down looks down"
 
 
@@ -58,12 +58,12 @@ def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[floa
     """An orbit keeps the pivot's position in view space: its distance and its pixel, even behind the eye."""
     flight = FreeCamera(camera, DIAGONAL)
     for dx, dy in [(40, 0), (0, 15), (-170, -60), (13, 400)]:
-        flight.orbit(pivot, dx, dy, DEGREE)
+        flight.turn(dx * DEGREE, dy * DEGREE, pivot)
         assert math.dist(flight.camera.eye, pivot) == pytest.approx(math.dist(camera.eye, pivot))
         np.testing.assert_allclose(on_screen(flight.camera, pivot), on_screen(camera, pivot), atol=1e-9)
         assert level(flight)
     flight = FreeCamera(PLAIN, DIAGONAL)
-    flight.orbit((0, 1, 0), 90, 0, DEGREE)  # the hand drags the scene to the right: its left side, -x, comes to the front
+    flight.turn(90 * DEGREE, 0.0, (0, 1, 0))  # the hand drags the scene to the right: its left side, -x, comes to the front
     np.testing.assert_allclose(flight.camera.eye, [-5, 1, 0], atol=1e-12)
 
 
@@ -92,7 +92,7 @@ def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, 
     flight = FreeCamera(Camera((0.0, 0.0, 0.0), tuple(ahead), tuple(above)), DIAGONAL)
     flight.move(0, 1, 0, 0.1)
     np.testing.assert_allclose(flight.camera.eye, 0.2 * np.array(up), atol=1e-12)
-    flight.look(33, 1, DEGREE)
+    flight.turn(33 * DEGREE, 1 * DEGREE)
     assert level(flight, up) and pitch(flight, up) == pytest.approx(-degrees - 1)
 
 
@@ -103,16 +103,16 @@ def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) ->
     ahead = diagonal + 1e-3 * place
     first = Camera((place, place, place), (place + ahead, place, place - ahead))
     flight = FreeCamera(first, diagonal, up=Y)
-    flight.look(1, 1, DEGREE)
+    flight.turn(1 * DEGREE, 1 * DEGREE)
     for turn in range(300):
         pivot = tuple(place + random.normal(size=3) * diagonal) if random.random() < 0.7 else flight.camera.eye
         dx, dy, one = (math.nan,) * 3 if turn % 49 == 0 else (float(x) for x in random.normal(size=3))
         before = flight.camera
         match turn % 4:
             case 0:
-                flight.look(300 * dx, 300 * dy, 0.005)
+                flight.turn(300 * dx * 0.005, 300 * dy * 0.005)
             case 1:
-                flight.orbit(pivot, 300 * dx, 300 * dy, 0.005)
+                flight.turn(300 * dx * 0.005, 300 * dy * 0.005, pivot)
             case 2:
                 flight.move(dx, dy, one, 0.3, 4.0)
             case _:

@@ -13,7 +13,6 @@ from irrsplat.scene import load as load_scene
 
 FULL = Preferences(
     size=(1280, 720),
-    scale=1.25,
     recent=["/scenes/one.scene", "cornell", os.fsdecode(b"/caf\xe9.obj")],  # the last is not Unicode
 )
 
@@ -50,12 +49,11 @@ def test_what_is_saved_comes_back(place: Path) -> None:
 DAMAGED = {
     "binary": bytes(range(256)),
     "later": b'{"version": 1, "size": [100, 100]}',
-    "infinite": b'{"version": 2, "scale": 1e999}',
+    "infinite": b'{"version": 2, "size": [1e999, 1]}',
     "deep": b'{"version": 2, "recent": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
     "list": b"[1]",
-    "size": b'{"version": 2, "size": [0, 100], "scale": 1.0, "recent": []}',
-    "scale": b'{"version": 2, "size": null, "scale": "large", "recent": []}',
-    "scene": b'{"version": 2, "size": null, "scale": 1.0, "recent": [7]}',
+    "size": b'{"version": 2, "size": [0, 100], "recent": []}',
+    "scene": b'{"version": 2, "size": null, "recent": [7]}',
 }
 
 
@@ -69,14 +67,13 @@ def test_defaults_replace_a_damaged_file(place: Path, content: bytes) -> None:
 
 
 def test_what_cannot_be_written_or_read_is_told_and_nothing_is_lost(place: Path) -> None:
-    """A file in place of the folder, a folder in place of the file, and a value outside of JSON each give a message."""
+    """A file in place of the folder and a folder in place of the file each give a message."""
     place.parent.write_text("kept")
     said = save(FULL)
     assert one_line(said) and str(place) in str(said)
     assert load()[0] == Preferences() and place.parent.read_text() == "kept"
     place.parent.unlink()
     assert save(FULL) is None
-    assert one_line(save(Preferences(scale=float("nan")))) and load() == (FULL, [])
     (place / "viewer.json").unlink()
     (place / "viewer.json").mkdir()
     assert one_line(save(FULL)) and load()[0] == Preferences() and names(place) == {"viewer.json"}

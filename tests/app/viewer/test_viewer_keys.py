@@ -96,7 +96,7 @@ def freeze(driver: Driver, shown: str) -> None:
     session, cache = driver.session, driver.session.renderers[0].cache
     count = cache.count
     push(driver, shown)
-    session.free_camera.go(session.scene.camera("corner"))
+    session.free_camera.camera = session.scene.camera("corner")
     driver.frame(PICTURES + 5)  # while the picture fades over
     assert cache.count == count and session.progress[0].coverage < 1.0 and session.at_rest
     push(driver, shown)
@@ -168,13 +168,6 @@ def section(driver: Driver, shown: str) -> None:
         assert panels.controls and driver.session.size[0] < 0.7 * before[0]
         assert (titles[shown] in driver.viewer.interface.side_panel.open_titles) == titled
     driver.session.options.frozen = panels.controls = False
-
-
-@case("Ctrl+=", "Ctrl+-")
-def enlarge(driver: Driver, shown: str) -> None:
-    push(driver, shown)
-    assert driver.viewer.backend.scale == driver.actions.panels.scale == (1.25 if shown == "Ctrl+=" else 0.75)
-    push(driver, "Ctrl+-" if shown == "Ctrl+=" else "Ctrl+=")
 
 
 @case("F2")

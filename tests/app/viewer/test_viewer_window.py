@@ -13,7 +13,7 @@ import pytest
 from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.window import Desktop
 from irrsplat.renderer import moving
-from tests.support.viewing import SIZE, Driver, push, viewing, write_room
+from tests.support.viewing import SIZE, Driver, viewing, write_room
 
 
 def test_another_size_keeps_the_records(driver: Driver) -> None:
@@ -64,17 +64,16 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
 
 
 def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Size, scale of text and the scene are restored, settings are not; a failure to write them gives a message."""
+    """Size and scene are restored, settings are not; a failure to write them gives a message."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     room = write_room(tmp_path)
     with viewing(room, (64, 48)) as driver:
         driver.session.change(0, a=0.7)
-        push(driver, "Ctrl+=")
         assert driver.actions.save_preferences((130, 100)) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
     with viewing(room, (130, 100), remembered) as driver:
-        assert driver.actions.panels.scale == 1.25 and driver.session.settings(0)[1].a != 0.7
+        assert driver.session.renderer(0).settings.a != 0.7
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
         failed = driver.actions.save_preferences(driver.wnd.size)
         assert failed is not None and str(room) in failed

@@ -347,7 +347,7 @@ _SEEDS: dict[str, Callable[[], list[Any]]] = {
     "image": _pictures,
     "cache": lambda: [npz(cache_arrays())],
     "settings": lambda: ["0=1024", "1=auto", "3=0.3", "seed=4", "a=nan"],
-    "preferences": lambda: ['{"version": 2, "recent": ["cornell"], "scale": 1.5, "size": [800, 600]}'],
+    "preferences": lambda: ['{"version": 2, "recent": ["cornell"], "size": [800, 600]}'],
     "command-line": lambda: [
         "render\ncornell\n-o\na.png\n--size\n64\n64",
         "measure\ncornell\n--plane\n0\n0\n0",

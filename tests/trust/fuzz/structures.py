@@ -59,7 +59,7 @@ _ODD: st.SearchStrategy[Any] = st.one_of(
     st.floats(),
     st.lists(st.floats(), max_size=5),
 )
-_PREFERENCES = {"version": 2, "scale": 1.5, "size": [800, 600], "recent": ["cornell", "/x"]}
+_PREFERENCES = {"version": 2, "size": [800, 600], "recent": ["cornell", "/x"]}
 
 
 @st.composite

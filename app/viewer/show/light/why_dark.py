@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import meshes_of, object_name
-from irrsplat.app.viewer.view_options import Point, point_of
+from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import unit
 from irrsplat.gather.record_frame import tangent_frames
@@ -19,7 +19,7 @@ from irrsplat.scene.ray_caster import RayCaster
 
 _SIDE = 64  # its square is the number of rays over the hemisphere; the standard error of a share of one half is at most 0.8 %
 _MOST = 16  # the most emitters in the list
-_FAR = 10.0  # diagonals: the length of a sight line to a directional light
+_FAR = 10.0  # diagonals: the distance within which meshes block a directional light
 _RISE = 1e-5  # diagonals: the height above the surface at which rays start
 
 
@@ -27,14 +27,12 @@ _RISE = 1e-5  # diagonals: the height above the surface at which rays start
 class Source:
     """A light or an emitter, and its light at one point.
 
-    lux: the direct illuminance. reason: the cause of no light, such as a blocker; "" if light arrives. end: the end of the sight
-    line to the source.
+    lux: the direct illuminance. reason: the cause of no light, such as a blocker; "" if light arrives.
     """
 
     name: str
     lux: float
     reason: str
-    end: Point
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
         end = start + toward * (_FAR * scene.diagonal if light.directional else 1.0)
         what = blocker(end) if E.any() else ""
         reason = f"blocked by {what}" if what else "" if E.any() else _unlit(light, toward, n)
-        sources.append(Source(light_name(light, number), 0.0 if what else float(photometric(E)), reason, point_of(end)))
+        sources.append(Source(light_name(light, number), 0.0 if what else float(photometric(E)), reason))
     for i in [i for i, mesh in enumerate(scene.meshes) if any(mesh.material.emission) and len(mesh.faces)][:_MOST]:
         mesh, end = scene.meshes[i], scene.meshes[i].positions.mean(0).astype(float)
         lux = math.pi * float(photometric(np.asarray(mesh.material.emission, float))) * float((hits == i).mean())
@@ -75,7 +73,7 @@ def light_at(scene: Scene, caster: RayCaster, point: Point, normal: Point) -> Po
         reason = (
             "" if lux else f"blocked by {what}" if what not in ("", object_name(scene, i)) else "seen from its edge or not at all"
         )
-        sources.append(Source(object_name(scene, i), lux, reason, point_of(end)))
+        sources.append(Source(object_name(scene, i), lux, reason))
     sky = scene.sky_radiance(rays @ frame[0], 2.0 * math.pi / len(rays)) * (hits < 0)[:, None]
     return PointLight(tuple(sources), float((hits < 0).mean()), math.pi * float(photometric(sky).mean()))
 

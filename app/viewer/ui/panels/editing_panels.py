@@ -63,7 +63,7 @@ def scaled(color: Sequence[float], factor: float) -> Point:
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
-_CONES = 1.0, 89.0  # degrees: the ends of a spot's angles by sliders; 90 and 180 mean no cone in scene files
+_CONES = 1.0, 89.0  # degrees: the ends of a spot's angle by the slider; 90 and 180 mean no cone in scene files
 _STEP = 0.01  # share of an output by which a drag of one pixel changes it
 
 
@@ -89,7 +89,11 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
         output = edit_output(layout, unit, now)
         if output is not None and full[unit]:
             light = replace(light, color=scaled(tint, output / full[unit]))
-    light = _narrowed(layout, _coloured(layout, light))
+    light = _coloured(layout, light)
+    if light.has_cone:
+        changed, cone = imgui.slider_float(layout.label("cone"), light.spot_cutoff, *_CONES, "%.3g°")
+        imgui.set_item_tooltip("the angle between the axis and the edge of the light")
+        light = replace(light, spot_cutoff=min(max(cone, _CONES[0]), _CONES[1])) if changed else light
     if light != before:
         actions.attempt(lambda: actions.editor.set_light(number, light))
 
@@ -104,20 +108,6 @@ def _coloured(layout: Layout, light: Light) -> Light:
     changed, kelvin = imgui.slider_float(layout.label("kelvin"), now or _WHITE, COLDEST, HOTTEST, text)
     imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
     return heated(light, round(min(max(kelvin, COLDEST), HOTTEST))) if changed else light
-
-
-def _narrowed(layout: Layout, light: Light) -> Light:
-    """Draw the widgets of a spot's cone; return the light after them. A drag of one angle moves the other one along."""
-    if not light.has_cone:
-        return light
-    moved, outer = imgui.slider_float(layout.label("cone"), light.spot_cutoff, *_CONES, "%.3g°")
-    imgui.set_item_tooltip("the angle between the axis and the edge of the light")
-    inside, inner = imgui.slider_float(layout.label("full within"), min(light.spot_inner, light.spot_cutoff), *_CONES, "%.3g°")
-    imgui.set_item_tooltip("the angle from the axis within which the light is full; it fades from there to the cone's edge")
-    if not moved and not inside:
-        return light
-    outer = min(max(outer, inner if inside else 0.0, _CONES[0]), _CONES[1])
-    return replace(light, spot_inner=min(max(inner, 0.0), outer), spot_cutoff=outer)
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:

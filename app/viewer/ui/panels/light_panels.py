@@ -9,7 +9,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.measuring_plane import scene_height
-from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, dot, line
+from irrsplat.app.viewer.ui.layout import WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_scale
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
@@ -69,9 +69,6 @@ def draw_values(actions: Actions, layout: Layout) -> None:
                 draw.add_text((left, top), imgui.get_color_u32(WHITE), text)
 
 
-_BLOCKED = (0.93, 0.36, 0.30, 1.0)
-
-
 def draw_why(actions: Actions, display: Display) -> None:
     found, surface = display.point_light(), actions.session.options.surface
     if found is None or surface is None:
@@ -92,19 +89,6 @@ def draw_why(actions: Actions, display: Display) -> None:
     imgui.text(f"direct: {light_digits(direct)} lux")
     imgui.text(f"indirect: {light_digits(max(total - direct, 0.0))} lux")
     imgui.set_item_tooltip("reflected by other surfaces: what the picture has there, without direct light")
-
-
-def draw_sight_lines(actions: Actions, display: Display, layout: Layout) -> None:
-    """Draw the examined point, and the sight lines from it to all sources."""
-    found, session = display.point_light(), actions.session
-    surface = session.options.surface
-    here = None if found is None or surface is None else layout.seen(session.camera, surface[0])
-    if found is None or here is None:
-        return
-    with layout.over_picture() as draw:
-        for source in found.sources:
-            line(draw, here, layout.seen(session.camera, source.end), _BLOCKED if source.reason else AMBER)
-        dot(draw, here, WHITE)
 
 
 def light_digits(value: float | None) -> str:

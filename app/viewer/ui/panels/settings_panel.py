@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
+from irrsplat.app.viewer.session import overrides
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
@@ -38,19 +39,12 @@ def draw_settings(actions: Actions, layout: Layout) -> None:
                     draw_setting(actions, layout, declaration)
 
 
-def draw_sides(actions: Actions) -> None:
-    """Draw the choice of the side that panels and keys change."""
-    imgui.text("side")
-    for side, word in enumerate(("left", "right")):
-        imgui.same_line()
-        if imgui.radio_button(word, actions.session.options.side == side):
-            actions.session.options.side = side
-
-
 def draw_presets(actions: Actions, layout: Layout) -> None:
-    chosen, settings = actions.session.settings(actions.session.options.side)
-    differs = any(getattr(settings, name) != getattr(preset(chosen), name) for name in SETTINGS)
-    if imgui.begin_combo(layout.label("preset"), f"{chosen}{' *' if differs else ''}"):
+    options = actions.session.options
+    renderer = actions.session.renderer(options.side)
+    chosen, differs = renderer.preset, bool(overrides(renderer.preset, renderer.settings))
+    name = f"preset {('left', 'right')[options.side]}" if options.split else "preset"
+    if imgui.begin_combo(layout.label(name), f"{chosen}{' *' if differs else ''}"):
         for name in PRESETS:
             if imgui.selectable(name, name == chosen)[0]:
                 actions.attempt(lambda name=name: actions.use_preset(name))  # type: ignore[misc]
@@ -60,8 +54,8 @@ def draw_presets(actions: Actions, layout: Layout) -> None:
 
 def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
     """Draw the line of a setting: its widget, its name, and an arrow back to its word (such as auto) or the preset's value."""
-    chosen, settings = actions.session.settings(actions.session.options.side)
-    value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
+    renderer = actions.session.renderer(actions.session.options.side)
+    value, base = getattr(renderer.settings, d.name), getattr(preset(renderer.preset), d.name)
     imgui.push_id(d.name)
     if d.name == actions.panels.sought:
         imgui.set_scroll_here_y()
@@ -72,7 +66,7 @@ def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
     if imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size())
         imgui.text_wrapped(d.help)
-        imgui.text_disabled(f"{d.flag}  {d.range}; in preset {chosen}: {_in_words(base)}")
+        imgui.text_disabled(f"{d.flag}  {d.range}; in preset {renderer.preset}: {_in_words(base)}")
         if d.kind in ("int", "float"):
             imgui.text_disabled("Ctrl+click: type a number")
         imgui.pop_text_wrap_pos()
@@ -124,11 +118,10 @@ def _number(d: Declaration, label: str, number: float, word: str, width: float) 
 
 def _resolved(actions: Actions, d: Declaration) -> float:
     """Return the number that the word of a setting (such as auto) means now."""
-    session, side = actions.session, actions.session.options.side
-    settings = session.settings(side)[1]
+    renderer = actions.session.renderer(actions.session.options.side)
     if d.name == "bounces":
-        return int(session.renderer(side).scheduler.gatherer.bounces(settings)["bounces"])
-    return settings.threshold if d.name == "tolerance" else session.exposure
+        return int(renderer.scheduler.gatherer.bounces(renderer.settings)["bounces"])
+    return renderer.settings.threshold if d.name == "tolerance" else actions.session.auto_exposure.stops
 
 
 def _in_words(value: Value) -> str:

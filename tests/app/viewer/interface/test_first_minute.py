@@ -9,6 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS
+from irrsplat.app.viewer.window import Desktop
 from tests.support.viewing import LEFT, RIGHT, Driver, push
 
 
@@ -26,7 +27,7 @@ def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, mo
     assert not driver.session.views
 
 
-def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
+def test_no_title_of_a_menu_is_cut_off(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """All titles of menus fit into 640 pixels at scale 2. Esc closes a menu and its submenus."""
     driver.resize((640, 400), density=0.25)
     driver.frame(2)
@@ -39,7 +40,7 @@ def test_no_title_of_a_menu_is_cut_off(driver: Driver) -> None:
     assert driver.actions.prompt is not None
     push(driver, "Esc")
     assert driver.actions.prompt is None
-    driver.actions.panels.scale = 2.0
+    monkeypatch.setattr(Desktop, "scale", 2.0)
     driver.frame(6)
     assert [w.label for w in driver.widgets if w.kind == "begin_menu" and w.box[2] <= 640] == list(MENUS)
 
@@ -57,7 +58,7 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 
 @pytest.mark.parametrize(("typed", "found"), [
     ("record points", lambda driver: driver.session.options.points),
-    ("preset preview", lambda driver: driver.session.settings(0)[0] == "preview"),
+    ("preset preview", lambda driver: driver.session.renderer(0).preset == "preview"),
     ("weight", lambda driver: driver.session.options.buffer == "weight"),
     ("setting radius max", lambda driver: driver.actions.panels.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),

@@ -13,6 +13,7 @@ from PIL import ImageFont
 
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
+from irrsplat.app.viewer.window import Desktop
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from tests.support.viewing import ROOM, Driver, write_room
 
@@ -35,10 +36,12 @@ def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
 
 
 @pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 2.0), ((1280, 720), 1.5)])
-def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int, int], scale: float) -> None:
+def test_the_picture_is_fitted_beside_the_panel(
+    driver: Driver, size: tuple[int, int], scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The unscaled picture is next to the panel and below the menus, or fills the window; a click selects the pixel's mesh."""
     driver.session.options.frozen = driver.actions.panels.controls = True
-    driver.actions.panels.scale = scale
+    monkeypatch.setattr(Desktop, "scale", scale)
     driver.resize(size)
     driver.frame(8)
     left, top, width, height = driver.viewer._place
@@ -56,11 +59,11 @@ def test_the_picture_is_fitted_beside_the_panel(driver: Driver, size: tuple[int,
     assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
 
 
-def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None:
+def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 640×400 and scale 2, the title of a section fits between its arrow and cross, and a slider's number fits."""
     options, panels = driver.session.options, driver.actions.panels
     options.frozen = panels.controls = True
-    driver.actions.panels.scale = 2.0
+    monkeypatch.setattr(Desktop, "scale", 2.0)
     driver.resize((640, 400))
     panels.lights = panels.outliner = panels.settings = options.why = options.plane = True
     driver.frame(6)
@@ -74,10 +77,10 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver) -> None
     assert len(sliders) == 4 and all(w.box[2] - w.box[0] >= 80.0 for w in sliders), "in the first settings, and in all"
 
 
-def test_questions_and_legends_fit_into_a_small_window(driver: Driver) -> None:
+def test_questions_and_legends_fit_into_a_small_window(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 640×400 and scale 2, the prompt for unsaved changes and a legend with a colour scale fit into the window."""
     driver.session.options.frozen = driver.actions.panels.controls = True
-    driver.actions.panels.scale = 2.0
+    monkeypatch.setattr(Desktop, "scale", 2.0)
     driver.resize((640, 400))
     driver.actions.show("weight")
     driver.actions.prompt = prompts.unsaved(driver.actions, driver.session.free_camera.home)

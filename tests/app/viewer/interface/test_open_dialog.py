@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from irrsplat.app.viewer.window import Desktop
 from tests.support.viewing import Driver, push, write_room
 
 
-def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
+def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The prompt accepts a relative path, an absolute path and a bundled name; Esc closes the prompt."""
     (tmp_path / "inner").mkdir()
     whole = write_room(tmp_path / "inner").rename(tmp_path / "inner" / "found.scene")
@@ -23,7 +24,7 @@ def test_a_scene_is_opened_by_the_line(driver: Driver, tmp_path: Path) -> None:
         driver.frame(2)
         assert driver.session.scene.name == name and driver.actions.prompt is None
     driver.resize((640, 400), density=0.25)
-    driver.actions.panels.scale = 2.0
+    monkeypatch.setattr(Desktop, "scale", 2.0)
     push(driver, "Ctrl+O")
     driver.frame(6)
     assert driver.find("").box[0] > 0.0, "the line is not scrolled out of the prompt"

@@ -34,7 +34,7 @@ def test_what_changes_wakes_it(driver: Driver, clock: CountedClock) -> None:
         "event": driver.viewer.wake,
         "message": lambda: driver.actions.say("news"),
         "key": lambda: driver.down("W"),
-        "camera": lambda: driver.session.free_camera.look(9.0, 0.0, 0.01),
+        "camera": lambda: driver.session.free_camera.turn(0.09, 0.0),
         "cache": driver.actions.clear,
     }
     for name, act in acts.items():
