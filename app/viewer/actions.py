@@ -224,25 +224,13 @@ class Actions:
         else:
             self.say("nothing is selected; a click on an object selects it", topic="pick")
 
-    def undo(self) -> None:
-        """Undo the last change of lights and objects."""
-        self._step(self.editor.undo, "undo")
-
-    def redo(self) -> None:
-        """Redo the change that was undone last."""
-        self._step(self.editor.redo, "redo")
-
-    def _step(self, go: Callable[[], bool], verb: str) -> None:
-        if not self.editor.dragging:
-            self.say(f"{verb}ne" if go() else f"nothing to {verb}", topic="undo")
-
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
         """Request a file name, and save the scene there. Without a dialog of the desktop, save it under a new name."""
         if self.dialog.native:
             name = self.saved_as or os.path.join(prompts.folder(self), self._free_name())
-            self.dialog.ask_save(name, lambda path: self.save(path, then))
+            self.dialog.request(name, lambda path: self.save(path, then), save=True)
         else:
             self.save(self._free_name(), then)
 
@@ -337,21 +325,17 @@ class Actions:
     def save_screenshot(self, picture: np.ndarray) -> None:
         """Write a picture (H, W, 3), display values 0..1, as PNG into the pictures folder."""
         folder = Path(platformdirs.user_pictures_path())
-
-        def write() -> None:
-            make_folder(folder)
-            path = _stamped(str(folder / "irrsplat"), self.title, ".png")
-            write_picture(Path(path), picture)
-            self.say(f"{path} is written")
-
-        self.attempt(write)
+        make_folder(folder)
+        path = _stamped(str(folder / "irrsplat"), self.title, ".png")
+        write_picture(Path(path), picture)
+        self.say(f"{path} is written")
 
     # ---- scenes ------------------------------------------------------------------------------------------------------
 
     def open_file(self) -> None:
         """Request a scene, and open it. Without a dialog of the desktop, open the command palette for it."""
         if self.dialog.native:
-            self.dialog.ask_open(prompts.folder(self), self.open)
+            self.dialog.request(prompts.folder(self) + os.sep, self.open)
         else:
             self.find_command()
 

@@ -62,11 +62,9 @@ class Messages:
     def close(self) -> None:
         self.lines = []
 
-    def attempt(self, act: Callable[[], object]) -> bool:
-        """Call `act`, and show its error as a message. Return True if it succeeded."""
+    def attempt(self, act: Callable[[], object]) -> None:
+        """Call `act`, and show its error as a message."""
         try:
             act()
         except (IrrsplatError, OSError) as error:
             self.say(error, error=True)
-            return False
-        return True

@@ -14,13 +14,13 @@ from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera, PathRecorder
 from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane, usual_height
-from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Region
 from irrsplat.image.view import Progress, View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.light_scale import LightScale

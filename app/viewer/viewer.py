@@ -8,20 +8,18 @@ from collections.abc import Sequence
 from functools import partial
 
 import moderngl
-import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
 from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.buffers.shown_buffer import Identity
+from irrsplat.app.viewer.buffers.shown_buffer import Identity, Picture
 from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.show.screen import Picture, Screen
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
@@ -29,7 +27,7 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Screen
 from irrsplat.image.backdrop import GREY
 from irrsplat.records import cache_file
 from irrsplat.scene.model import Camera, Scene
@@ -212,7 +210,7 @@ class Viewer(Owner):
             if not self.session.whole:
                 self.session.tick(0.0, self.session.renderers[0].settings.budget / 1e3)
                 self.display.update(self.canvas, cursor)
-            actions.save_screenshot(_pixels(self.canvas))
+            actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
         self._restyle()
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
@@ -312,13 +310,6 @@ class Viewer(Owner):
         except IrrsplatError as error:
             return str(error)
         return None
-
-
-def _pixels(target: Target) -> np.ndarray:
-    """Return an RGBA8 target as display values 0..1 (H, W, 3), top row first."""
-    width, height = target.size
-    texture: moderngl.Texture = target.textures[0]
-    return np.frombuffer(texture.read(), "u1").reshape(height, width, 4)[::-1, :, :3] / np.float32(255.0)
 
 
 def run(

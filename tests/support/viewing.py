@@ -18,7 +18,7 @@ import irrsplat
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers import background_reference
 from irrsplat.app.viewer.buffers.background_reference import TracedReference
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.input.commands import GROUPS, KEYS
@@ -26,14 +26,13 @@ from irrsplat.app.viewer.input.free_camera import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.show.screen import Programs, Region
 from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.timing import other_process
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Region, Target
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import exposure_of
 from irrsplat.indirect import temporal_filter

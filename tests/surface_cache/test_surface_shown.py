@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.screen import Programs
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.image.tonemap import tonemap
 from irrsplat.renderer import Renderer

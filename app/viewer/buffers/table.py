@@ -12,8 +12,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Identity, Legend, ShownBuffer, ViewSource, colour_map, first
-from irrsplat.app.viewer.show.screen import texel
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Identity, Legend, ShownBuffer, ViewSource, colour_map, first, texel
 from irrsplat.core.buffers import CHANNELS, Atlas, Uniforms
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_maps, sky_uniforms

@@ -51,7 +51,7 @@ class Editor:
             self.present = self.scene
 
     def undo(self) -> bool:
-        """Undo a step; return False if there is none."""
+        """Undo a step; return False if there is none, or during a drag."""
         self.settle()
         return self._step(self.past, self.future)
 
@@ -62,7 +62,7 @@ class Editor:
 
     def _step(self, source: list[Scene], target: list[Scene]) -> bool:
         """Show the last state of `source`, and move the present one to `target`."""
-        if not source:
+        if not source or self.dragging:
             return False
         self.apply(source[-1])
         target.append(self.present)

@@ -61,9 +61,9 @@ _FILE = (
     Command("File", "Quit", "quit", "Q", ctrl=True, section=True),
 )
 _EDIT = (
-    Command("Edit", "Undo", "undo", "Z", ctrl=True, enabled="editor.past"),
-    Command("Edit", "Redo", "redo", "Y", ctrl=True, enabled="editor.future"),
-    Command("Edit", "Redo", "redo", "Z", ctrl=True, shift=True, enabled="editor.future"),
+    Command("Edit", "Undo", "editor.undo", "Z", ctrl=True, enabled="editor.past"),
+    Command("Edit", "Redo", "editor.redo", "Y", ctrl=True, enabled="editor.future"),
+    Command("Edit", "Redo", "editor.redo", "Z", ctrl=True, shift=True, enabled="editor.future"),
     Command(
         "Edit",
         "Delete",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Literal
 
@@ -228,9 +227,8 @@ class Controls:
     # ---- the window ------------------------------------------------------------------------------------------------
 
     def files_dropped(self, paths: list[str]) -> None:
-        """Open the first of the files that were dropped on the window. A notice names it if there are several."""
-        if paths and self.actions.attempt(lambda: self.actions.open(paths[0])) and len(paths) > 1:
-            self.actions.say(f"{len(paths)} files were dropped; {os.path.basename(paths[0])} is opened, one at a time")
+        """Open the first of the files that were dropped on the window."""
+        self.actions.attempt(lambda: self.actions.open(paths[0]))
 
     def focus_changed(self, focused: bool) -> None:
         """Release all keys and buttons when the window gains or loses the keyboard: their release events go elsewhere."""

@@ -98,18 +98,14 @@ class DesktopDialog:
         self._dialog: desktop.open_file | desktop.save_file | None = None
         self._take: Callable[[str], object] = lambda path: None
 
-    def ask_open(self, folder: str, take: Callable[[str], object]) -> None:
-        """Request a scene. `take` receives the answer."""
-        patterns = " ".join(f"*{ending}" for ending in FORMATS)
-        self._ask(lambda: desktop.open_file("open a scene", folder + os.sep, ["scenes", patterns]), take)
-
-    def ask_save(self, name: str, take: Callable[[str], object]) -> None:
-        """Request the name of a file. The dialog confirms the replacement of an existing file."""
-        self._ask(lambda: desktop.save_file("save the scene", name, ["scenes", "*.scene"]), take)
-
-    def _ask(self, begin: Callable[[], desktop.open_file | desktop.save_file], take: Callable[[str], object]) -> None:
+    def request(self, name: str, take: Callable[[str], object], save: bool = False) -> None:
+        """Request a scene, or with `save` the name of a file, which may exist. `take` receives the answer."""
         if self._dialog is None:
-            self._dialog, self._take = begin(), take
+            patterns, self._take = " ".join(f"*{ending}" for ending in FORMATS), take
+            files = ["scenes", "*.scene" if save else patterns]
+            self._dialog = (
+                desktop.save_file("save the scene", name, files) if save else desktop.open_file("open a scene", name, files)
+            )
 
     def update(self) -> None:
         """Call the taker of the answer, if there is an answer."""

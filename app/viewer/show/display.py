@@ -8,18 +8,17 @@ from typing import cast
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Programs, ViewSource, clear, texel
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
-from irrsplat.app.viewer.show.screen import Programs, Region, clear, texel
 from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Region, Target
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
 
@@ -92,8 +91,8 @@ class Display(Owner):
         if number is None:
             return None
         region, records = dict(session.sides()).get(side), source.renderer.cache.records
-        covered = self.markers.contributes(screen, source.view, records, number, source.renderer.settings, region)
-        return self.inspector.inspect(number, side, source, covered)
+        self.markers.contributes(screen, source.view, records, number, source.renderer.settings, region)
+        return self.inspector.inspect(number, side, source)
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
         """Return the value of a side's buffer under the cursor. It is read again when the buffer or the cursor has changed."""

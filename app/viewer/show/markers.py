@@ -7,13 +7,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Legend, colour_map
+from irrsplat.app.viewer.buffers.shown_buffer import Legend, Programs, colour_map, view_uniforms
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
-from irrsplat.app.viewer.show.screen import Programs, Region, view_uniforms
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Region, Target, table_texture
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.records.weight import record_defines, view_radius_uniforms
@@ -35,7 +34,6 @@ class Markers(Owner):
     def __init__(self, programs: Programs) -> None:
         ctx = self.ctx = programs.ctx
         self.programs = programs
-        self.query = ctx.query(samples=True)
         self.number = ctx.buffer(reserve=4)  # the number of the record that `contributes` draws
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -97,16 +95,12 @@ class Markers(Owner):
 
     def contributes(
         self, target: Target, view: View, records: Records, number: int, settings: Settings, region: Region | None = None
-    ) -> int:
-        """Tint the pixels that record `number` contributes to, in `region` of the target; return their count."""
-        if not 0 <= number < records.count:
-            return 0
+    ) -> None:
+        """Tint the pixels that record `number` contributes to, in `region` of the target."""
         uniforms = {**self._of_records(target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
         self.number.write(np.array([number], "i4").tobytes())
         program = self.programs("viewer/markers/covers", "indirect/splat", record_defines(settings.gradients))
-        with self.query:
-            self._draw(program, target, uniforms, region, numbers=self.number)
-        return int(self.query.samples)
+        self._draw(program, target, uniforms, region, numbers=self.number)
 
 
 def radius_legend(settings: Settings, scene: Scene) -> Legend:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource, depth_at, texel
 from irrsplat.app.viewer.buffers.table import atlas_tiles
-from irrsplat.app.viewer.show.screen import Programs, texel
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
@@ -49,15 +48,13 @@ def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: 
 class InspectedRecord:
     """A record on show, with its number and side.
 
-    lines: its values, a label and a text each. picture: the radiance over its hemisphere. covered: the number of pixels of its
-    side to which it contributes.
+    lines: its values, a label and a text each. picture: the radiance over its hemisphere.
     """
 
     number: int
     side: int
     lines: list[tuple[str, str]]
     picture: moderngl.Texture
-    covered: int
 
 
 class RecordInspector(Owner):
@@ -91,10 +88,10 @@ class RecordInspector(Owner):
         w = weights(self.columns(source), records.luminance_floor, p, n, view, source.renderer.settings)
         return int(np.argmax(w)) if w.any() else None
 
-    def inspect(self, number: int, side: int, source: ViewSource, covered: int) -> InspectedRecord | None:
-        """Return record `number` of a side, which contributes to `covered` pixels; None before the first shadow maps."""
+    def inspect(self, number: int, side: int, source: ViewSource) -> InspectedRecord | None:
+        """Return record `number` of a side; None before the first shadow maps."""
         picture = self.hemisphere(number, source)
-        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture, covered)
+        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture)
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
         """Return the values of record `number`: a label, and a text with the unit."""

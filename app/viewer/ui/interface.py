@@ -1,25 +1,27 @@
-"""The interface over the picture: all its parts in their order, and messages at the top."""
+"""The interface over the picture: all its parts in their order, messages, the side panel, the menu bar and the context menu."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from functools import partial
 
-from imgui_bundle import imgui
+from imgui_bundle import imgui, imgui_ctx
 
+from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
 from irrsplat.app.viewer.input.prompts import PromptView
 from irrsplat.app.viewer.messages import Message, Messages
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.handles import draw_handles
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, RED, WHITE, Box, Layout
-from irrsplat.app.viewer.ui.legends import draw_legends, draw_record
-from irrsplat.app.viewer.ui.line_plot import draw_line, draw_plot
-from irrsplat.app.viewer.ui.menus import draw_context_menu, draw_menus
-from irrsplat.app.viewer.ui.panels.editing_panels import draw_lights, draw_object, draw_outliner, draw_rings
-from irrsplat.app.viewer.ui.panels.light_panels import draw_plane, draw_values, draw_why
+from irrsplat.app.viewer.ui.legends import draw_legends, draw_line, draw_plot, draw_record
+from irrsplat.app.viewer.ui.panels import editing_panels as sections
 from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings
+from irrsplat.scene import bundled
 from irrsplat.settings import SETTINGS
 
 
@@ -31,10 +33,8 @@ def draw_messages(messages: Messages, layout: Layout) -> float:
     left, top, right, _ = layout.area
     place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
     if messages.errors:
-        imgui.push_style_color(imgui.Col_.window_bg, RED)
-        imgui.push_style_color(imgui.Col_.text, WHITE)
-        top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
-        imgui.pop_style_color(2)
+        with imgui_ctx.push_style_color(imgui.Col_.window_bg, RED), imgui_ctx.push_style_color(imgui.Col_.text, WHITE):
+            top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
     if notices := [line for line in messages.lines if not line.error]:
         _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
     return top
@@ -47,10 +47,9 @@ def _lines(
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size_constraints((0.0, 0.0), (max(width, 1.0), imgui.get_main_viewport().size.y))
     imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
-    imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
-    for line in lines:
-        imgui.text_wrapped(line.text)
-    imgui.pop_text_wrap_pos()
+    with imgui_ctx.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x):
+        for line in lines:
+            imgui.text_wrapped(line.text)
     if close is not None and imgui.small_button("close"):
         close()
     height = imgui.get_window_height()
@@ -89,8 +88,8 @@ class Interface:
         errors = draw_messages(actions.messages, layout) if not panels.hidden or actions.messages.errors else 0.0
         if not panels.hidden:
             if display.shows_scene:
-                draw_rings(actions, layout)
-                draw_values(actions, layout)
+                sections.draw_rings(actions, layout)
+                sections.draw_values(actions, layout)
                 draw_handles(actions, layout)
                 draw_line(actions, layout)
             draw_menus(actions)
@@ -122,11 +121,11 @@ class SidePanel:
         self.actions, self.layout = actions, layout
         self._open: set[str] | None = None  # titles of the last frame's sections; None in the first frame, without scrolling
         self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
-            "object": ("mesh", lambda: draw_object(actions, layout)),
-            "lights": ("lights", lambda: draw_lights(actions, layout)),
-            "objects": ("outliner", lambda: draw_outliner(actions, layout)),
-            "why dark?": ("why", lambda: draw_why(actions, display)),
-            "plane": ("plane", lambda: draw_plane(actions, layout)),
+            "object": ("mesh", lambda: sections.draw_object(actions, layout)),
+            "lights": ("lights", lambda: sections.draw_lights(actions, layout)),
+            "objects": ("outliner", lambda: sections.draw_outliner(actions, layout)),
+            "why dark?": ("why", lambda: sections.draw_why(actions, display)),
+            "plane": ("plane", lambda: sections.draw_plane(actions, layout)),
             "settings": ("settings", lambda: draw_settings(actions, layout)),
         }
 
@@ -143,30 +142,25 @@ class SidePanel:
             return
         layout, view = self.layout, imgui.get_main_viewport()
         imgui.internal.begin_viewport_side_bar("side panel", view, imgui.Dir.left, layout.panel, _FLAGS)
-        imgui.push_item_width(layout.widget)
-        self._controls()
-        titles = self.open_titles
-        for title in titles:
-            self._section(title, *self._sections[title])
-        imgui.pop_item_width()
+        with imgui_ctx.push_item_width(layout.widget):
+            self._controls()
+            titles = self.open_titles
+            for title in titles:
+                self._section(title, *self._sections[title])
         imgui.end()
         self._open = set(titles)
 
     def _section(self, title: str, opener: str, draw: Callable[[], None]) -> None:
-        """Draw a section. Scroll to a section that has just opened and is not completely in sight."""
-        top, actions = imgui.get_cursor_pos().y, self.actions
-        style = imgui.get_style()
+        """Draw a section. Scroll to a section that has just opened."""
+        actions, style = self.actions, imgui.get_style()
+        if self._open is not None and title not in self._open:
+            imgui.set_scroll_here_y(0.0)
         tight = 2.0 * self.layout.scale  # window coordinates on both sides of arrow and title; the longest title fits
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y))
-        opened, kept = imgui.collapsing_header(title, True, imgui.TreeNodeFlags_.default_open)
-        imgui.pop_style_var()
+        with imgui_ctx.push_style_var(imgui.StyleVar_.frame_padding, (min(style.frame_padding.x, tight), style.frame_padding.y)):
+            opened, kept = imgui.collapsing_header(title, True, imgui.TreeNodeFlags_.default_open)
         if opened:
-            imgui.push_id(title)
-            draw()
-            imgui.pop_id()
-        below = imgui.get_cursor_pos().y - imgui.get_scroll_y() > imgui.get_window_height()
-        if below and self._open is not None and title not in self._open:
-            imgui.set_scroll_y(top)
+            with imgui_ctx.push_id(title):
+                draw()
         if opener == "mesh" and not kept:
             actions.editor.mesh = None
         elif not kept:
@@ -212,11 +206,97 @@ class SidePanel:
             if true:
                 imgui.text_colored(AMBER, words)
         if session.tracing.traced is not None:
-            imgui.push_style_color(imgui.Col_.text, AMBER)
-            imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
-            imgui.pop_style_color()
+            with imgui_ctx.push_style_color(imgui.Col_.text, AMBER):
+                imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
         imgui.text_wrapped("done" if done else "computing…")
         imgui.begin_disabled(not done)
         if imgui.button("Refine further"):
             actions.attempt(actions.refine_further)
         imgui.end_disabled()
+
+
+_CONTEXT = ("delete", "editor.undo")  # actions on the selected object or light
+_TIGHT = 3.0  # window coordinates: the least space on both sides of a title in the bar
+
+
+def draw_menus(actions: Actions) -> None:
+    """Draw the menu bar along the top, and the open menu."""
+    if not imgui.begin_main_menu_bar():
+        return
+    style = imgui.get_style()
+    room = imgui.get_main_viewport().size.x - style.window_padding.x
+    widths = sum(imgui.calc_text_size(title).x for title in MENUS)
+    between = max((room - widths) / (2.0 * len(MENUS)) - 2.0, _TIGHT)  # imgui leaves this space on both sides of a title
+    for title in MENUS:
+        with imgui_ctx.push_style_var(imgui.StyleVar_.item_spacing, (min(between, style.item_spacing.x), style.item_spacing.y)):
+            opened = imgui.begin_menu(title)
+        if opened:
+            for submenu in dict.fromkeys(one.menu for one in COMMANDS if one.menu.startswith(f"{title}/")):
+                if imgui.begin_menu(submenu.split("/")[1]):
+                    _menu_entries(actions, submenu)
+                    imgui.end_menu()
+            _menu_entries(actions, title)
+            imgui.end_menu()
+    imgui.end_main_menu_bar()
+
+
+def draw_context_menu(actions: Actions) -> None:
+    """Draw the menu that a right click on an object or a light opens."""
+    if actions.panels.context_menu:
+        imgui.open_popup("context")
+        actions.panels.context_menu = False
+    if imgui.begin_popup("context"):
+        for command in COMMANDS:
+            if command.action in _CONTEXT:
+                _menu_entry(actions, command)
+        imgui.end_popup()
+
+
+def _menu_entries(actions: Actions, menu: str) -> None:
+    """Draw the entries of a menu. Scenes, cameras and the version are added, since the table cannot list them."""
+    if menu == "Help":
+        about = actions.session.renderers[0].about
+        imgui.text_disabled(f"irrsplat {version()}\nOpenGL {about['version']}\n{about['renderer']}")
+    for command in COMMANDS:
+        if command.menu == menu:
+            if command.action == "save_again":
+                _menu_scenes(actions)
+            if command.section:
+                imgui.separator()
+            _menu_entry(actions, command)
+    if menu == "View/Camera":
+        _menu_cameras(actions)
+
+
+def _menu_entry(actions: Actions, command: Command) -> None:
+    possible = actions.can(command)
+    if command.action == "editor.redo" and command.shift:
+        return  # the second key of the entry above
+    if imgui.menu_item(f"{command.title}##{command.menu}", command.shown, actions.is_active(command), possible)[0]:
+        actions.press(command)
+    if said := actions.missing(command) or command.help:
+        imgui.set_item_tooltip(said)
+
+
+def _menu_scenes(actions: Actions) -> None:
+    """Draw the recent and the bundled scenes."""
+    names = bundled()
+    recent = [source for source in actions.preferences.recent if source not in names]
+    if imgui.begin_menu("Open recent", bool(recent)):
+        for source in recent:
+            if imgui.menu_item(f"{os.path.basename(source)}##{source}", "", actions.source == source)[0]:
+                actions.attempt(partial(actions.open, source))
+            imgui.set_item_tooltip(source)
+        imgui.end_menu()
+    imgui.separator_text("Bundled scenes")
+    for name in names:
+        if imgui.menu_item(name, "", actions.source == name)[0]:
+            actions.attempt(partial(actions.open, name))
+
+
+def _menu_cameras(actions: Actions) -> None:
+    """Draw the cameras of the scene."""
+    imgui.separator()
+    for i, camera in enumerate(actions.session.scene.cameras):
+        if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:
+            actions.session.free_camera.camera = camera

@@ -1,21 +1,19 @@
-"""The legend of each side in its lower left corner: buffer, colours, units, and the value under the cursor.
-
-The legend of the inspected record in the lower right corner is drawn here, too.
-"""
+"""Numbers over the picture: the legends of sides and of the inspected record, and the plot along the measuring line."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from imgui_bundle import imgui
+import numpy as np
+from imgui_bundle import imgui, imgui_ctx, implot
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.display import Display, Profile
 from irrsplat.app.viewer.show.markers import radius_legend
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, WHITE, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, WHITE, Layout, dot, in_unit, line
 
 _TEXT_WIDTH = 340.0  # window coordinates at scale 1: the greatest width of the text
 _ACROSS, _DOWN = 0.6, 0.2  # shares of the picture: the greatest width of a legend, and the greatest height of its text
@@ -38,11 +36,10 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
         imgui.set_next_window_bg_alpha(0.72)
         imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
         room = min(max(_ACROSS * (right - left), _WORD * imgui.get_font_size()), _TEXT_WIDTH * layout.scale)
-        imgui.push_text_wrap_pos(room)
-        _draw_legend(actions, side, layout, room)
-        if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
-            imgui.text(value)
-        imgui.pop_text_wrap_pos()
+        with imgui_ctx.push_text_wrap_pos(room):
+            _draw_legend(actions, side, layout, room)
+            if cursor is not None and session.side_at(cursor[0]) == side and (value := _value(actions, display, side, cursor)):
+                imgui.text(value)
         top = min(top, imgui.get_window_pos().y)
         imgui.end()
     return top
@@ -97,9 +94,8 @@ def draw_scale(legend: Legend, scale: float, room: float) -> None:
         imgui.text(in_unit(f"{legend.low} … {legend.high}", legend.unit))
     imgui.pop_text_wrap_pos()
     if legend.text:
-        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-        imgui.text_wrapped(legend.text)
-        imgui.pop_style_color()
+        with imgui_ctx.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled)):
+            imgui.text_wrapped(legend.text)
 
 
 def draw_record(record: InspectedRecord, layout: Layout, legends: float) -> None:
@@ -113,7 +109,7 @@ def draw_record(record: InspectedRecord, layout: Layout, legends: float) -> None
     imgui.set_next_window_bg_alpha(0.8)
     imgui.begin("record", None, PLAIN | imgui.WindowFlags_.no_inputs)
     if imgui.begin_table("numbers of the record", 2, imgui.TableFlags_.sizing_fixed_fit):
-        for label, text in (*record.lines, ("contributes to", f"{record.covered} pixels")):
+        for label, text in record.lines:
             imgui.table_next_column()
             imgui.text_disabled(label)
             imgui.table_next_column()
@@ -123,3 +119,72 @@ def draw_record(record: InspectedRecord, layout: Layout, legends: float) -> None
     imgui.image(imgui.ImTextureRef(picture.glo), (width, width * picture.height / picture.width), (0, 1), (1, 0))
     imgui.text_disabled("hemisphere")
     imgui.end()
+
+
+_SIZE = (420.0, 170.0)  # window coordinates at scale 1: width and height of the plot
+_FLAGS = implot.Flags_.no_menus | implot.Flags_.no_box_select
+_COLOURS = {
+    "": AMBER,
+    **dict.fromkeys("rx", (0.93, 0.36, 0.30, 1.0)),
+    **dict.fromkeys("gy", (0.38, 0.76, 0.38, 1.0)),
+    **dict.fromkeys("bz", (0.42, 0.60, 0.98, 1.0)),
+}
+
+
+def draw_line(actions: Actions, layout: Layout) -> None:
+    """Draw the measuring line with its ends over the picture, while this measurement is on."""
+    options = actions.session.options
+    if not options.profile or options.line is None:
+        return
+    ends = [layout.seen(actions.session.camera, point) for point in options.line]
+    with layout.over_picture() as draw:
+        line(draw, ends[0], ends[1], AMBER, 2.0)
+        for end in ends:
+            if end is not None:
+                dot(draw, end, AMBER)
+
+
+def draw_plot(actions: Actions, display: Display, layout: Layout, top: float) -> None:
+    """Draw the plot below `top` (window coordinates) while the measurement along a line is on."""
+    session = actions.session
+    if not session.options.profile or not session.views:
+        return
+    left, _, right, _ = layout.area
+    width = min(_SIZE[0] * layout.scale, right - left - 2.0 * (MARGIN + imgui.get_style().window_padding.x))
+    imgui.set_next_window_pos((right - MARGIN, top + MARGIN), imgui.Cond_.always, (1.0, 0.0))
+    flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings
+    shown, opened = imgui.begin("along a line", True, flags)
+    session.options.profile = bool(opened)
+    if shown:
+        title, found = BUFFERS[session.options.buffer].title, display.profile(session.options.side)
+        if found is None:
+            imgui.text_disabled("drag a line over surfaces")
+        elif (summary := found.summary) is None:
+            imgui.text_disabled(f"{title} has no values along this line")
+        else:
+            _plot(title, found, summary, width, layout.scale)
+    imgui.end()
+
+
+def _plot(title: str, found: Profile, summary: tuple[np.ndarray, np.ndarray, np.ndarray], width: float, scale: float) -> None:
+    """Draw the values over metres, with their least, mean and greatest value below."""
+    legend = implot.Flags_.no_legend if len(found.channels) == 1 else 0
+    if implot.begin_plot("##along", (width, _SIZE[1] * scale), _FLAGS | legend):
+        implot.setup_axes("metres", "" if found.unit == "1" else found.unit)
+        low, high = float(min(summary[0].min(), 0.0)), float(summary[2].max())
+        implot.setup_axes_limits(0.0, float(found.metres[-1]), low, high + 0.05 * ((high - low) or 1.0), implot.Cond_.always)
+        for channel, values in zip(found.channels, found.values.T, strict=True):
+            spec = implot.Spec()
+            spec.line_color, spec.line_weight = imgui.ImVec4(*_COLOURS[channel]), 1.5 * scale
+            implot.plot_line(channel or title, found.metres, np.ascontiguousarray(values), spec)
+        if implot.is_plot_hovered():
+            number = int(np.abs(found.metres - implot.get_plot_mouse_pos().x).argmin())
+            imgui.set_tooltip(f"{found.metres[number]:.3g} m: {_words(found.values[number], found.unit)}")
+        implot.end_plot()
+    with imgui_ctx.push_text_wrap_pos(imgui.get_style().window_padding.x + width):
+        named = [f"{name} {_words(v, found.unit)}" for name, v in zip(("min", "mean", "max"), summary, strict=True)]
+        imgui.text("  ".join(named) + f" over {found.metres[-1]:.4g} m")
+
+
+def _words(values: np.ndarray, unit: str) -> str:
+    return in_unit(", ".join(f"{value:.4g}" for value in values), unit)

@@ -136,7 +136,7 @@ def test_random_actions_leave_no_hole_and_can_be_undone(driver: Driver, monkeypa
         if draw.random() < 0.2:
             back = bool(draw.random() < 0.6)
             done.append("undo" if back else "redo")
-            (driver.actions.undo if back else driver.actions.redo)()
+            (driver.actions.editor.undo if back else driver.actions.editor.redo)()
             at = max(at - 1, 0) if back else min(at + 1, len(states) - 1)
         else:
             one, _ = ACTS[draw.choice(len(ACTS), p=often / often.sum())]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.app.viewer.buffers.shown_buffer import clear
 from irrsplat.app.viewer.buffers.table import BUFFERS, weight_range
 from irrsplat.app.viewer.show.record_inspector import RecordInspector, weights
-from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import photometric
 from irrsplat.gpu import context

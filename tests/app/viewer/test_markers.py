@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.app.viewer.buffers.shown_buffer import Programs, clear
 from irrsplat.app.viewer.show.markers import Markers, radius_range
-from irrsplat.app.viewer.show.screen import Programs, clear
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import cast
 
-from imgui_bundle import imgui
+from imgui_bundle import imgui, imgui_ctx
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
@@ -56,28 +56,25 @@ def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
     """Draw the line of a setting: its widget, its name, and an arrow back to its word (such as auto) or the preset's value."""
     renderer = actions.session.renderer(actions.session.options.side)
     value, base = getattr(renderer.settings, d.name), getattr(preset(renderer.preset), d.name)
-    imgui.push_id(d.name)
-    if d.name == actions.panels.sought:
-        imgui.set_scroll_here_y()
-        actions.panels.sought = ""
-    imgui.begin_group()
-    new = _widget(actions, layout, d, value)
-    imgui.end_group()
-    if imgui.begin_item_tooltip():
-        imgui.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size())
-        imgui.text_wrapped(d.help)
-        imgui.text_disabled(f"{d.flag}  {d.range}; in preset {renderer.preset}: {_in_words(base)}")
-        if d.kind in ("int", "float"):
-            imgui.text_disabled("Ctrl+click: type a number")
-        imgui.pop_text_wrap_pos()
-        imgui.end_tooltip()
-    back = d.word if d.word and value != d.word else base
-    if value != back:
-        imgui.same_line()
-        if imgui.small_button("←"):
-            new = back
-        imgui.set_item_tooltip(f"back to {_in_words(back)}")
-    imgui.pop_id()
+    with imgui_ctx.push_id(d.name):
+        if d.name == actions.panels.sought:
+            imgui.set_scroll_here_y()
+            actions.panels.sought = ""
+        with imgui_ctx.begin_group():
+            new = _widget(actions, layout, d, value)
+        if imgui.begin_item_tooltip():
+            with imgui_ctx.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size()):
+                imgui.text_wrapped(d.help)
+                imgui.text_disabled(f"{d.flag}  {d.range}; in preset {renderer.preset}: {_in_words(base)}")
+                if d.kind in ("int", "float"):
+                    imgui.text_disabled("Ctrl+click: type a number")
+            imgui.end_tooltip()
+        back = d.word if d.word and value != d.word else base
+        if value != back:
+            imgui.same_line()
+            if imgui.small_button("←"):
+                new = back
+            imgui.set_item_tooltip(f"back to {_in_words(back)}")
     if new != value:
         changed = cast(SettingValues, {d.name: new})
         actions.attempt(lambda: actions.session.change(actions.session.options.side, **changed))
