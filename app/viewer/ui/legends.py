@@ -132,16 +132,18 @@ _COLOURS = {
 
 
 def draw_line(actions: Actions, layout: Layout) -> None:
-    """Draw the measuring line with its ends over the picture, while this measurement is on."""
-    options = actions.session.options
-    if not options.profile or options.line is None:
-        return
-    ends = [layout.seen(actions.session.camera, point) for point in options.line]
+    """Draw the measuring line and the point of *why is it dark here* over the picture, while they are on."""
+    options, camera = actions.session.options, actions.session.camera
+    ends = [layout.seen(camera, point) for point in options.line or () if options.profile]
+    marks = [(end, AMBER) for end in ends]
+    if options.why and options.surface is not None:
+        marks.append((layout.seen(camera, options.surface[0]), WHITE))
     with layout.over_picture() as draw:
-        line(draw, ends[0], ends[1], AMBER, 2.0)
-        for end in ends:
-            if end is not None:
-                dot(draw, end, AMBER)
+        if ends:
+            line(draw, ends[0], ends[1], AMBER, 2.0)
+        for place, colour in marks:
+            if place is not None:
+                dot(draw, place, colour)
 
 
 def draw_plot(actions: Actions, display: Display, layout: Layout, top: float) -> None:
