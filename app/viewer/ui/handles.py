@@ -48,7 +48,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
                 actions.attempt(lambda place=place, move=move: editor.set_light(chosen, move(point_of(place))))  # type: ignore[misc]
         if axis := _axis(session, light):
             with layout.over_picture() as draw:
-                line(draw, *(layout.seen(session.camera, end) for end in axis), AMBER)
+                line(draw, layout.seen(session.camera, axis[0]), layout.seen(session.camera, axis[1]), AMBER)
 
 
 def _points(session: Session, light: Light) -> list[tuple[Point, Callable[[Point], Light]]]:

@@ -33,7 +33,8 @@ def draw_messages(messages: Messages, layout: Layout) -> float:
     left, top, right, _ = layout.area
     place, width = 0.5 * (left + right), right - left - 2.0 * MARGIN
     if messages.errors:
-        with imgui_ctx.push_style_color(imgui.Col_.window_bg, RED), imgui_ctx.push_style_color(imgui.Col_.text, WHITE):
+        red, white = imgui.ImVec4(*RED), imgui.ImVec4(*WHITE)
+        with imgui_ctx.push_style_color(imgui.Col_.window_bg, red), imgui_ctx.push_style_color(imgui.Col_.text, white):
             top += _lines("errors", messages.errors, (place, top), width, PLAIN, messages.close_errors)
     if notices := [line for line in messages.lines if not line.error]:
         _lines("messages", notices, (place, top), width, PLAIN | imgui.WindowFlags_.no_inputs)
@@ -206,7 +207,7 @@ class SidePanel:
             if true:
                 imgui.text_colored(AMBER, words)
         if session.tracing.traced is not None:
-            with imgui_ctx.push_style_color(imgui.Col_.text, AMBER):
+            with imgui_ctx.push_style_color(imgui.Col_.text, imgui.ImVec4(*AMBER)):
                 imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
         imgui.text_wrapped("done" if done else "computing…")
         imgui.begin_disabled(not done)
