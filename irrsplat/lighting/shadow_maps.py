@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 
@@ -25,9 +27,14 @@ class ShadowPass(Owner):
         self.program = Program(ctx, "lighting/shadow")
         self._cut_outs, self._tables = Workshop(), Workshop()
         self.target: Target | None = None
+        self._drawn: tuple[object, Sequence[object]] = None, []  # what all tiles depend on, and each one
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.program, self._cut_outs, self._tables, self.target)
+
+    def forget(self) -> None:
+        """Draw all tiles again next time."""
+        self._drawn = None, []
 
     def _cutting(self, world: World) -> Program:
         """Return the program that discards cut-out texels."""
@@ -50,16 +57,29 @@ class ShadowPass(Owner):
         return self._tables.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
-        """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit."""
+        """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit.
+
+        Tiles of unchanged lights stay. The shadow maps of the last call become void.
+        """
         side, columns, lines = sheet(tile_count(world.scene), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         lights = light_table(world.scene, side)
-        if self.target is not None:
-            self.target.release()
-        self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
-        self.target.clear()
         near = near_plane(world.scene)
+        made_of, before = (world.scene.meshes, side, columns, lines, near, lights.far), self._drawn
+        tiles = [(matrix.tobytes(), bool(parallel)) for matrix, parallel in zip(lights.tiles, lights.parallel, strict=True)]
+        self._drawn = None, []  # until all are drawn
+        if self.target is None or before[0] != made_of:
+            before = made_of, []
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
+            self.target.clear()
         for i, (matrix, parallel) in enumerate(zip(lights.tiles, lights.parallel, strict=True)):
+            if before[1][i : i + 1] == tiles[i : i + 1]:
+                continue
             cell = (side * (i % columns), side * (i // columns), side, side)
+            if before[1]:
+                self.target.use()
+                self.target.gl.clear(depth=1.0, viewport=cell)
             seen = world.parts.seen(matrix[0], matrix[1], _ONE if parallel else matrix[2], lights.far)
             for part in _PARTS:
                 first, count = world.geometry.parts[part]
@@ -83,6 +103,7 @@ class ShadowPass(Owner):
                     tile_far=lights.far,
                     **(world.materials.light_uniforms if cut_out else {}),
                 )
+        self._drawn = made_of, tiles
         assert self.target.depth is not None
         photometry = self._photometry(world)
         luminaires = None if photometry is None else luminaire_rows(world.scene.lights)

@@ -241,6 +241,9 @@ class Stages(Owner):
     def forget(self, shadows: bool) -> None:
         """Draw everything again next time; the shadow maps only with `shadows`."""
         self._memo.forget(but=() if shadows else ("shadows",))
+        shadow_pass = self._passes.find("shadows", ShadowPass)
+        if shadows and shadow_pass is not None:
+            shadow_pass.forget()
         splats = self._passes.find("splats", ViewSplats)
         for kept in (splats, self.temporal_filter):
             if kept is not None:
