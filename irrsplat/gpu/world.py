@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -24,7 +25,7 @@ from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import Holes, face_counts
 from irrsplat.scene.visible_parts import SceneParts
@@ -238,3 +239,19 @@ class World(Owner):
             self._uploaded = scene.meshes
         self.unlit_interiors = unlit_interiors(scene)
         self._scene = scene
+
+
+class PartlyLitWorld(World):
+    """A `world` in which these `lights` alone emit. It shares geometry and ray structures, and is valid until anything moves."""
+
+    def __init__(self, world: World, lights: tuple[Light, ...]) -> None:
+        world.casts_rays()  # makes the structures that both share
+        vars(self).update(vars(world))
+        dark, meshes = (0.0, 0.0, 0.0), world.scene.meshes
+        if world.scene.emissive:
+            meshes = tuple(replace(mesh, material=replace(mesh.material, emission=dark)) for mesh in meshes)
+        self._scene = replace(world.scene, lights=lights, meshes=meshes, sky=dark, sky_gradient=dark, environment=None)
+        self.materials, self.derived = world.materials.without_emission(), Workshop()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        return (self.materials.texture, self.derived)

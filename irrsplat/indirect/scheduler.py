@@ -92,7 +92,7 @@ class RecordScheduler(Owner):
         kept = self.gatherer.apply(settings, change, shadows)
         if limited and change.dimming is not None and not np.ptp(change.dimming):  # limits depend on ratios of light alone
             self.adaptation.accept(vars(settings), self.adaptation.compared)
-        other_lights = change and change.dimming is None
+        other_lights = change and change.dimming is None and not self.gatherer.adds_difference
         if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
             self._checked.forget()
         if kept is not None:
@@ -233,7 +233,7 @@ class RecordScheduler(Owner):
             roomy = self.room > _ROOMY * self.settings.max_records
             if not (spots and roomy and self.settings.spread and gatherer.may_probe):
                 return replace(view, checked=True)
-            left = self._resolved(self._checked.left(screen.spots()))
+            left = self._resolved(self._unchecked(screen.spots()))
             check = SpotCheck(left, left)
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
@@ -247,17 +247,28 @@ class RecordScheduler(Owner):
                 return replace(view, check=check)
         sites = check.significant.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
+        self.cache.column("relit")[:] = False
         return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
+
+    def _unchecked(self, spots: Spots) -> Spots:
+        """Return the places that no check has probed by about the present light."""
+        relit = self.cache.column("relit")
+        return self._checked.left(spots, relit[self._around(spots)].any(1) if relit.any() else False)
+
+    def _around(self, spots: Spots) -> np.ndarray:
+        """Return (N, _AROUND) the numbers of records around places, by a space-filling curve."""
+        count = self.cache.count
+        codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
+        order = np.argsort(codes[:count], kind="stable")
+        after = np.searchsorted(codes[order], codes[count:])
+        near: np.ndarray = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
+        return near
 
     def _resolved(self, spots: Spots) -> Spots:
         """Return the places where a probe resolves the differences that count: the records around have little noise."""
         if not (self.settings.gradients and self.cache.count and len(spots)):  # no record's noise is known
             return spots
-        count = self.cache.count
-        codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
-        order = np.argsort(codes[:count], kind="stable")
-        after = np.searchsorted(codes[order], codes[count:])
-        near = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
+        near = self._around(spots)
         luminance = (self.cache.values[:, :3] @ LUMINANCE)[near]
         noise = self.cache.records.read("noise")["noise"][near] * luminance
         return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]

@@ -18,6 +18,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.light_difference import LightDifference
 from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
@@ -127,13 +128,20 @@ class SurfaceCache(Owner):
         for level in filter(None, (self._level, self._coarse)):
             level.hold_light(shadows)
 
-    def change(self, settings: Settings, change: SceneChange) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
+    def may_add(self) -> bool:
+        """True if a difference between lights may be added to its own values."""
+        return self._level.may_add() and not self.is_coarse
+
+    def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
+        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
+
+        difference: of the light, if it may be added, see `may_add`.
+        """
         level, coarse = self._level, self._coarse
         if change or any(getattr(level.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._drop_finer()
         self._relit |= change.changes_light and change.dimming is None
-        level.change(settings, change)
+        level.change(settings, change, difference)
         if coarse is not None and change.moved and level.follower is not None:  # its own values follow
             self._coarse, self._in_use = None, level
             coarse.release()
@@ -143,6 +151,7 @@ class SurfaceCache(Owner):
     def expire(self) -> None:
         """Gather all again."""
         self._drop_finer()
+        self._level.difference = None
         for level in filter(None, (self._level, self._coarse)):
             level.expire()
 
@@ -165,10 +174,11 @@ class SurfaceCache(Owner):
         if self.complete:
             return None
         with self.timers("surface"):
-            made, changed = self._level, self._level.follow(shadows, budget)
-            if changed is None and budget.limited and self._outdated and self.starts_coarse:
+            level = self._level
+            made, changed = level, level.follow(shadows, budget)
+            if changed is None and budget.limited and self._outdated and self.starts_coarse and level.difference is None:
                 self._coarse = self._coarse or self._other(COARSE)
-                made = self._level if self._coarse.complete else self._coarse
+                made = level if self._coarse.complete else self._coarse
             if made is self._coarse:
                 changed = made.advance(shadows, budget)
             elif changed is None and made.make(shadows, budget):

@@ -24,6 +24,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.follower import Follower
+from irrsplat.surface_cache.light_difference import LightDifference
 from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import Places, Survey, members_places
@@ -63,6 +64,8 @@ class SiteLevel(Owner):
         self.laid_out: LaidOut | None = None
         self.follower: Follower | None = None
         self.solution = Solution(unknown(world.ctx))
+        self._before: BouncedLight | None = None  # the light before `difference`
+        self.difference: LightDifference | None = None  # between this light and the scene's; None: all is gathered again
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -100,8 +103,18 @@ class SiteLevel(Owner):
         if self.follower is not None:
             self.follower.begin(shadows)
 
-    def change(self, settings: Settings, change: SceneChange) -> None:
-        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others."""
+    def may_add(self) -> bool:
+        """True if a difference between lights may be added to the values."""
+        held = self.solution
+        known = held.laid_out is not None and (held.laid_out.transport is not None or self.settings.most_bounces == 2)
+        return held.complete and held.laid_out is self.laid_out and known
+
+    def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
+        """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
+
+        difference: of the light, if it may be added, see `may_add`.
+        """
+        self.difference, self._before = difference, self.solution.light
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
@@ -183,6 +196,8 @@ class SiteLevel(Owner):
             laid_out = self._lay_out(budget)
             if laid_out is None or not self._find_places(laid_out, shadows, budget):
                 return False
+            if self.difference is not None:
+                return self._add(self.difference, laid_out, budget)
             self._gather_sites(laid_out, shadows, budget)
             if len(laid_out.records.stale):
                 return False
@@ -193,6 +208,18 @@ class SiteLevel(Owner):
         except BaseException:  # a generator that was interrupted is over
             self._steps = _Steps()
             raise
+        return True
+
+    def _add(self, difference: LightDifference, laid_out: LaidOut, budget: Budget) -> bool:
+        """Continue the `difference` between the sites within the budget. Return True once it is added."""
+        if not difference.bounce(laid_out, self.detail, budget):
+            return False
+        assert self._before is not None
+        records, numbers, (first, bounced) = laid_out.records, np.arange(laid_out.records.count), difference.at_sites
+        records.correct({"irradiance": np.maximum(records.read()["irradiance"] + first, 0.0)}, numbers)
+        records.mark_refreshed(numbers)
+        self.difference = None
+        self._use(laid_out, replace(self._before, irradiance=np.maximum(self._before.irradiance + bounced, 0.0)))
         return True
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:

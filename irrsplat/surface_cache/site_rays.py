@@ -18,6 +18,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import Detail
@@ -95,13 +96,22 @@ class SiteRays(Owner):
     # ---- light at the sites ----------------------------------------------------------------------------------------
 
     def gathered(
-        self, gather: TraceGather, laid_out: LaidOut, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget
+        self,
+        gather: TraceGather,
+        laid_out: LaidOut,
+        numbers: np.ndarray,
+        shadows: ShadowMaps,
+        budget: Budget,
+        into: RecordCache | None = None,
     ) -> Iterator[np.ndarray]:
-        """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it."""
+        """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it.
+
+        into: other records of the sites; None: those of `laid_out`.
+        """
         # neither a survey nor coarse light waits for the tree of the rays of virtual point lights
         virtual = laid_out.places is not None and (self._detail.level >= 0 or self.world.has_tree)
         light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms, virtual)
-        reduce, records, seed = self._reduce[gather.places], laid_out.records, self.settings.seed
+        reduce, records, seed = self._reduce[gather.places], into or laid_out.records, self.settings.seed
         for some in gather.batches(len(numbers), budget):
             gather_records(gather, reduce, light, records, numbers[some], seed, where=laid_out.origins)
             yield numbers[some]

@@ -22,7 +22,7 @@ _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a pr
 _MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
 _MOST_RATIO = 2.0  # times the surface cache: the most that a record is taken to be brighter
 _DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
-_MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
+MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
 class ChangeProbe(Owner):
@@ -98,7 +98,7 @@ def apply_probes(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, rad
         there = numbers[known]
         _set_columns(cache, there, correction(columns_of(cache, there), before[known], found[known]), radii)
     probe[numbers], cache.column("due")[numbers] = found, 0.0
-    changed: np.ndarray = numbers[drift[numbers] > _MAX_DRIFT]
+    changed: np.ndarray = numbers[drift[numbers] > MAX_DRIFT]
     return changed
 
 

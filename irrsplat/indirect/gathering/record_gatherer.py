@@ -17,14 +17,16 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
-from irrsplat.indirect.gathering.change_probe import ChangeProbe, apply_probes, scale_by_surface
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, ChangeProbe, apply_probes, scale_by_surface
 from irrsplat.indirect.gathering.gathers import Gathers
+from irrsplat.indirect.gathering.record_difference import RecordDifference
 from irrsplat.records.dimming import LINEAR, dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Light, Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
+from irrsplat.surface_cache.light_difference import LightDifference, changed_lights
 from irrsplat.surface_cache.site_layout import FULL, detail_for
 
 _PROBES_FROM = 64  # least side of gathers that allow probes: the rays of a first probe are a small part of them
@@ -35,6 +37,8 @@ _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FEWEST = 16  # least side of a gather whose own rays measure its noise well
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
+_RELIT = 0.1  # of E: greater differences of the light make a spot check of the surroundings necessary again
+_WHOLE = 0.5  # of E: sum of the differences of a record's light after which it is gathered again
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
@@ -61,10 +65,11 @@ class RecordGatherer(Owner):
         self.gathers = Gathers(world)
         self._count = 0  # of the records at the last advance of the surface cache
         self._made = Workshop()  # the surface cache
+        self._difference: RecordDifference | None = None  # between the light of stale records and the scene's
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.gathers, self._made)
+        return (self.gathers, self._made, self._difference)
 
     def free_passes(self) -> None:
         """Free the gather passes, which are rebuilt at the next use; the surface cache stays."""
@@ -158,11 +163,12 @@ class RecordGatherer(Owner):
         new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
-        if change and change.dimming is None and shadows is not None:  # probe the former scene a last time
+        changed = self._changed_lights(new, change)
+        if change and change.dimming is None and shadows is not None and changed is None:  # probe the former scene a last time
             unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
             cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
-            if surface is not None:
-                surface.hold_light(shadows)
+        if change and change.dimming is None and shadows is not None and surface is not None:
+            surface.hold_light(shadows)
         try:
             self.world.apply(change)
             self.gathers.of(new)
@@ -170,18 +176,46 @@ class RecordGatherer(Owner):
             self.world.apply(change.back)
             raise
         try:
-            kept = self._follow_records(old, new, change)
+            kept = self._follow_records(old, new, change, changed)
         except BaseException:
             cache.truncate(0)
+            self._drop_difference()
             self.gathers.clear()
             self._made.clear()
             self._basis = new
             raise
         return kept
 
-    def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
+    def _changed_lights(self, new: Basis, change: SceneChange) -> tuple[list[Light], list[Light]] | None:
+        """Return the changed lights, see `changed_lights`, if their difference may be added to all records, else None.
+
+        new: the basis after the `change`.
+        """
+        old, surface = self._basis, self.surface if self._basis.uses_surface_cache else None
+        complete = not (len(self.cache.stale) or old.moved or old.from_file) and (surface is None or surface.may_add())
+        rays = old.kind in ("trace", "embree") and old.settings.placement != "scan"
+        same = complete and rays and old.settings == new.settings
+        return changed_lights(change) if same and change.relit and self.cache.count else None
+
+    @property
+    def adds_difference(self) -> bool:
+        """True while a difference of the light is added to records."""
+        return self._difference is not None
+
+    def _drop_difference(self) -> None:
+        """Free the difference of the light."""
+        if self._difference is not None:
+            self._difference.release()
+            self._difference = None
+
+    def _follow_records(
+        self, old: Basis, new: Basis, change: SceneChange, changed: tuple[list[Light], list[Light]] | None
+    ) -> np.ndarray | None:
         """Let the records and the surface cache follow the scene and the settings. Return the numbers of kept records, None for
-        all."""
+        all.
+
+        changed: lights whose difference is added to the records.
+        """
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
         if _places(was) != _places(settings):
             cache.truncate(0)
@@ -191,10 +225,14 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             dim(cache, change.dimming)
         elif change:
-            new = replace(new, moved=True, relit=old.relit or change.changes_light, from_file=None)
+            new = replace(new, moved=changed is None, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
+        before, difference = self._difference, None if changed is None else LightDifference(self.world, settings, changed)
+        self._difference = None if difference is None else RecordDifference(difference, new, cache)
         if surface is not None:
-            surface.change(settings, change)
+            surface.change(settings, change, difference)
+        if before is not None:
+            before.release()
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
@@ -203,7 +241,7 @@ class RecordGatherer(Owner):
             cache.invalidate()
             new = replace(new, from_file=None)
         elif change.changes_light and change.dimming is None:
-            cache.column("due")[:] += 1.0
+            cache.column("due")[:] += float(changed is None)
             cache.invalidate(np.arange(cache.count))
         self._basis = new
         return kept
@@ -215,6 +253,7 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
+        self._drop_difference()
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
@@ -255,12 +294,7 @@ class RecordGatherer(Owner):
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
         for some in gather.batches(len(numbers), budget, times=2):
             chosen = numbers[some]
-            sites, found = self.cache.sites(chosen), []
-            with RecordCache(self.ctx) as scratch:
-                rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(len(chosen))
-                for light in lights:
-                    self._reduced(light, scratch)(gather, numbers=rows)
-                    found.append(scratch.records.read(*LINEAR))
+            found = [self._linear(gather, light, chosen) for light in lights]
             held = self.cache.records.read(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
             after["irradiance"] = np.maximum(after["irradiance"], 0.0)
@@ -269,6 +303,14 @@ class RecordGatherer(Owner):
             changes.append(after["irradiance"].astype(float) - held["irradiance"][chosen])
         self.cache.refresh_count += 1
         return np.concatenate(changes)
+
+    def _linear(self, gather: Gather, light: HitLight, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the columns LINEAR of records of these numbers by another `gather` and `light`, along their own directions."""
+        sites = self.cache.sites(numbers)
+        with RecordCache(self.ctx) as scratch:
+            rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(numbers))) + np.arange(len(numbers))
+            self._reduced(light, scratch)(gather, numbers=rows)
+            return scratch.records.read(*LINEAR)
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
@@ -299,7 +341,7 @@ class RecordGatherer(Owner):
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == _PROVISIONAL)))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
-        ready = surface.result is not None and (made or surface.current)
+        ready = surface.result is not None and (surface.complete if self._difference else made or surface.current)
         if ready:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
@@ -310,6 +352,10 @@ class RecordGatherer(Owner):
         first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`.
         """
         cache, relit = self.cache, self._basis.relit and surface.current
+        if self._difference is not None:  # the stale records get exactly this difference
+            if before is not None and cache.count:
+                scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
+            return
         if first or (relit and before is None):
             cache.invalidate(None if first else np.arange(cache.count))
             return
@@ -368,10 +414,47 @@ class RecordGatherer(Owner):
         size: see `gather`.
         """
         done, size = 0, size or self._provisional_side
+        if self._difference is not None and not size:
+            done = self._add(self._difference, self._difference.left(self.cache, numbers), budget)
+            numbers = numbers[self.cache.age(numbers) > 0]
+            if not len(self.cache.stale):
+                self._drop_difference()
+            if not len(numbers) or budget.left <= 0.0:
+                return done
+        first = done
         for some in self.gathers.at(self._basis, size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
-            done = some.stop
+            done = first + some.stop
+        return done
+
+    def _add(self, difference: RecordDifference, numbers: np.ndarray, budget: Budget) -> int:
+        """Add the `difference` of the light to records of these numbers within the budget. Return the number of complete records.
+
+        A quarter of the rays is enough for a small difference. A great one changes second derivatives, too, so that the record
+        stays stale.
+        """
+        done, cache, side = 0, self.cache, self.settings.gather_size
+        parts = difference.gathers(min(side, max(side // 2, _FEWEST)))
+        for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
+            chosen = numbers[some]
+            found = [self._linear(gather, light, chosen) for gather, light, _ in parts]
+            signs = [sign for *_, sign in parts]
+            after = {
+                name: difference.held[name][chosen] + sum(sign * one[name] for sign, one in zip(signs, found, strict=True))
+                for name in LINEAR
+            }
+            E = after["irradiance"] = np.maximum(after["irradiance"], 0.0)
+            cache.correct(after, chosen)
+            least = np.maximum(E @ LUMINANCE, cache.luminance_floor)
+            net, drift = np.abs(E - difference.held["irradiance"][chosen]) @ LUMINANCE, cache.column("drift")[chosen]
+            cache.column("relit")[chosen] |= net > _RELIT * least
+            drift += MAX_DRIFT / _WHOLE * (sum(one["irradiance"] for one in found) @ LUMINANCE) / least
+            complete = drift <= MAX_DRIFT
+            cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
+            cache.column("drift")[chosen], cache.column("probe")[chosen] = np.minimum(drift, 1.0), 0.0
+            difference.mark(chosen)
+            done += int(np.count_nonzero(complete))
         return done
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
