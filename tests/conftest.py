@@ -21,7 +21,7 @@ import pytest
 
 from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu import context
-from irrsplat.surface_cache import site_layout, site_rays
+from irrsplat.surface_cache import site_layout, site_rays, tessellation
 from tests.support.counted_clock import CountedClock
 from tests.support.crashes import pytest_configure, pytest_handlecrashitem  # noqa: F401  hooks
 from tests.support.viewing import Driver, fresh, viewing, write_room
@@ -47,10 +47,14 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give the surface cache a tenth of its sites and rays in tests marked `few_sites`; tests of light do not use the mark."""
+    """Give the surface cache a tenth of its sites and rays in tests marked `few_sites`; tests of light do not use the mark.
+
+    No cells are halved near lights, since every light is near at a spacing of a metre.
+    """
     if request.node.get_closest_marker("few_sites"):
         monkeypatch.setattr(site_layout, "POINTS", tuple(points // 10 for points in site_layout.POINTS))
         monkeypatch.setattr(site_rays, "RAYS", site_rays.RAYS // 10)
+        monkeypatch.setattr(tessellation, "_FINEST", 0)
 
 
 @pytest.fixture(scope="session", autouse=True)

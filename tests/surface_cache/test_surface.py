@@ -168,7 +168,6 @@ def oracle(
     return out
 
 
-@pytest.mark.few_sites
 def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
     """A floor with a light close to it and a ball of small triangles; each site has a distinct value."""
     eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
