@@ -180,8 +180,10 @@ class SiteChooser:
         """
         offset = offset_of(self.scene)
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)
-        lights = _small_lights(self.scene, vertices, faces[emits[mesh[: len(faces)]]], spacing)
+        lights = None
+        if self.detail.level >= 0:  # pixels show the cells of a coarse level, and patches of fine ones would stand out
+            emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)
+            lights = _small_lights(self.scene, vertices, faces[emits[mesh[: len(faces)]]], spacing)
         tessellation = tessellate(vertices, faces, spacing * wider, offset, lights)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
