@@ -15,10 +15,8 @@ import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.viewer import memory
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
-from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor
 from irrsplat.app.viewer.editing.light_edit import light_name
 from irrsplat.app.viewer.editing.picking import object_name, on_screen
@@ -27,7 +25,8 @@ from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SECTIONS, Panels, ViewOptions
+from irrsplat.app.viewer.view_options import SECTIONS
+from irrsplat.app.viewer.window import trim
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
@@ -56,7 +55,6 @@ class Actions:
         self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self.messages = Messages()
         self.say, self.attempt = self.messages.say, self.messages.attempt
-        self.panels = Panels()
         self.editor = Editor(session)
         self.screenshot_wanted = self.quitting = False
         self.dialog = prompts.DesktopDialog(native)
@@ -66,9 +64,9 @@ class Actions:
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
-        """Run an action of the table. Errors and missing extras become messages."""
-        if missing := self.missing(command):
-            self.say(missing, topic="missing")
+        """Run an action of the table, if it can run. Errors and missing extras become messages."""
+        if not self.can(command):
+            self.say(self.missing(command) or f"{command.title}: not possible now", topic="missing")
             return
         method = attrgetter(command.action)(self)
         self.attempt(method if command.argument is None else lambda: method(command.argument))
@@ -84,7 +82,7 @@ class Actions:
 
     @property
     def selected(self) -> bool:
-        return self.editor.mesh is not None or (self.editor.light is not None and self.panels.lights)
+        return self.editor.mesh is not None or (self.editor.light is not None and self.session.options.lights)
 
     @property
     def film_possible(self) -> bool:
@@ -113,15 +111,11 @@ class Actions:
     def show(self, name: str) -> None:
         """Show a buffer."""
         self.session.options.buffer = name
-        self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
         """Return True if an option or a part of the interface is on. A section is on only while the side panel is open."""
-        return bool(getattr(self._owner(name), name, False)) and (self.panels.controls or name not in SECTIONS)
-
-    def _owner(self, name: str) -> ViewOptions | Panels:
-        """Return the object that holds an option."""
-        return self.panels if hasattr(self.panels, name) else self.session.options
+        options = self.session.options
+        return bool(getattr(options, name)) and (options.controls or name not in SECTIONS)
 
     def is_active(self, command: Command) -> bool:
         """Return True if the choice or the option of an action is the present one."""
@@ -143,9 +137,9 @@ class Actions:
         return Path(os.path.abspath(self.source)).parent.name if name == "scene" and os.path.isfile(self.source) else name
 
     def toggle(self, name: str) -> None:
-        on = not self.is_on(name)
-        setattr(self._owner(name), name, on)
-        self.panels.controls |= on and name in SECTIONS
+        options, on = self.session.options, not self.is_on(name)
+        setattr(options, name, on)
+        options.controls |= on and name in SECTIONS
 
     def split(self) -> None:
         """Show two presets, or one picture again."""
@@ -158,11 +152,9 @@ class Actions:
             self.session.split(True)
         options.side = 0 if options.divider == 0.0 else 1
         options.divider = float(1 - options.side)
-        self.say(("left", "right")[options.side] + " side alone; Space: the other one", topic="split")
 
     def use_preset(self, name: str) -> None:
         self.session.use_preset(self.session.options.side, name)
-        self.say(f"preset {name}", topic="preset")
 
     def refine_further(self) -> None:
         """Halve the estimated error at which refinement ends. Set it to the default if it is 0, which means no refinement."""
@@ -202,7 +194,7 @@ class Actions:
         lit = {
             number: on_screen(session.camera, session.size, light.position)
             for number, light in enumerate(editor.scene.lights)
-            if self.panels.lights and not light.directional
+            if self.session.options.lights and not light.directional
         }
         near = [number for number, place in lit.items() if place is not None and dist(place, pixel) <= _RING * density]
         if near:  # of several lights, pick the one nearest to the eye
@@ -217,12 +209,10 @@ class Actions:
         if mesh is not None:
             editor.hide(mesh)
             self.say(f"{object_name(editor.scene, mesh)} is hidden; Ctrl+Z shows it again", topic="pick")
-        elif light is not None and self.panels.lights:
+        elif light is not None:
             name = light_name(editor.scene.lights[light], light)
             editor.delete_light(light)
             self.say(f"{name} is deleted; Ctrl+Z restores it", topic="pick")
-        else:
-            self.say("nothing is selected; a click on an object selects it", topic="pick")
 
     # ---- saving ------------------------------------------------------------------------------------------------------
 
@@ -295,7 +285,7 @@ class Actions:
     def escape(self) -> None:
         """Close menus, dialogs and messages, and deselect object and light."""
         self.editor.pick_light(None)
-        self.panels.close_menus, self.prompt = True, None
+        self.session.options.close_menus, self.prompt = True, None
         self.messages.close()
 
     def find_command(self, all_keys: bool = False) -> None:
@@ -304,8 +294,8 @@ class Actions:
 
     def show_setting(self, name: str) -> None:
         """Open the list of settings at the setting `name`."""
-        self.panels.controls = self.panels.settings = True
-        self.panels.sought = name
+        options = self.session.options
+        options.controls, options.settings, options.sought = True, True, name
 
     def quit(self) -> None:
         """Close the window, once unsaved changes are saved or discarded."""
@@ -346,7 +336,7 @@ class Actions:
     def _open(self, source: str) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene)
-        memory.trim()
+        trim()
         self.editor = Editor(self.session)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):

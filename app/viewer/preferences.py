@@ -9,7 +9,6 @@ from pathlib import Path
 
 import platformdirs
 
-from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.scene import bundled
@@ -33,11 +32,7 @@ class Preferences:
 
     def opened(self, source: str) -> None:
         """Put a scene (a path, or the name of a bundled scene) at the front of the recent scenes."""
-        newest, real = os.path.abspath(source), Path(os.path.realpath(source))
-        if not os.path.isfile(source):
-            newest = source if source in bundled() else newest
-        elif real == paths.folder("scenes") / real.stem / f"{real.stem}.scene":
-            newest = real.stem
+        newest = source if source in bundled() and not os.path.isfile(source) else os.path.abspath(source)
         self.recent = [newest, *(other for other in self.recent if other != newest)][:RECENT]
 
 

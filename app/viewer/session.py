@@ -59,23 +59,14 @@ class Session(Owner):
         values: SettingValues | None = None,
         camera: Camera | None = None,
     ) -> None:
-        scene = scene.recentred
-        self.origin, scene = scene.origin, scene.local
-        self.ctx, self.size, self.scene = ctx, size, scene
-        self.options = ViewOptions()
-        self.renderers = [
-            Renderer(scene, size, preset, ctx=ctx, tile_size=0, **(values or {}))
-        ]  # the renderer of the left side, and of the right side too if there is no second renderer
-        self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
+        self.ctx, self.size = ctx, size
+        self.options, self.tracing, self.plane, self._memo = ViewOptions(), Reference(ctx), MeasuringPlane(), Memo()
+        self.renderers: list[Renderer] = []  # of the left side, and of the right side too if there is no second one
+        self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
+        self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
+        self._begin(scene, [(preset, values or {})])
         if camera is not None:
             self.free_camera.camera = camera.shifted(np.negative(self.origin))
-        self.auto_exposure = AutoExposure()
-        self.path_recorder, self.tracing = PathRecorder(), Reference(ctx)
-        self.plane = MeasuringPlane(usual_height(scene))
-        self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
-        self._memo = Memo()
-        self._made: list[_Side] = []  # by side, the results of the last tick
-        self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (*self.renderers, self.tracing, self.plane)
@@ -103,11 +94,7 @@ class Session(Owner):
     def at_rest(self) -> bool:
         """True if the next tick would show an equal picture."""
         filled = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
-        sampled = all(
-            v.samples >= r.settings.viewer_samples
-            for v, r in zip(self.views, self.active, strict=False)
-            if r.settings.viewer_samples > 1
-        )
+        sampled = all(v.samples >= r.settings.viewer_samples for v, r in zip(self.views, self.active, strict=False))
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
         return filled and sampled and refined and self.auto_exposure.settled and self.path_recorder.recording is None
 
@@ -243,17 +230,10 @@ class Session(Owner):
     def pose(self, scene: Scene) -> None:
         """Show the present scene with other lights, another sky, or moved, repainted or hidden meshes.
 
-        Stale records are gathered again in place, tick by tick. Raises the InputError of Renderer.pose or Renderer.relight, and
-        then changes nothing.
+        Stale records are gathered again in place, tick by tick. Raises the InputError of Renderer.pose, and then changes nothing.
         """
-        before = [renderer.scene for renderer in self.renderers]
-        try:
-            for renderer in self.renderers:
-                renderer.pose(scene)
-        except IrrsplatError:
-            for renderer, old in zip(self.renderers, before, strict=True):
-                renderer.pose(old)
-            raise
+        for renderer in self.renderers:  # a scene that the first one refuses changes none
+            renderer.pose(scene)
         self.scene = scene
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -264,13 +244,16 @@ class Session(Owner):
 
     def open(self, scene: Scene) -> None:
         """Show another scene with the present settings, from its own first camera."""
+        self._begin(scene, [(r.preset, overrides(r.preset, r.settings)) for r in self.renderers])
+
+    def _begin(self, scene: Scene, sides: Sequence[tuple[str, SettingValues]]) -> None:
+        """Show another scene from its first camera. sides: preset and settings of each renderer."""
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
         made: list[Renderer] = []
         try:
-            for r in self.renderers:
-                kept = overrides(r.preset, r.settings)
-                made.append(Renderer(scene, self.size, r.preset, ctx=self.ctx, tile_size=0, **kept))
+            for name, values in sides:
+                made.append(Renderer(scene, self.size, name, ctx=self.ctx, tile_size=0, **values))
         except IrrsplatError:
             for renderer in made:
                 renderer.release()
@@ -281,7 +264,7 @@ class Session(Owner):
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
         self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
-        self._made = []
+        self._made: list[_Side] = []  # by side, the results of the last tick
         self._memo.forget()
 
 

@@ -1,4 +1,4 @@
-"""Options of the view, and the open parts of the interface, as plain values."""
+"""Options of the picture and of the interface, as plain values."""
 
 from __future__ import annotations
 
@@ -20,13 +20,12 @@ def point_of(values: np.ndarray | Sequence[float]) -> Point:
 
 @dataclass
 class ViewOptions:
-    """Options of the picture: the buffer, the split, the overlays, and the measurements."""
+    """Options of the picture (buffer, split, overlays, measurements), and the open parts of the interface."""
 
     buffer: str = "image"
     split: bool = False  # True if two presets are shown side by side
     side: int = 0  # the side that keys and panels change
     divider: float = 0.5  # share of the window's width; at 0 or 1, one side fills the picture
-    points: bool = False
     discs: bool = False
     inspect: bool = False
     profile: bool = False  # True if buffers are measured along a line
@@ -35,12 +34,6 @@ class ViewOptions:
     why: bool = False  # True if a click on a surface shows the sources of its light
     surface: Surface | None = None  # the surface of the last such click
     frozen: bool = False
-
-
-@dataclass
-class Panels:
-    """The open parts of the interface. A change of them needs no new picture."""
-
     controls: bool = True  # the side panel; without it the picture fills the window
     settings: bool = False
     lights: bool = False

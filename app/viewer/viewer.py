@@ -12,7 +12,6 @@ from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
 from irrsplat.app.common.kept_cache import KeptCache
-from irrsplat.app.viewer import memory
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, Picture
 from irrsplat.app.viewer.input.controls import Controls
@@ -22,7 +21,7 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
-from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
+from irrsplat.app.viewer.window import TITLE, Desktop, open_window, return_large_arrays, signals
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.timing.clock import now
@@ -78,8 +77,7 @@ class Viewer(Owner):
         self._cut = False  # True if input ended the last tick
         self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
-        controls = self.controls
-        self.desktop.listen(controls.files_dropped, controls.focus_changed)
+        self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
         self._restyle()
         self.wake()
         for _ in range(_PASSES):  # so that the first picture has the size of the area without panels
@@ -97,7 +95,7 @@ class Viewer(Owner):
     def canvas(self) -> Picture:
         """The picture. A smaller view of a moving camera has a smaller one, which the window enlarges, unless marks are on it."""
         session, options = self.session, self.session.options
-        marked = options.points or options.discs or options.plane or options.inspect
+        marked = options.discs or options.plane or options.inspect
         if session.whole or marked or not self.display.shows_scene:
             return self._pictures.get("whole", session.size, lambda: Picture(self.ctx, session.size))
         size = session.views[0].image.size
@@ -275,15 +273,10 @@ class Viewer(Owner):
                 if self.still:
                     self.desktop.wait(_SLEEP)
 
-    def close(self, remember: bool = True) -> str | None:
-        """Save preferences and records, and free everything except the window.
-
-        remember: False to save neither. Return None, or the reason of a failure in one line.
-        """
-        problem = None
-        if remember:
-            problem = self.actions.save_preferences(None if self.wnd.fullscreen else self.wnd.size)
-            problem = self._save_cache() or problem
+    def close(self) -> str | None:
+        """Save preferences and records, and free everything except the window. Return None, or the reason of a failure."""
+        problem = self.actions.save_preferences(None if self.wnd.fullscreen else self.wnd.size)
+        problem = self._save_cache() or problem
         self.release()
         return problem
 
@@ -332,7 +325,7 @@ def run(
     window can be opened. Raises InputError for an invalid size, and for a cache file of another scene or other settings. Raises
     KeyboardInterrupt after Ctrl-C, with all closed.
     """
-    memory.return_large_arrays()
+    return_large_arrays()
     wnd = open_window(size or preferences.size or SIZE)
     try:
         wnd.title = f"preparing {scene.name} – {TITLE}"

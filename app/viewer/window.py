@@ -1,12 +1,13 @@
-"""The window: moderngl-window's glfw window, or a window in memory with equal behaviour."""
+"""The window: moderngl-window's glfw window, or a window in memory with equal behaviour. The memory of the program."""
 
 from __future__ import annotations
 
+import ctypes
 import signal
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import glfw
@@ -25,6 +26,8 @@ _EVENTS = (  # glfw's names of events that may change the picture; `drop` is set
 )
 _FLOWING = ("cursor_pos", "scroll", "window_refresh")  # the events that come many times a second
 _REPEAT = 2  # glfw's number of the repeat action of a pressed key
+_MMAP_THRESHOLD, _LARGE = -3, 4 << 20  # glibc's number of the option; bytes of a large array, about one array of a small picture
+_NOT_GLIBC = (AttributeError, OSError, TypeError)  # the errors of another C library, and of Windows
 _NO_DISPLAY = (
     "no display to open a window on; irrsplat render draws without one, "
     "and xvfb-run -a irrsplat view opens it in memory (sudo apt-get install -y xvfb xauth)"
@@ -150,3 +153,19 @@ def signals(called: Callable[[], None]) -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def return_large_arrays() -> None:
+    """Allocate each large array in pages of its own, which return to the system when the array is freed.
+
+    Without this call, glibc raises the least size of an array with own pages at each free, up to 32 MB. Smaller arrays share a
+    heap, which returns no memory below its last array.
+    """
+    with suppress(*_NOT_GLIBC):
+        ctypes.CDLL(None).mallopt(_MMAP_THRESHOLD, _LARGE)
+
+
+def trim() -> None:
+    """Return the free memory of the heap to the system, for example after a scene was closed."""
+    with suppress(*_NOT_GLIBC):
+        ctypes.CDLL(None).malloc_trim(0)

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.view_options import Panels
+from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.gpu.program import Program
 from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
@@ -86,7 +86,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     for act in (
         lambda: session.change(0, exposure=1.5),
         lambda: actions.show("indirect"),
-        lambda: actions.toggle("points"),
+        lambda: actions.toggle("discs"),
         lambda: actions.toggle("frozen"),
     ):
         act()
@@ -114,9 +114,9 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
     """Each frame copies the existing picture into the window and draws the interface: no object is made."""
     options = driver.session.options
     if case == "panels":
-        driver.actions.panels = Panels(settings=True, lights=True)
+        driver.session.options = ViewOptions(settings=True, lights=True)
     elif case == "marks":
-        options.points = options.discs = True
+        options.discs = True
     elif case == "split":
         driver.session.split(True)
         driver.quicken()
@@ -130,7 +130,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
 
 def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:
     """A second flight along the same path, with the cursor on the picture, its value on show, and automatic exposure."""
-    driver.actions.panels.controls = True
+    driver.session.options.controls = True
     driver.session.change(0, exposure="auto", viewer_samples=0)
     home = driver.session.camera
     cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]

@@ -26,7 +26,7 @@ from irrsplat.app.viewer.input.free_camera import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
-from irrsplat.app.viewer.view_options import Panels, ViewOptions
+from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.core.timing import other_process
@@ -351,8 +351,7 @@ class Driver:
         actions.screenshot_wanted = False
         actions.messages.lines.clear()
         actions.saved_as = ""
-        session.options, session.path_recorder = ViewOptions(), PathRecorder()
-        actions.panels = Panels(controls=False)
+        session.options, session.path_recorder = ViewOptions(controls=False), PathRecorder()
         session.tracing.release()
         actions.quitting = False
         speed = session.scene.diagonal / 6.0
@@ -423,12 +422,12 @@ def viewing(
     """Open a viewer of the scene at `source` with settings for fast pictures; close it without saving preferences."""
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences or Preferences(), values={**FAST, **settings})
-    viewer.actions.panels.controls = False
+    viewer.session.options.controls = False
     driver = Driver(viewer, {**FAST, **settings})
     with watched(driver):
         yield driver
     with wnd.ctx:
-        viewer.close(remember=False)
+        viewer.release()
         assert wnd.ctx.error == "GL_NO_ERROR"
     wnd.ctx.release()
 

@@ -167,7 +167,10 @@ class ViewSource:
     @property
     def inputs(self) -> object:
         """The inputs of all buffers of the view, for a memo, which compares them by ==."""
-        return Identity(self.view), self.renderer.settings, self.exposure
+        renderer, gatherer = self.renderer, self.renderer.scheduler.gatherer
+        surface = None if gatherer.surface_now is None else gatherer.surface_now.result
+        made = self.view, self.reference, renderer.shadows, gatherer.atlas, surface
+        return [Identity(one) for one in made], renderer.settings, self.exposure, self.light_scale
 
     @property
     def gain(self) -> float:
@@ -225,8 +228,6 @@ class ShownBuffer:
     that returns the 1 or 3 numbers at a pixel of the view from the uniforms, in the legend's unit, or None for no value.
     everywhere: True if the buffer also has numbers at pixels without a surface. missing: the legend before the buffer is made.
     in_view: True if its pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles.
-    needs_reference: True if it needs a path-traced reference. state: a call that returns the inputs apart from view and settings,
-    for a memo, which compares them by ==.
     """
 
     name: str
@@ -239,8 +240,6 @@ class ShownBuffer:
     everywhere: bool = False
     missing: str = ""
     in_view: bool = True
-    needs_reference: bool = False
-    state: Callable[[ViewSource], object] = lambda source: None
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Fill the whole canvas."""

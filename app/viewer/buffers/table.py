@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
-from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Identity, Legend, ShownBuffer, ViewSource, colour_map, first, texel
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, ShownBuffer, ViewSource, colour_map, first, texel
 from irrsplat.core.buffers import CHANNELS, Atlas, Uniforms
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
@@ -84,11 +84,6 @@ def _white(words: Callable[[ViewSource], str] = lambda source: "") -> Callable[[
 
 def _mean_if_any(uniforms: Uniforms, x: int, y: int) -> np.ndarray | None:
     return _mean(uniforms, x, y) if texel(uniforms["values"], x, y)[3] else None
-
-
-def _surface_cache(source: ViewSource) -> object:
-    surface = source.renderer.scheduler.gatherer.surface_now
-    return None if surface is None else Identity(surface.result)
 
 
 def _light(source: ViewSource) -> Uniforms:
@@ -240,7 +235,6 @@ def _shadow_legend(source: ViewSource) -> Legend:
     return Legend("distance from the light / depth of the map; black: nothing", "0", "1", "", colour_map())
 
 
-_UNIT = "W/(m² sr)"
 # In the order of the menu; the first twelve have the keys 1 to 9, 0, - and =.
 BUFFERS: dict[str, ShownBuffer] = {
     buffer.name: buffer
@@ -270,7 +264,6 @@ BUFFERS: dict[str, ShownBuffer] = {
             _shadow,
             _shadow_legend,
             in_view=False,
-            state=lambda source: Identity(source.renderer.shadows),
         ),
         ShownBuffer(
             "atlas",
@@ -278,9 +271,8 @@ BUFFERS: dict[str, ShownBuffer] = {
             "what the records of the last batch saw, a hemisphere each",
             "gather_atlas",
             _atlas,
-            _exposed(_UNIT),
+            _exposed("W/(m² sr)"),
             in_view=False,
-            state=lambda source: Identity(source.renderer.scheduler.gatherer.atlas),
         ),
         ShownBuffer(
             "light",
@@ -290,7 +282,6 @@ BUFFERS: dict[str, ShownBuffer] = {
             _light,
             _light_legend,
             _read_light,
-            state=lambda source: source.light_scale,
         ),
         _channel(  # the mean over a pixel's samples; with one sample at its centre, the emission of the surface or the backdrop
             "emission",
@@ -308,7 +299,6 @@ BUFFERS: dict[str, ShownBuffer] = {
             _white(),
             _mean_if_any,
             missing="no surface cache: it is made for more than one bounce",
-            state=_surface_cache,
         ),
         _channel(
             "alpha",
@@ -327,8 +317,6 @@ BUFFERS: dict[str, ShownBuffer] = {
             _white(lambda source: "" if source.reference is None else f"; {source.reference.about}"),
             _mean_if_any,
             missing=NO_REFERENCE,
-            needs_reference=True,
-            state=lambda source: Identity(source.reference),
         ),
         ShownBuffer(
             "error",
@@ -340,8 +328,6 @@ BUFFERS: dict[str, ShownBuffer] = {
             _read_error,
             everywhere=True,
             missing=NO_REFERENCE,
-            needs_reference=True,
-            state=lambda source: Identity(source.reference),
         ),
     )
 }

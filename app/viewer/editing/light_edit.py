@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,10 +17,8 @@ COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
 # CIE chromaticity of a black body (Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications"):
 # polynomials for x in 1000/T, and for y in x
 _X_BELOW_4000, _X_ABOVE = (-0.2661239, -0.2343589, 0.8776956, 0.179910), (-3.0258469, 2.1070379, 0.2226347, 0.240390)
-_Y_BELOW_2222, _Y_BELOW_4000 = (
-    (-1.1063814, -1.34811020, 2.18555832, -0.20219683),
-    (-0.9549476, -1.37418593, 2.09137015, -0.16748867),
-)
+_Y_BELOW_2222 = (-1.1063814, -1.34811020, 2.18555832, -0.20219683)
+_Y_BELOW_4000 = (-0.9549476, -1.37418593, 2.09137015, -0.16748867)
 _Y_ABOVE = (3.0817580, -5.87338670, 3.75112997, -0.37001483)
 _SAME_COLOUR = 1e-5  # the greatest difference between two equal colours of luminance 1, in a component
 
@@ -40,7 +37,6 @@ def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
 _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider
 
 
-@lru_cache(maxsize=64)
 def kelvin_of(color: Point) -> float | None:
     """Return the temperature of the black body with a light's colour; None for another colour."""
     luminance = float(LUMINANCE @ np.asarray(color))

@@ -195,7 +195,7 @@ class Controls:
             self._capture(False)
             if self.travelled <= _CLICK and self.pointer is not None and not self.session.options.inspect:
                 self._pick(self.pointer)
-                self.actions.panels.context_menu = self.actions.selected
+                self.actions.session.options.context_menu = self.actions.selected
         if button == LEFT:
             if self.dragged == "orbit" and self.travelled <= _CLICK and self.pointer is not None:
                 if self.session.options.why:

@@ -7,11 +7,9 @@ import math
 import numpy as np
 
 from irrsplat.app.viewer.view_options import point_of
-from irrsplat.core.errors import InputError
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera
 from irrsplat.scene.stand_ins.up_axis import axes as upright_axes
-from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
 PITCH = math.radians(89.0)  # radians: the steepest pitch of a turn, up and down
 STALL = 0.25  # seconds: the longest time step that counts, so that the camera does not leap through a wall after a stall
@@ -32,18 +30,14 @@ class FreeCamera:
     per second.
     """
 
-    def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
+    def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float]) -> None:
         """Start at `camera`.
 
-        diagonal: the scene's diagonal in metres, > 0, which scales the speed. up: the world's up; None: the axis nearest to the
-        camera's up. Raises InputError if `up` has no direction.
+        diagonal: the scene's diagonal in metres, > 0, which scales the speed. up: the world's up.
         """
         self.camera = self.first = camera
         self.speed = diagonal / 6.0
         self._diagonal = diagonal
-        up = nearest_axis(camera) if up is None else up
-        if not 0.0 < math.hypot(*up) < math.inf:
-            raise InputError("the world's up vector has no direction; give another up")
         self._world = upright_axes(up)  # rows east, up and south
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:

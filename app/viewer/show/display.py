@@ -55,9 +55,9 @@ class Display(Owner):
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        name, source = self.session.options.buffer, self.session.source(side)
+        source = self.session.source(side)
         cache = source.renderer.cache
-        return name, source.inputs, BUFFERS[name].state(source), (cache.count, cache.revision)
+        return self.session.options.buffer, source.inputs, (cache.count, cache.revision)
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides. Draw and return the record under the cursor, if records are inspected."""
@@ -79,9 +79,8 @@ class Display(Owner):
             return
         if options.plane and (measured := self.session.plane.measured) is not None:
             markers.plane(screen, view, measured, region)
-        for kind in ("discs", "points"):
-            if getattr(options, kind):
-                markers.records(kind, screen, view, renderer.cache.records, settings, scene, region)
+        if options.discs:
+            markers.discs(screen, view, renderer.cache.records, settings, scene, region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
         """Return the record with the greatest weight under the cursor, and tint its pixels."""

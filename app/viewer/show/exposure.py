@@ -61,14 +61,14 @@ class AutoExposure:
         if not before:  # the first lit picture sets the exposure at once
             self.stops = self._goal
             return
-        slack = _SLACK if filling else 0.0
         way = self._goal - self.stops
-        way = math.copysign(max(abs(way) - slack, 0.0), way)
-        if not slack and abs(way) <= _NEAR:
+        if filling:
+            way = math.copysign(max(abs(way) - _SLACK, 0.0), way)
+        elif self.settled:
             self.stops = self._goal
-        else:
-            step = way * (1.0 - math.exp(-dt / _TIME))
-            self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
+            return
+        step = way * (1.0 - math.exp(-dt / _TIME))
+        self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
 
     def _hold(self, renderer: Renderer, view: View) -> None:
         """Hold the exposure after a change of the blend until another input changes. A view with less light is then darker."""

@@ -1,4 +1,4 @@
-"""Markers over a buffer: records as dots and discs, the measuring plane, and the pixels of one record."""
+"""Markers over a buffer: records as discs, the measuring plane, and the pixels of one record."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
 _OVER = DrawState(blend="over", depth_clamp=True)
-_RADIUS = 4.0  # pixels: the radius of a dot
 _WIDTH = 1.75  # pixels: half the width of a line
 _SEGMENTS = 32  # segments of a circle: at a radius of 100 pixels their error is half a pixel, r·(1 - cos(π/n))
 _TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
@@ -39,13 +38,10 @@ class Markers(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.number,)
 
-    def records(
-        self, kind: str, target: Target, view: View, records: Records, settings: Settings, scene: Scene, region: Region | None
+    def discs(
+        self, target: Target, view: View, records: Records, settings: Settings, scene: Scene, region: Region | None
     ) -> None:
-        """Draw every record, coloured by its radius a·R_k.
-
-        kind: "points", dots of constant size; or "discs", ellipses of radii a·R in this view, in the tangent planes.
-        """
+        """Draw every record as an ellipse of radii a·R in this view, in its tangent plane, coloured by its radius a·R_k."""
         if not records.count:
             return
         low, high = np.log(radius_range(settings, scene))
@@ -54,13 +50,11 @@ class Markers(Owner):
             "colours": self.programs.colours,
             "size": target.size,
             "span": (low, 1.0 / (high - low)),
-            "radius": _RADIUS,
             "width": _WIDTH,
             "segments": _SEGMENTS,
         }
-        program = self.programs(f"viewer/markers/{kind}", f"viewer/markers/{kind}", record_defines(settings.gradients))
-        vertices = 2 * _SEGMENTS + 2 if kind == "discs" else 4
-        self._draw(program, target, uniforms, region, vertices=vertices, instances=records.count)
+        program = self.programs("viewer/markers/discs", "viewer/markers/discs", record_defines(settings.gradients))
+        self._draw(program, target, uniforms, region, vertices=2 * _SEGMENTS + 2, instances=records.count)
 
     def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> dict[str, Any]:
         """Return the uniforms of programs that draw records."""

@@ -12,7 +12,6 @@ from irrsplat.app.viewer.buffers.table import atlas_tiles
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
-from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -63,7 +62,6 @@ class RecordInspector(Owner):
     def __init__(self, programs: Programs) -> None:
         self.ctx, self.programs = programs.ctx, programs
         self._made, self._memo = Workshop(), Memo()
-        self.gather_pass: Gather | None = None  # the gather pass of the last hemisphere
 
     def owned(self) -> tuple[Resource, ...]:
         return (self._made,)
@@ -71,7 +69,6 @@ class RecordInspector(Owner):
     def forget(self) -> None:
         self._made.clear()
         self._memo.forget()
-        self.gather_pass = None
 
     def columns(self, source: ViewSource) -> Columns:
         """Return the records of a side on the CPU. They are read again after a change."""
@@ -129,7 +126,6 @@ class RecordInspector(Owner):
         gather = self._made.get("gather", made_for, lambda: kinds.gather_pass(world, plain, capacity=1))
         picture = self._made.get("picture", gather.cell, lambda: self.ctx.texture(gather.cell, 4))
         target = self._made.get("target", picture, lambda: Target(self.ctx, gather.cell, textures=[picture]))
-        self.gather_pass = gather
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
         Canvas(target, self.programs).tiles("gather_atlas", **atlas_tiles(atlas, renderer, source.gain))

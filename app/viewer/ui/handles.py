@@ -41,7 +41,7 @@ def draw_handles(actions: Actions, layout: Layout) -> None:
             way = np.eye(4)
             way[:3, 3] = place - origin
             actions.attempt(lambda: editor.set_mesh(number, transformed(mesh, way)))
-    elif editor.light is not None and actions.panels.lights:
+    elif editor.light is not None and actions.session.options.lights:
         chosen, light = editor.light, editor.scene.lights[editor.light]
         for i, (point, move) in enumerate(_points(session, light)):
             if (place := _dragged(actions, layout, i, np.asarray(point))) is not None:

@@ -16,11 +16,10 @@ from irrsplat.app.viewer.input.prompts import PromptView
 from irrsplat.app.viewer.messages import Message, Messages
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
+from irrsplat.app.viewer.ui import sections
 from irrsplat.app.viewer.ui.handles import draw_handles
 from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, RED, WHITE, Box, Layout
 from irrsplat.app.viewer.ui.legends import draw_legends, draw_line, draw_plot, draw_record
-from irrsplat.app.viewer.ui.panels import editing_panels as sections
-from irrsplat.app.viewer.ui.panels.settings_panel import SLIDERS, draw_presets, draw_setting, draw_settings
 from irrsplat.scene import bundled
 from irrsplat.settings import SETTINGS
 
@@ -77,17 +76,17 @@ class Interface:
 
         scale: the scale of text and widgets. cursor: the pixel under the mouse. paint: a call that draws the picture.
         """
-        actions, panels, layout, display = self.actions, self.actions.panels, self.layout, self.display
-        layout.start(scale, panels.controls and not panels.hidden)
+        actions, options, layout, display = self.actions, self.actions.session.options, self.layout, self.display
+        layout.start(scale, options.controls and not options.hidden)
         if paint is not None:
             paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
-        if panels.close_menus:
+        if options.close_menus:
             imgui.internal.close_popups_except_modals()
-            panels.close_menus = False
+            options.close_menus = False
         actions.messages.expire()
-        errors = draw_messages(actions.messages, layout) if not panels.hidden or actions.messages.errors else 0.0
-        if not panels.hidden:
+        errors = draw_messages(actions.messages, layout) if not options.hidden or actions.messages.errors else 0.0
+        if not options.hidden:
             if display.shows_scene:
                 sections.draw_rings(actions, layout)
                 sections.draw_values(actions, layout)
@@ -127,7 +126,7 @@ class SidePanel:
             "objects": ("outliner", lambda: sections.draw_outliner(actions, layout)),
             "why dark?": ("why", lambda: sections.draw_why(actions, display)),
             "plane": ("plane", lambda: sections.draw_plane(actions, layout)),
-            "settings": ("settings", lambda: draw_settings(actions, layout)),
+            "settings": ("settings", lambda: sections.draw_settings(actions, layout)),
         }
 
     @property
@@ -135,11 +134,11 @@ class SidePanel:
         """The titles of the open sections."""
         actions = self.actions
         picked = actions.editor.mesh is not None
-        return [title for title, (opener, _) in self._sections.items() if (picked and opener == "mesh") or actions.is_on(opener)]
+        return [title for title, (opener, _) in self._sections.items() if (picked if opener == "mesh" else actions.is_on(opener))]
 
     def draw(self) -> None:
         """Draw the panel if it is open."""
-        if not self.actions.panels.controls:
+        if not self.actions.session.options.controls:
             return
         layout, view = self.layout, imgui.get_main_viewport()
         imgui.internal.begin_viewport_side_bar("side panel", view, imgui.Dir.left, layout.panel, _FLAGS)
@@ -171,9 +170,9 @@ class SidePanel:
         """Draw the buffer, the preset, the first settings and the state."""
         actions = self.actions
         self._buffer()
-        draw_presets(actions, self.layout)
-        for name in SLIDERS:
-            draw_setting(actions, self.layout, SETTINGS[name])
+        sections.draw_presets(actions, self.layout)
+        for name in sections.SLIDERS:
+            sections.draw_setting(actions, self.layout, SETTINGS[name])
         imgui.separator()
         for title, panel in _LINKS:
             if imgui.selectable(title, actions.is_on(panel))[0]:
@@ -199,13 +198,11 @@ class SidePanel:
             imgui.text_wrapped(f"{who}{progress.records} records{error}")
             if progress.full:
                 imgui.text_colored(AMBER, "max_records is reached")
-        recorder, done = session.path_recorder, session.at_rest and session.progress
-        for true, words in (
-            (session.options.frozen, "cache frozen"),
-            (recorder.recording is not None, "recording (R ends it)"),
-        ):
-            if true:
-                imgui.text_colored(AMBER, words)
+        done = session.at_rest and session.progress
+        if session.options.frozen:
+            imgui.text_colored(AMBER, "cache frozen")
+        if session.path_recorder.recording is not None:
+            imgui.text_colored(AMBER, "recording (R ends it)")
         if session.tracing.traced is not None:
             with imgui_ctx.push_style_color(imgui.Col_.text, imgui.ImVec4(*AMBER)):
                 imgui.text_wrapped(f"{session.tracing.progress} ({100.0 * session.tracing.traced:.0f} % done, Y stops it)")
@@ -243,9 +240,9 @@ def draw_menus(actions: Actions) -> None:
 
 def draw_context_menu(actions: Actions) -> None:
     """Draw the menu that a right click on an object or a light opens."""
-    if actions.panels.context_menu:
+    if actions.session.options.context_menu:
         imgui.open_popup("context")
-        actions.panels.context_menu = False
+        actions.session.options.context_menu = False
     if imgui.begin_popup("context"):
         for command in COMMANDS:
             if command.action in _CONTEXT:

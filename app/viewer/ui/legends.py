@@ -63,7 +63,7 @@ def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> No
     preset = f"  preset {source.renderer.preset}" if options.split else ""
     imgui.text(who + buffer.title + preset)
     legends = [buffer.legend(source)]
-    if options.points or options.discs:
+    if options.discs:
         legends.append(radius_legend(source.renderer.settings, source.renderer.scene))
     for legend in legends:
         fits = imgui.calc_text_size(legend.text, wrap_width=room).y <= _DOWN * layout.picture_size[1]

@@ -57,15 +57,13 @@ def walk(clip: Clip) -> None:
     for way in (1.0, -1.0):
         clip.take(4, lambda share: camera.turn(0.06 * way, 0.015 * way, camera.camera.target))  # noqa: B023
     clip.take(2, frames=12)
-    actions.toggle("points")
     actions.toggle("discs")
     clip.take(3)
-    actions.toggle("points")
     actions.toggle("discs")
     actions.show("irradiance")
     clip.take(3)
     actions.show("image")
-    actions.panels.lights, lamp = True, actions.editor.scene.lights[0]
+    actions.session.options.lights, lamp = True, actions.editor.scene.lights[0]
     clip.take(2)
     x, y, z = lamp.position
 
@@ -74,7 +72,7 @@ def walk(clip: Clip) -> None:
 
     clip.take(6, move)
     clip.take(3, frames=20)
-    actions.panels.lights = False
+    actions.session.options.lights = False
     actions.show("light")
     clip.take(4, frames=12)
     actions.show("image")
@@ -91,7 +89,7 @@ def main() -> None:
     viewer = Viewer(wnd, irrsplat.load("cornell"), "cornell", Preferences())
     clip = Clip(viewer)
     walk(clip)
-    viewer.close(remember=False)
+    viewer.release()
     wnd.destroy()
     clip.save()
 

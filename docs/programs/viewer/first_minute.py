@@ -48,7 +48,7 @@ def pictures(scene: str, orbits: bool) -> list[Image.Image]:
             words = f"{time.monotonic() - start:.1f} s" + ", orbiting" * orbits
             ImageDraw.Draw(picture).text((8, 6), words, "white", stroke_width=2, stroke_fill="black", font_size=16)
             found.append(picture)
-    viewer.close(remember=False)
+    viewer.release()
     wnd.destroy()
     return found
 

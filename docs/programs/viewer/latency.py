@@ -50,7 +50,7 @@ def swapped(self):
     if made and made[0].session.progress:
         session, actions = made[0].session, made[0].actions
         rest, filled = session.at_rest, all(p.coverage == 1.0 and p.surface == 1.0 for p in session.progress)
-        shown = {"points": session.options.points, "lights": actions.panels.lights}
+        shown = {"discs": session.options.discs, "lights": actions.session.options.lights}
         camera = session.views[0].camera
         shown["aside"] = float(camera.axes[0] @ camera.eye)  # which flight ahead does not change
         state = "rest" if rest else "refining" if filled else "filling"
@@ -118,7 +118,7 @@ class Run:
 
     def switch(self) -> None:
         """Measure a key and a click at the side panel."""
-        self.measure("key", lambda: self.key("z"), lambda a, b: a["points"] != b["points"])
+        self.measure("key", lambda: self.key("x"), lambda a, b: a["discs"] != b["discs"])
         self.measure("click", lambda: self.click(*LINK), lambda a, b: a["lights"] != b["lights"])
 
     def fly(self, count: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -66,7 +66,7 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(), camera, values=SETTINGS)
     take(viewer)
-    viewer.close(remember=False)
+    viewer.release()
     wnd.destroy()
 
 
@@ -79,12 +79,12 @@ def whole(viewer: Viewer) -> None:
         viewer.frame(DT)
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
-    actions.panels.controls = False
-    options.buffer, options.discs, options.points, options.inspect = "irradiance", True, True, True
+    actions.session.options.controls = False
+    options.buffer, options.discs, options.inspect = "irradiance", True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
     keep(viewer, "viewer/records")
-    options.discs = options.points = options.inspect = False
+    options.discs = options.inspect = False
     viewer.controls.mouse_moved(-1, -1, 0, 0)
     actions.session.split(True)
     keep(viewer, "viewer/split_presets")
@@ -93,9 +93,9 @@ def whole(viewer: Viewer) -> None:
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer, or show nothing of this scene."""
     actions = viewer.actions
-    actions.panels.controls = False
+    actions.session.options.controls = False
     settled(viewer)
-    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_reference and name not in PLAIN):
+    for name in (name for name, buffer in BUFFERS.items() if buffer.missing != NO_REFERENCE and name not in PLAIN):
         if name == "requests":  # some pixels must still request records
             actions.clear()
             while not (actions.session.progress and 0.5 < actions.session.progress[0].coverage < 1.0):
@@ -112,7 +112,7 @@ def sky(viewer: Viewer) -> None:
     """Show emitted light alone: in this scene, the sky."""
     actions = viewer.actions
     actions.session.change(0, bounces=0)
-    actions.panels.controls = False
+    actions.session.options.controls = False
     actions.session.options.buffer = "emission"
     keep(viewer, "buffers/emission")
 

@@ -315,17 +315,17 @@ def save(walker: Walker) -> None:
 @task("Find a command by name")
 def palette(walker: Walker) -> None:
     walker.key("ctrl+p")
-    walker.type("record points")
+    walker.type("record discs")
     walker.wait(3)
     walker.keep("palette")
     walker.key("Return")
     walker.wait(3)
-    assert walker.viewer.actions.session.options.points
+    assert walker.viewer.actions.session.options.discs
 
 
 @task("Open a file by drag and drop")
 def drop(walker: Walker) -> None:
-    walker.key("z")
+    walker.key("x")
     walker.done.clear()
     walker.done.append("drag `door.scene` onto the window")
     source, scene = x_drop.DropSource(walker.window), next((ROOT / "scenes").rglob("door.scene"))
@@ -385,7 +385,7 @@ def main() -> None:
             count, how = len(walker.done), ", ".join(walker.done)
             rows.append(f"## {number}. {title}: {in_words(count)}\n\n{how}\n\n![{title}](../images/walk/{do.__name__}.png)\n")
             print(f"{number}. {title}: {in_words(count)}", flush=True)
-        viewer.close(remember=False)
+        viewer.release()
         wnd.destroy()
     width, height = SIZE
     page = PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip())

@@ -1,15 +1,25 @@
 // An ellipse in its record's colour with dark sides, without its hidden parts.
-#include "viewer/markers/line.glsl"
-
+uniform float width;         // half the width of the line, pixels
 uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
 uniform float pixel;         // size of a pixel at distance 1, in metres
 uniform vec2 scale;          // pixels of the view per pixel of the target
 
 flat in vec4 v_disc;         // the disc's normal, turned to the eye; w: its greater radius in metres
 in vec3 v_position;
+flat in vec3 v_color;
+in float v_side;             // pixels from the middle of the line
+
+layout(location = 0) out vec4 out_color;
 
 // Share of a disc's radius that may lie behind the visible surface, since a tangent disc dips into a curved surface.
 const float DIP = 0.05;
+
+// The colour of the record, with dark sides, so that the line is visible on any ground.
+vec4 line()
+{
+    float d = abs(v_side), core = clamp(1.25 - d, 0.0, 1.0);
+    return vec4(v_color * core, mix(0.6 * clamp(width - d, 0.0, 1.0), 1.0, core));
+}
 
 void main()
 {

@@ -48,11 +48,8 @@ def test_a_picked_object_is_hidden_by_its_key_and_shown_by_undo(driver: Driver) 
     """Without the box its pixel shows the wall, and the converged view is covered."""
     editor, records = driver.actions.editor, driver.session.renderers[0].cache.count
     push(driver, "Delete")
-    assert (
-        "nothing is selected" in driver.said
-        and editor.scene is editor.loaded
-        and driver.session.renderers[0].cache.count == records
-    )
+    assert "not possible" in driver.said and editor.scene is editor.loaded, "nothing is selected"
+    assert driver.session.renderers[0].cache.count == records
     editor.mesh = BOX
     driver.resize(SIZE, density=0.25)
     driver.frame()
@@ -88,7 +85,7 @@ def test_undo_and_redo_return_each_edit(driver: Driver, editor: Editor) -> None:
         push(driver, key)
         assert editor.scene is expected
     assert not editor.future
-    assert not driver.session.options.points and driver.session.tracing.traced is None, "Ctrl+Z is not Z"
+    assert driver.session.tracing.traced is None, "Ctrl+Y is not Y"
 
 
 def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
@@ -171,7 +168,7 @@ def test_a_drag_of_a_handle_is_one_step_of_undo(driver: Driver) -> None:
 
 
 def test_the_object_panel_sets_the_emission(driver: Driver, editor: Editor) -> None:
-    editor.mesh, driver.actions.panels.controls = BOX, True
+    editor.mesh, driver.session.options.controls = BOX, True
     driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.enter(driver.find("cd/m²"), "358")
@@ -203,7 +200,7 @@ def test_lights_change_their_temperature_and_are_deleted(driver: Driver, editor:
 def test_colour_fields_are_srgb(driver: Driver, editor: Editor) -> None:
     """In sRGB, 128 of 255 is a linear 0.2159 (IEC 61966-2-1); colours of lights are relative to the brightest component."""
     driver.resize((760, 640), density=0.125)
-    editor.mesh, driver.actions.panels.controls = 1, True
+    editor.mesh, driver.session.options.controls = 1, True
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("reflectance"))), "128")
     assert editor.scene.meshes[1].material.albedo[0] == pytest.approx(0.2159, abs=1e-4)

@@ -11,7 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.buffers.shown_buffer import clear
-from irrsplat.app.viewer.buffers.table import BUFFERS, weight_range
+from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE, weight_range
 from irrsplat.app.viewer.show.record_inspector import RecordInspector, weights
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import photometric
@@ -26,7 +26,7 @@ from tests.support.viewing import ShownView, shown_view
 
 SIZE = (97, 61)
 UNTOUCHED = (0.25, 0.5, 0.75)
-TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_reference]
+TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.missing == NO_REFERENCE]
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ def level(flight: FreeCamera, up: tuple[float, float, float] = Y) -> bool:
 @pytest.mark.parametrize("camera", [PLAIN, OBLIQUE])
 def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
     """A turn by 90° keeps the pitch p, and the heading becomes the former right: forward' = cos p · right + sin p · up."""
-    flight = FreeCamera(camera, DIAGONAL)
+    flight = FreeCamera(camera, DIAGONAL, Y)
     side, p, before = flight.camera.axes[0], math.radians(pitch(flight)), forward(flight)
     flight.turn(90 * DEGREE, 0.0)
     np.testing.assert_allclose(forward(flight), math.cos(p) * side + math.sin(p) * np.array(Y), atol=1e-12)
@@ -56,20 +56,20 @@ def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
 @pytest.mark.parametrize("pivot", [PIVOT, (3.0, 2.5, 9.0)])
 def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[float, float, float]) -> None:
     """An orbit keeps the pivot's position in view space: its distance and its pixel, even behind the eye."""
-    flight = FreeCamera(camera, DIAGONAL)
+    flight = FreeCamera(camera, DIAGONAL, Y)
     for dx, dy in [(40, 0), (0, 15), (-170, -60), (13, 400)]:
         flight.turn(dx * DEGREE, dy * DEGREE, pivot)
         assert math.dist(flight.camera.eye, pivot) == pytest.approx(math.dist(camera.eye, pivot))
         np.testing.assert_allclose(on_screen(flight.camera, pivot), on_screen(camera, pivot), atol=1e-9)
         assert level(flight)
-    flight = FreeCamera(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL, Y)
     flight.turn(90 * DEGREE, 0.0, (0, 1, 0))  # the hand drags the scene to the right: its left side, -x, comes to the front
     np.testing.assert_allclose(flight.camera.eye, [-5, 1, 0], atol=1e-12)
 
 
 def test_a_step_of_the_wheel_leaves_nine_tenths_and_never_passes_the_pivot() -> None:
     """The wheel moves along the line to the pivot: the direction and the pivot's pixel stay."""
-    flight = FreeCamera(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL, Y)
     flight.dolly(1)
     np.testing.assert_allclose(flight.camera.eye, [0, 1, 4.5])
     flight.home()
@@ -84,12 +84,12 @@ def test_a_step_of_the_wheel_leaves_nine_tenths_and_never_passes_the_pivot() -> 
 
 @pytest.mark.parametrize("up", [Y, Z, (0.0, -1.0, 0.0)])
 @pytest.mark.parametrize("heading, degrees", [(0.0, 0.0), (0.8, 60.0), (4.0, -60.0)])
-def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, degrees: float) -> None:
+def test_motions_follow_the_worlds_up(up: tuple[float, float, float], heading: float, degrees: float) -> None:
     """Straight up moves along the world's up, even for a view 60° downwards with a nearly horizontal picture's up."""
     upward, p = np.array(up), math.radians(degrees)
     flat = np.roll(upward, 1) * math.cos(heading) + np.roll(upward, 2) * math.sin(heading)
     ahead, above = flat * math.cos(p) - upward * math.sin(p), flat * math.sin(p) + upward * math.cos(p)
-    flight = FreeCamera(Camera((0.0, 0.0, 0.0), tuple(ahead), tuple(above)), DIAGONAL)
+    flight = FreeCamera(Camera((0.0, 0.0, 0.0), tuple(ahead), tuple(above)), DIAGONAL, up)
     flight.move(0, 1, 0, 0.1)
     np.testing.assert_allclose(flight.camera.eye, 0.2 * np.array(up), atol=1e-12)
     flight.turn(33 * DEGREE, 1 * DEGREE)

@@ -1,4 +1,4 @@
-"""Markers over a buffer: positions of dots, circles and edges, and their occlusion."""
+"""Markers over a buffer: positions and colours of circles, and their occlusion."""
 
 from __future__ import annotations
 
@@ -38,17 +38,12 @@ class Stage:
     markers: Markers
     target: Target
 
-    def drawn(self, draw: Callable[[Target], object]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the picture (H, W, 3), top row first, and the mask of drawn pixels."""
+    def discs(self, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
+        """Return the picture and the mask of the discs of records."""
         clear(self.target, GROUND)
-        draw(self.target)
+        self.markers.discs(self.target, self.view, records, settings, self.renderer.scene, None)
         picture = self.target.read()[..., :3]
         return picture, (picture != np.array(GROUND, "f4")).any(-1)
-
-    def marks(self, kind: str, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
-        """Return the picture and the mask of one kind of markers."""
-        scene, draw = self.renderer.scene, self.markers.records
-        return self.drawn(lambda target: draw(kind, target, self.view, records, settings, scene, None))
 
 
 @pytest.fixture
@@ -106,25 +101,12 @@ def grown(lit: np.ndarray) -> np.ndarray:
     return np.any([np.roll(lit, (dy, dx), (0, 1)) for dy in (-1, 0, 1) for dx in (-1, 0, 1)], axis=0)
 
 
-def test_a_dot_marks_its_record_s_pixel(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
-    """A dot covers a few pixels around its record, in the colour of a·R on a logarithmic scale."""
-    world = stage(worlds.floor())
-    p, R = np.array([(-0.8, 0, 0.4), (0.3, 0, -0.5), (0.9, 0, 0.9)]), np.array([0.05, 0.4, 1.2])
-    picture, lit = world.marks("points", records(ctx, p, R=R))
-    low, high = radius_range(FREE, world.renderer.scene)
-    expected = viridis(np.log(FREE.a * R / low) / np.log(high / low))
-    at = project(OBLIQUE, p)
-    assert np.abs(picture[texels(at)] - expected).max() < 0.02
-    assert distance_to(at, lit).max() < 6.0 and 3 * 20 < lit.sum() < 3 * 100
-
-
-@pytest.mark.parametrize("kind", ["points", "discs"])
-def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callable[..., Stage], kind: str) -> None:
+def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
     """A wall at z = 1 hides the first record, the floor hides the second, and the third is behind the eye."""
     world = stage(worlds.floor(3.0), worlds.quad((-2, 0, 1), (4, 0, 0), (0, 1, 0)))
-    _, lit = world.marks(kind, records(ctx, [(0.2, 0, 0.5), (0.1, -0.4, 1.5), (0, 1.6, 8)], R=0.3))
+    _, lit = world.discs(records(ctx, [(0.2, 0, 0.5), (0.1, -0.4, 1.5), (0, 1.6, 8)], R=0.3))
     assert not lit.any()
-    _, lit = world.marks(kind, records(ctx, [(0.2, 0, 1.5)], R=0.3))
+    _, lit = world.discs(records(ctx, [(0.2, 0, 1.5)], R=0.3))
     assert lit.any(), "before the wall it is seen"
 
 
@@ -143,8 +125,11 @@ def test_a_disc_is_the_circle_of_its_radius(
     percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p - camera.eye) / 100.0
     r = max(settings.a * R, settings.radius_min * percent)
     r = min(r, settings.radius_max * percent) if settings.radius_max else r
-    _, lit = world.marks("discs", records(ctx, p, R=R), settings)
+    picture, lit = world.discs(records(ctx, p, R=R), settings)
     angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     at = project(camera, p + r * np.stack([np.cos(angle), np.zeros(4000), np.sin(angle)], -1))
     assert distance_to(at, lit).max() < 2.3 + 0.5  # half a line's width, half a pixel's diagonal, and straight pieces
     assert grown(lit)[texels(at)].all()
+    low, high = radius_range(settings, world.renderer.scene)
+    colour = viridis(np.array(np.log(settings.a * R / low) / np.log(high / low)))
+    assert np.abs(picture[lit] - colour).max(-1).min() < 0.02, "the middle of the line has the colour of a·R"

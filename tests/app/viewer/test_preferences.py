@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from irrsplat.app.viewer.preferences import Preferences, load, save
-from irrsplat.scene import load as load_scene
 
 FULL = Preferences(
     size=(1280, 720),
@@ -39,7 +38,7 @@ def test_what_is_saved_comes_back(place: Path) -> None:
     (place / "viewer.json").write_bytes(b"\xef\xbb\xbf" + (place / "viewer.json").read_bytes())  # an editor's byte order mark
     back, notices = load()
     assert (back, notices) == (FULL, [])
-    for source in ("a.obj", "cornell", load_scene("cornell").path, "a.obj"):
+    for source in ("a.obj", "cornell", "a.obj"):
         back.opened(source)
     assert back.recent == [os.path.abspath("a.obj"), "cornell", FULL.recent[0], FULL.recent[2]], "each once, the newest first"
     assert save(Preferences()) is None

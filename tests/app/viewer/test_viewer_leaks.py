@@ -15,7 +15,7 @@ from typing import Any
 import moderngl
 import pytest
 
-from irrsplat.app.viewer import memory
+from irrsplat.app.viewer import window
 from tests.support.viewing import viewing, write_room
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -49,7 +49,7 @@ class Watch:
 def resident() -> float:
     """Return the memory of this process in MiB, after it has returned its free memory."""
     gc.collect()
-    memory.trim()
+    window.trim()
     return pages()
 
 
@@ -69,7 +69,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         session, actions, options = driver.session, driver.actions, driver.session.options
         driver.settle()
         driver.move(60.0, 60.0)
-        options.inspect = options.points = options.discs = True
+        options.inspect = options.discs = True
         before: list[weakref.ref[object]] = []
         for name in ("light", "shadow", "atlas", "surface", "image"):
             actions.show(name)
@@ -83,7 +83,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         actions.editor.mesh = 0
         actions.editor.set_light(0, replace(actions.editor.scene.lights[0], position=(0.2, 0.5, 0.1)))
         driver.frame()
-        options.inspect = options.points = options.discs = False
+        options.inspect = options.discs = False
         driver.frame()
         before += [
             weakref.ref(thing)
@@ -106,9 +106,9 @@ def test_large_arrays_leave_nothing_behind() -> None:
     """Large arrays return their memory, even if they are freed in another order with small arrays between them."""
     program = """
 import numpy as np
-from irrsplat.app.viewer import memory
+from irrsplat.app.viewer import window
 from tests.app.viewer.test_viewer_leaks import pages
-memory.return_large_arrays()
+window.return_large_arrays()
 before, small = pages(), []
 for _ in range(4):
     large = []

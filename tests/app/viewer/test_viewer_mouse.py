@@ -126,7 +126,7 @@ def test_the_divider_is_dragged_and_keys_are_about_the_side_that_was_clicked(dri
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
     """The mouse may reach a panel and press within one slow frame: the event belongs to the panel or picture under it."""
     driver.resize((640, 240))
-    driver.actions.panels.controls = driver.session.options.frozen = True
+    driver.session.options.controls = driver.session.options.frozen = True
     driver.settle()
     driver.frame(3)
     before = driver.session.camera

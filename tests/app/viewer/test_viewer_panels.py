@@ -41,7 +41,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """Unfold all stages of the settings, freeze the cache and show an empty view, for fast frames."""
     driver.session.free_camera.camera = Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0))
-    driver.actions.panels.controls = driver.actions.panels.settings = driver.session.options.frozen = True
+    driver.session.options.controls = driver.session.options.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in STAGES:
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -137,8 +137,8 @@ def test_the_menus(driver: Driver) -> None:
     assert {buffer.title for buffer in BUFFERS.values()} <= shown(driver)
     driver.choose(BUFFERS["light"].title)
     assert options.buffer == "light"
-    driver.choose("View", "Record points")
-    assert options.points
+    driver.choose("View", "Record discs")
+    assert options.discs
     driver.choose("View", "Camera", "corner")
     assert session.camera == session.scene.camera("corner")
     driver.choose("View", "Camera", "First camera")

@@ -54,11 +54,11 @@ def test_the_window_enlarges_a_moving_view_but_no_marks(driver: Driver, monkeypa
     driver.frame(3, dt=1e-4)
     assert driver.session.views[0].image.size == driver.viewer.canvas.size == half
     assert 0.0 < np.abs(driver.window().astype(float) - before).mean() < 8.0
-    driver.session.options.points = True
+    driver.session.options.discs = True
     driver.frame(dt=1e-4)
     assert driver.session.views[0].image.size == half and driver.viewer.canvas.size == SIZE
     driver.up("D")
-    driver.session.options.points = False
+    driver.session.options.discs = False
     driver.settle()
     assert driver.viewer.canvas.size == SIZE and np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
 

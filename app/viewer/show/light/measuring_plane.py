@@ -61,8 +61,8 @@ class MeasuringPlane:
     height: metres above the lowest point of the scene, for the next measurement.
     """
 
-    def __init__(self, height: float) -> None:
-        self.height = height
+    def __init__(self) -> None:
+        self.height = 0.0
         self.measured: MeasuredPlane | None = None
         self._calling: other_process.Calling | None = None
         self._scene: Scene | None = None  # the scene of the last update

@@ -22,7 +22,7 @@ GRABS = "slider_grab", "slider_grab_active"
 
 
 def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
-    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.settings = True
+    driver.session.options.frozen = driver.session.options.controls = driver.session.options.settings = True
     driver.resize((640, 1000), density=0.25)
     driver.frame(6)
     slider = driver.find("blend")
@@ -40,7 +40,7 @@ def test_the_picture_is_fitted_beside_the_panel(
     driver: Driver, size: tuple[int, int], scale: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The unscaled picture is next to the panel and below the menus, or fills the window; a click selects the pixel's mesh."""
-    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.session.options.frozen = driver.session.options.controls = True
     monkeypatch.setattr(Desktop, "scale", scale)
     driver.resize(size)
     driver.frame(8)
@@ -54,18 +54,18 @@ def test_the_picture_is_fitted_beside_the_panel(
     driver.actions.editor.mesh = None
     named = [w for w in driver.widgets if w.label.lstrip("#") in ("a", "blend", "buffer")]
     assert len(named) == 3 and all(w.box[2] < left for w in named)
-    driver.actions.panels.controls = False
+    driver.session.options.controls = False
     driver.frame(3)
     assert driver.session.size == size and np.array_equal(driver.canvas().shape[:2], size[::-1])
 
 
 def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 640×400 and scale 2, the title of a section fits between its arrow and cross, and a slider's number fits."""
-    options, panels = driver.session.options, driver.actions.panels
-    options.frozen = panels.controls = True
+    options = driver.session.options
+    options.frozen = options.controls = True
     monkeypatch.setattr(Desktop, "scale", 2.0)
     driver.resize((640, 400))
-    panels.lights = panels.outliner = panels.settings = options.why = options.plane = True
+    options.lights = options.outliner = options.settings = options.why = options.plane = True
     driver.frame(6)
     with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / FONTS[0]) as path:
         font = ImageFont.truetype(str(path), 2.0 * FONT_SIZE)
@@ -79,7 +79,7 @@ def test_titles_and_numbers_fit_into_the_narrowest_panel(driver: Driver, monkeyp
 
 def test_questions_and_legends_fit_into_a_small_window(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 640×400 and scale 2, the prompt for unsaved changes and a legend with a colour scale fit into the window."""
-    driver.session.options.frozen = driver.actions.panels.controls = True
+    driver.session.options.frozen = driver.session.options.controls = True
     monkeypatch.setattr(Desktop, "scale", 2.0)
     driver.resize((640, 400))
     driver.actions.show("weight")
@@ -97,7 +97,7 @@ def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver,
     (tmp_path / "box.obj").rename(tmp_path / f"{name}.obj")
     path.write_text(ROOM.replace("box.obj", f"{name}.obj"))
     driver.actions.open(str(path))
-    driver.session.options.frozen = driver.actions.panels.controls = driver.actions.panels.outliner = True
+    driver.session.options.frozen = driver.session.options.controls = driver.session.options.outliner = True
     driver.resize(SIZE, density=0.25)
     driver.frame(6)
     driver.move(*driver.find(name).at(0.1))
@@ -108,8 +108,8 @@ def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver,
 
 def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -> None:
     """Windows over the picture do not overlap. A slider's number on its grab has a contrast of 4.5 : 1 (WCAG 2.1, 1.4.3)."""
-    options, panels = driver.session.options, driver.actions.panels
-    options.frozen = options.inspect = options.discs = options.profile = panels.controls = True
+    options = driver.session.options
+    options.frozen = options.inspect = options.discs = options.profile = options.controls = True
     driver.resize((800, 600))
     driver.frame(3)
     driver.actions.say("an error that takes more than a line " * 3, error=True)
@@ -122,7 +122,7 @@ def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -
     driver.actions.prompt = prompts.unsaved(driver.actions, driver.session.free_camera.home)
     driver.frame(3)
     box, shown = imgui.internal.find_window_by_name("prompt").rect(), driver.window()
-    panels.hidden = True
+    options.hidden = True
     driver.frame(3)
     inside = slice(int(box.min.y) + 6, int(box.max.y) - 6), slice(int(box.min.x) + 6, int(box.max.x) - 6)
     assert np.array_equal(driver.window()[inside], shown[inside])

@@ -1,4 +1,4 @@
-"""Sections of the side panel about lights, objects, the measuring plane and the light of a point, and marks in the picture."""
+"""Sections of the side panel (lights, objects, the measuring plane, the light of a point, settings), and marks in the picture."""
 
 from __future__ import annotations
 
@@ -6,23 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import imgui, imgui_ctx
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
-from irrsplat.app.viewer.editing.light_edit import (
-    COLDEST,
-    HOTTEST,
-    described,
-    heated,
-    kelvin_of,
-    light_name,
-    light_units,
-    surface_units,
-)
+from irrsplat.app.viewer.editing import light_edit
 from irrsplat.app.viewer.editing.picking import object_name
+from irrsplat.app.viewer.input.prompts import OF_RENDERS
+from irrsplat.app.viewer.session import overrides
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.measuring_plane import scene_height
 from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout
@@ -32,6 +26,7 @@ from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.meter.light_scale import STEPS, false_colours
 from irrsplat.scene import ray_caster
 from irrsplat.scene.model import Light, Material, Mesh
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 
 def edit_colour(label: str, linear: Sequence[float]) -> tuple[bool, tuple[float, float, float]]:
@@ -50,7 +45,7 @@ def edit_output(layout: Layout, unit: str, value: float) -> float | None:
     """Draw the field of an output with the unit as its label; return the new value if the user changed it to one of 0 or more."""
     form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
     changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
-    imgui.set_item_tooltip(f"{described(unit, value)}; Ctrl+click: type it")
+    imgui.set_item_tooltip(f"{light_edit.described(unit, value)}; Ctrl+click: type it")
     return max(output, 0.0) if changed and math.isfinite(output) else None
 
 
@@ -67,7 +62,7 @@ def scaled(color: Sequence[float], factor: float) -> Point:
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
 _WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
 _CONES = 1.0, 89.0  # degrees: the ends of a spot's angle by the slider; 90 and 180 mean no cone in scene files
-_STEP = 0.01  # share of an output by which a drag of one pixel changes it
+_STEP = 0.01  # share of an output or a setting by which a drag of one pixel changes it
 
 
 def draw_lights(actions: Actions, layout: Layout) -> None:
@@ -75,7 +70,7 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     if not editor.scene.lights:
         imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
     for i, light in enumerate(editor.scene.lights):
-        if layout.chosen(f"{light_name(light, i)}  ({light.kind})", i == editor.light, i):
+        if layout.chosen(f"{light_edit.light_name(light, i)}  ({light.kind})", i == editor.light, i):
             editor.pick_light(i)
     if editor.light is not None:
         imgui.separator()
@@ -87,8 +82,8 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     before = light = actions.editor.scene.lights[number]
     if light.photometry is not None:
         imgui.text_disabled(Path(light.photometry.path).name)
-    tint, full = tint_of(light.color), light_units(replace(light, color=tint_of(light.color)))
-    for unit, now in light_units(light).items():
+    tint, full = tint_of(light.color), light_edit.light_units(replace(light, color=tint_of(light.color)))
+    for unit, now in light_edit.light_units(light).items():
         output = edit_output(layout, unit, now)
         if output is not None and full[unit]:
             light = replace(light, color=scaled(tint, output / full[unit]))
@@ -106,17 +101,17 @@ def _coloured(layout: Layout, light: Light) -> Light:
     changed, tint = edit_colour(layout.label("colour"), tint_of(light.color))
     if changed and max(tint) > 0.0:
         light = replace(light, color=scaled(tint, max(light.color) or 1.0))
-    now = kelvin_of(light.color)
+    now = light_edit.kelvin_of(light.color)
     text = "%.0f K" if now is not None else "own colour"
-    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now or _WHITE, COLDEST, HOTTEST, text)
+    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now or _WHITE, light_edit.COLDEST, light_edit.HOTTEST, text)
     imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
-    return heated(light, round(min(max(kelvin, COLDEST), HOTTEST))) if changed else light
+    return light_edit.heated(light, round(min(max(kelvin, light_edit.COLDEST), light_edit.HOTTEST))) if changed else light
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
     """Draw a ring in the picture at each light while the panel of lights is open; fill the selected light's ring."""
     editor = actions.editor
-    if not actions.panels.lights:
+    if not actions.session.options.lights:
         return
     with layout.over_picture() as draw:
         for i, light in enumerate(editor.scene.lights):
@@ -158,7 +153,7 @@ def _painted(mesh: Mesh, layout: Layout) -> Material:
     textured = material.emission_texture is not None or material.filters
     least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
     tint = tint_of(emission)
-    full, now = surface_units(mesh, tint), surface_units(mesh, emission)
+    full, now = light_edit.surface_units(mesh, tint), light_edit.surface_units(mesh, emission)
     for unit, one in full.items():
         output = edit_output(layout, unit, now[unit])
         if output is not None and one:
@@ -267,3 +262,115 @@ def draw_why(actions: Actions, display: Display) -> None:
 def light_digits(value: float | None) -> str:
     """Return a value of light with as many digits as a light meter prints; "" for None."""
     return "" if value is None else f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+
+
+Value = float | int | bool | str
+
+SLIDERS: dict[str, tuple[float, float]] = {  # the first settings, and the ends of their sliders; the user types other values
+    "a": (0.01, 2.0),
+    "tolerance": (0.01, 100.0),
+    "blend": (0.0, 1.0),
+    "exposure": (-10.0, 10.0),
+}
+_LOGARITHMIC = ("a", "tolerance")
+_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")
+_OPEN = ("splat", "examine", "composite")  # stages that start unfolded
+_TOOLTIP = 28.0  # font heights: the width of a tooltip's text
+
+
+def draw_settings(actions: Actions, layout: Layout) -> None:
+    """Draw all settings of the side that panels change, stage by stage."""
+    sought = actions.session.options.sought
+    for stage in _STAGES:
+        if sought and SETTINGS[sought].stage == stage:
+            imgui.set_next_item_open(True)
+        if imgui.collapsing_header(stage, imgui.TreeNodeFlags_.default_open if stage in _OPEN else 0):
+            for declaration in SETTINGS.values():
+                if declaration.stage == stage and declaration.name not in OF_RENDERS:
+                    draw_setting(actions, layout, declaration)
+
+
+def draw_presets(actions: Actions, layout: Layout) -> None:
+    options = actions.session.options
+    renderer = actions.session.renderer(options.side)
+    chosen, differs = renderer.preset, bool(overrides(renderer.preset, renderer.settings))
+    name = f"preset {('left', 'right')[options.side]}" if options.split else "preset"
+    if imgui.begin_combo(layout.label(name), f"{chosen}{' *' if differs else ''}"):
+        for name in PRESETS:
+            if imgui.selectable(name, name == chosen)[0]:
+                actions.attempt(lambda name=name: actions.use_preset(name))  # type: ignore[misc]
+        imgui.end_combo()
+    imgui.set_item_tooltip("all settings at once (*: some differ); paper: the algorithm as published")
+
+
+def draw_setting(actions: Actions, layout: Layout, d: Declaration) -> None:
+    """Draw the line of a setting: its widget, its name, and an arrow back to its word (such as auto) or the preset's value."""
+    renderer = actions.session.renderer(actions.session.options.side)
+    value, base = getattr(renderer.settings, d.name), getattr(preset(renderer.preset), d.name)
+    with imgui_ctx.push_id(d.name):
+        if d.name == actions.session.options.sought:
+            imgui.set_scroll_here_y()
+            actions.session.options.sought = ""
+        with imgui_ctx.begin_group():
+            new = _widget(actions, layout, d, value)
+        if imgui.begin_item_tooltip():
+            with imgui_ctx.push_text_wrap_pos(_TOOLTIP * imgui.get_font_size()):
+                imgui.text_wrapped(d.help)
+                imgui.text_disabled(f"{d.flag}  {d.range}; in preset {renderer.preset}: {_in_words(base)}")
+                if d.kind in ("int", "float"):
+                    imgui.text_disabled("Ctrl+click: type a number")
+            imgui.end_tooltip()
+        back = d.word if d.word and value != d.word else base
+        if value != back:
+            imgui.same_line()
+            if imgui.small_button("←"):
+                new = back
+            imgui.set_item_tooltip(f"back to {_in_words(back)}")
+    if new != value:
+        changed = cast(SettingValues, {d.name: new})
+        actions.attempt(lambda: actions.session.change(actions.session.options.side, **changed))
+
+
+def _widget(actions: Actions, layout: Layout, d: Declaration, value: Value) -> Value:
+    """Draw the widget of a setting; return its value afterwards."""
+    label = layout.label(d.name.replace("_", " "))
+    style = imgui.get_style()
+    width = layout.widget - imgui.calc_text_size("←").x - 2.0 * style.frame_padding.x - style.item_spacing.x
+    if d.kind == "bool":
+        return imgui.checkbox(label, bool(value))[1]
+    if d.kind == "choice":
+        imgui.set_next_item_width(width)
+        return d.choices[imgui.combo(label, d.choices.index(str(value)), list(d.choices))[1]]
+    number = _resolved(actions, d) if value == d.word else cast(float, value)
+    moved, now = _number(d, label, number, f" ({d.word})" if value == d.word else "", width)
+    return now if moved else value
+
+
+def _number(d: Declaration, label: str, number: float, word: str, width: float) -> tuple[bool, float]:
+    """Draw a slider for a setting of SLIDERS, and a field to drag or to type into for any other setting.
+
+    Return True if the user changed the number, and the number. word: text behind the number.
+    """
+    least, most = d.low or 0, d.high or 0
+    imgui.set_next_item_width(width)
+    unit = (f" {d.unit}" if d.unit and not d.word else word).replace("%", "%%")
+    if d.name in SLIDERS:
+        flags = imgui.SliderFlags_.logarithmic if d.name in _LOGARITHMIC else 0
+        moved, now = imgui.slider_float(label, number, *SLIDERS[d.name], f"%.3g{unit}", flags)
+    elif d.kind == "int":
+        moved, now = imgui.drag_int(label, int(number), max(_STEP * abs(number), 0.1), int(least), int(most), f"%d{unit}")
+    else:
+        moved, now = imgui.drag_float(label, number, max(_STEP * abs(number), 0.001), least, most, f"%.3g{unit}")
+    return moved, min(max(float(f"{now:.6g}") if d.kind == "float" else now, least), most)  # imgui's values are float32
+
+
+def _resolved(actions: Actions, d: Declaration) -> float:
+    """Return the number that the word of a setting (such as auto) means now."""
+    renderer = actions.session.renderer(actions.session.options.side)
+    if d.name == "bounces":
+        return int(renderer.scheduler.gatherer.bounces(renderer.settings)["bounces"])
+    return renderer.settings.threshold if d.name == "tolerance" else actions.session.auto_exposure.stops
+
+
+def _in_words(value: Value) -> str:
+    return ("on" if value else "off") if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
