@@ -15,11 +15,9 @@ import platformdirs
 
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground, FilmJob
-from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.background_reference import Subject
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.light_edit import light_name
-from irrsplat.app.viewer.editing.picking import object_name, on_screen
+from irrsplat.app.viewer.editing.objects import light_name, object_name, on_screen
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.input.commands import EXTRAS, Command
 from irrsplat.app.viewer.messages import Messages
@@ -88,11 +86,6 @@ class Actions:
     def film_possible(self) -> bool:
         """True if a flight is recorded, and no film is in progress."""
         return self.session.path_recorder.path is not None and not self.film.busy
-
-    def save_preferences(self, size: tuple[int, int] | None) -> str | None:
-        """Save the present choices for the next run. Return None, or the reason of a failure in one line."""
-        self.preferences.size = size or self.preferences.size
-        return stored.save(self.preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,6 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.scene import bundled
 
-VERSION = 2  # version of the file's format
 RECENT = 10  # the greatest number of recent scenes
 SIDE = 32768  # pixels: the greatest width and height of a window
 _FILE = "viewer.json"
@@ -51,7 +50,7 @@ def save(preferences: Preferences) -> str | None:
     try:
         path = folder() / _FILE
         # ASCII keeps a path that is not Unicode, as escaped lone surrogates
-        text = json.dumps({"version": VERSION} | asdict(preferences), indent=1, allow_nan=False)
+        text = json.dumps(asdict(preferences), indent=1, allow_nan=False)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, text + "\n")
     except (IrrsplatError, OSError) as error:
@@ -63,8 +62,6 @@ def load() -> tuple[Preferences, list[str]]:
     """Return the saved preferences. Defaults replace a damaged file, with a one-line notice. Never raise."""
     try:
         data = json.loads((folder() / _FILE).read_bytes().decode("utf-8-sig"))
-        if data["version"] != VERSION:
-            raise ValueError(f"not of version {VERSION}")
         size = data["size"] and tuple(map(int, data["size"]))
         if size and not (len(size) == 2 and 0 < min(size) <= max(size) <= SIDE):
             raise ValueError("wrong size")

@@ -16,7 +16,6 @@ from irrsplat.app.viewer.show.exposure import AutoExposure, brightest_light
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuringPlane, usual_height
 from irrsplat.app.viewer.view_options import ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.core.memo import Memo
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu.resource import Owner, Resource
@@ -60,9 +59,10 @@ class Session(Owner):
         camera: Camera | None = None,
     ) -> None:
         self.ctx, self.size = ctx, size
-        self.options, self.tracing, self.plane, self._memo = ViewOptions(), Reference(ctx), MeasuringPlane(), Memo()
+        self.options, self.tracing, self.plane = ViewOptions(), Reference(ctx), MeasuringPlane()
         self.renderers: list[Renderer] = []  # of the left side, and of the right side too if there is no second one
         self.brightest = 0.0  # W/m²: brightest_light of the left view, computed while false colours are on show
+        self._made: list[_Side] = []  # by side, the results of the last tick
         self._shown: tuple[object, object] | None = None  # the inputs of the views, see _subject
         self._begin(scene, [(preset, values or {})])
         if camera is not None:
@@ -135,10 +135,9 @@ class Session(Owner):
         except InputWaits:
             return False
         self._made, self._shown = made, subject
-        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not all(_filled(p) for p in self.progress))
+        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt)
         if self.options.buffer == "light":
-            renderer, view = self.renderers[0], self.views[0]
-            self.brightest = self._memo.get("brightest", Identity(view), lambda: brightest_light(renderer, view))
+            self.brightest = brightest_light(self.renderers[0], self.views[0])
         return True
 
     def _advance(self, side: int, seconds: float, gather: bool) -> _Side:
@@ -263,14 +262,7 @@ class Session(Owner):
         self.renderers, self.scene, self.origin = made, scene, origin
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         self.path_recorder, self.options.line, self.options.surface = PathRecorder(), None, None
-        self.auto_exposure, self.plane.height = AutoExposure(), usual_height(scene)
-        self._made: list[_Side] = []  # by side, the results of the last tick
-        self._memo.forget()
-
-
-def _filled(progress: Progress) -> bool:
-    """Return True if no light is missing in a view."""
-    return progress.still or (progress.coverage == 1.0 and progress.surface == 1.0 and not progress.stale)
+        self.auto_exposure, self.plane.height, self._made = AutoExposure(), usual_height(scene), []
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:

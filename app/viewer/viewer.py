@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Sequence
-from functools import partial
 
 import moderngl
 from moderngl_window.context.base import BaseWindow
@@ -15,7 +14,7 @@ from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Identity, Picture
 from irrsplat.app.viewer.input.controls import Controls
-from irrsplat.app.viewer.preferences import Preferences
+from irrsplat.app.viewer.preferences import Preferences, save
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
@@ -78,7 +77,6 @@ class Viewer(Owner):
         self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
-        self._restyle()
         self.wake()
         for _ in range(_PASSES):  # so that the first picture has the size of the area without panels
             self._draw_interface(_INSTANT, None)
@@ -147,11 +145,6 @@ class Viewer(Owner):
         self._fit()
         return answers
 
-    def _restyle(self) -> None:
-        """Scale text and widgets by the monitor. Call it between frames."""
-        if self.desktop.scale != self.backend.scale:
-            self.backend.resize_scale(self.desktop.scale)
-
     @property
     def _minimised(self) -> bool:
         return not all(self.wnd.buffer_size)
@@ -171,9 +164,14 @@ class Viewer(Owner):
 
     def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, picture: moderngl.Texture | None = None) -> None:
         """Begin a pass of the interface, `dt` seconds after the last one, and make its windows, over a `picture` if given."""
+        if self.desktop.scale != self.backend.scale:
+            self.backend.resize_scale(self.desktop.scale)
         self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
-        paint = None if picture is None else partial(self.backend.background, picture)
-        self.interface.draw(self.backend.scale, self.inspected, cursor, paint)
+        layout, options = self.interface.layout, self.session.options
+        layout.start(self.backend.scale, options.controls and not options.hidden)
+        if picture is not None:
+            self.backend.background(picture, layout.picture)
+        self.interface.draw(self.inspected, cursor)
 
     def _tick(self, hurried: bool) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
@@ -209,7 +207,6 @@ class Viewer(Owner):
                 self.session.tick(0.0, self.session.renderers[0].settings.budget / 1e3)
                 self.display.update(self.canvas, cursor)
             actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
-        self._restyle()
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
         window.gl.clear(*GREY[0])
@@ -275,7 +272,9 @@ class Viewer(Owner):
 
     def close(self) -> str | None:
         """Save preferences and records, and free everything except the window. Return None, or the reason of a failure."""
-        problem = self.actions.save_preferences(None if self.wnd.fullscreen else self.wnd.size)
+        choices = self.actions.preferences
+        choices.size = choices.size if self.wnd.fullscreen else self.wnd.size
+        problem = save(choices)
         problem = self._save_cache() or problem
         self.release()
         return problem

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Programs, ViewSource, clear, texel
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.picking import meshes_of, pixel_of
+from irrsplat.app.viewer.editing.objects import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.light.why_dark import PointLight, light_at
 from irrsplat.app.viewer.show.markers import Markers

@@ -15,7 +15,6 @@ from irrsplat.renderer import Renderer
 
 _TIME = 0.25  # seconds: the time constant of the adaptation
 _NEAR = 0.01  # stops: within this difference, the goal counts as reached
-_SLACK = 1.0  # stops: the allowed error while light is still missing, so that the exposure moves once, with all light
 _FASTEST = 6.0  # stops a second: the fastest change
 _MOST = 20.0  # stops, up and down: a darker view stays dark
 _ROWS = 24  # about: rows of pixels that are read for the brightest light
@@ -24,9 +23,8 @@ _ROWS = 24  # about: rows of pixels that are read for the brightest light
 class AutoExposure:
     """The exposure in stops, equal on both sides for comparison; NaN before the first picture.
 
-    The first lit picture sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. While light is missing in
-    a view, it moves only until its error is _SLACK. In a view that is black even with _MOST it stays, so that the next lit view
-    is not white. It also stays while only the blend changes.
+    The first lit picture sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. In a view that is black
+    even with _MOST it stays, so that the next lit view is not white. It also stays while only the blend changes.
     """
 
     def __init__(self) -> None:
@@ -43,11 +41,8 @@ class AutoExposure:
         """True if the exposure stays constant for a constant picture."""
         return abs(self.stops - self._goal) <= _NEAR
 
-    def tick(self, renderer: Renderer, view: View, dt: float, filling: bool = False) -> None:
-        """Move for `dt` seconds towards the exposure of the renderer's settings, or the automatic exposure of `view`.
-
-        filling: True if light is still missing in `view`.
-        """
+    def tick(self, renderer: Renderer, view: View, dt: float) -> None:
+        """Move for `dt` seconds towards the exposure of the renderer's settings, or the automatic exposure of `view`."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
             self._view = None
@@ -58,16 +53,9 @@ class AutoExposure:
         if view is not self._view and not self._held:
             self._view = view
             self._aim(renderer.automatic_stops(view))
-        if not before:  # the first lit picture sets the exposure at once
+        if not before or self.settled:  # the first lit picture sets the exposure at once
             self.stops = self._goal
-            return
-        way = self._goal - self.stops
-        if filling:
-            way = math.copysign(max(abs(way) - _SLACK, 0.0), way)
-        elif self.settled:
-            self.stops = self._goal
-            return
-        step = way * (1.0 - math.exp(-dt / _TIME))
+        step = (self._goal - self.stops) * (1.0 - math.exp(-dt / _TIME))
         self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
 
     def _hold(self, renderer: Renderer, view: View) -> None:

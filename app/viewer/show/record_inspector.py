@@ -45,12 +45,11 @@ def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: 
 
 @dataclass(frozen=True)
 class InspectedRecord:
-    """A record on show, with its number and side.
+    """A record on show, with its side.
 
     lines: its values, a label and a text each. picture: the radiance over its hemisphere.
     """
 
-    number: int
     side: int
     lines: list[tuple[str, str]]
     picture: moderngl.Texture
@@ -88,7 +87,7 @@ class RecordInspector(Owner):
     def inspect(self, number: int, side: int, source: ViewSource) -> InspectedRecord | None:
         """Return record `number` of a side; None before the first shadow maps."""
         picture = self.hemisphere(number, source)
-        return None if picture is None else InspectedRecord(number, side, self._describe(number, source), picture)
+        return None if picture is None else InspectedRecord(side, self._describe(number, source), picture)
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
         """Return the values of record `number`: a label, and a text with the unit."""

@@ -11,8 +11,7 @@ import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.light_edit import moved
-from irrsplat.app.viewer.editing.picking import bounds_of, pixel_of
+from irrsplat.app.viewer.editing.objects import bounds_of, moved, pixel_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.ui.layout import AMBER, Layout, line
 from irrsplat.app.viewer.view_options import Point, point_of

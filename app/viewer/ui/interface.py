@@ -18,7 +18,7 @@ from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui import sections
 from irrsplat.app.viewer.ui.handles import draw_handles
-from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, RED, WHITE, Box, Layout
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, PLAIN, RED, WHITE, Layout
 from irrsplat.app.viewer.ui.legends import draw_legends, draw_line, draw_plot, draw_record
 from irrsplat.scene import bundled
 from irrsplat.settings import SETTINGS
@@ -65,21 +65,9 @@ class Interface:
         self.prompt = PromptView()
         self.side_panel = SidePanel(actions, display, self.layout)
 
-    def draw(
-        self,
-        scale: float,
-        inspected: InspectedRecord | None,
-        cursor: tuple[int, int] | None,
-        paint: Callable[[Box], None] | None = None,
-    ) -> None:
-        """Draw all windows.
-
-        scale: the scale of text and widgets. cursor: the pixel under the mouse. paint: a call that draws the picture.
-        """
+    def draw(self, inspected: InspectedRecord | None, cursor: tuple[int, int] | None) -> None:
+        """Draw all windows. cursor: the pixel under the mouse. The layout is that of this frame."""
         actions, options, layout, display = self.actions, self.actions.session.options, self.layout, self.display
-        layout.start(scale, options.controls and not options.hidden)
-        if paint is not None:
-            paint(layout.picture)
         actions.editor.handles_used = actions.editor.dragging = False
         if options.close_menus:
             imgui.internal.close_popups_except_modals()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import imgui
 
-from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.editing.objects import on_screen
 from irrsplat.scene.model import Camera
 
 MARGIN = 8.0  # window coordinates: the space around windows over the picture

@@ -13,8 +13,7 @@ from imgui_bundle import imgui, imgui_ctx
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.shown_buffer import Legend
-from irrsplat.app.viewer.editing import light_edit
-from irrsplat.app.viewer.editing.picking import object_name
+from irrsplat.app.viewer.editing import objects
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
 from irrsplat.app.viewer.session import overrides
 from irrsplat.app.viewer.show.display import Display
@@ -45,7 +44,7 @@ def edit_output(layout: Layout, unit: str, value: float) -> float | None:
     """Draw the field of an output with the unit as its label; return the new value if the user changed it to one of 0 or more."""
     form = "%.0f" if value >= 1000.0 else "%.4g"  # avoid powers of ten, which %g prints for large values
     changed, output = imgui.drag_float(layout.label(unit), value, max(_STEP * value, _STEP), 0.0, 0.0, form)
-    imgui.set_item_tooltip(f"{light_edit.described(unit, value)}; Ctrl+click: type it")
+    imgui.set_item_tooltip(f"{objects.described(unit, value)}; Ctrl+click: type it")
     return max(output, 0.0) if changed and math.isfinite(output) else None
 
 
@@ -60,7 +59,6 @@ def scaled(color: Sequence[float], factor: float) -> Point:
 
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # ring colours: a light that is off, the outline
-_WHITE = 6500.0  # kelvin: the slider's position for a light with a colour of its own
 _CONES = 1.0, 89.0  # degrees: the ends of a spot's angle by the slider; 90 and 180 mean no cone in scene files
 _STEP = 0.01  # share of an output or a setting by which a drag of one pixel changes it
 
@@ -70,7 +68,7 @@ def draw_lights(actions: Actions, layout: Layout) -> None:
     if not editor.scene.lights:
         imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
     for i, light in enumerate(editor.scene.lights):
-        if layout.chosen(f"{light_edit.light_name(light, i)}  ({light.kind})", i == editor.light, i):
+        if layout.chosen(f"{objects.light_name(light, i)}  ({light.kind})", i == editor.light, i):
             editor.pick_light(i)
     if editor.light is not None:
         imgui.separator()
@@ -82,8 +80,8 @@ def _draw_light(actions: Actions, layout: Layout, number: int) -> None:
     before = light = actions.editor.scene.lights[number]
     if light.photometry is not None:
         imgui.text_disabled(Path(light.photometry.path).name)
-    tint, full = tint_of(light.color), light_edit.light_units(replace(light, color=tint_of(light.color)))
-    for unit, now in light_edit.light_units(light).items():
+    tint, full = tint_of(light.color), objects.light_units(replace(light, color=tint_of(light.color)))
+    for unit, now in objects.light_units(light).items():
         output = edit_output(layout, unit, now)
         if output is not None and full[unit]:
             light = replace(light, color=scaled(tint, output / full[unit]))
@@ -101,11 +99,10 @@ def _coloured(layout: Layout, light: Light) -> Light:
     changed, tint = edit_colour(layout.label("colour"), tint_of(light.color))
     if changed and max(tint) > 0.0:
         light = replace(light, color=scaled(tint, max(light.color) or 1.0))
-    now = light_edit.kelvin_of(light.color)
-    text = "%.0f K" if now is not None else "own colour"
-    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now or _WHITE, light_edit.COLDEST, light_edit.HOTTEST, text)
-    imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
-    return light_edit.heated(light, round(min(max(kelvin, light_edit.COLDEST), light_edit.HOTTEST))) if changed else light
+    now = objects.kelvin_of(light.color)
+    changed, kelvin = imgui.slider_float(layout.label("kelvin"), now, objects.COLDEST, objects.HOTTEST, "%.0f K")
+    imgui.set_item_tooltip("the nearest black body; a drag sets its colour, as bright as before")
+    return objects.heated(light, round(min(max(kelvin, objects.COLDEST), objects.HOTTEST))) if changed else light
 
 
 def draw_rings(actions: Actions, layout: Layout) -> None:
@@ -134,7 +131,7 @@ def draw_object(actions: Actions, layout: Layout) -> None:
     if number is None:
         return
     mesh = editor.scene.meshes[number]
-    imgui.text_wrapped(object_name(editor.scene, number))
+    imgui.text_wrapped(objects.object_name(editor.scene, number))
     imgui.text_disabled(f"{len(mesh.faces)} triangles")
     material = _painted(mesh, layout)
     if material != mesh.material:
@@ -153,7 +150,7 @@ def _painted(mesh: Mesh, layout: Layout) -> Material:
     textured = material.emission_texture is not None or material.filters
     least = _DARKEST if textured and any(emission) else 0.0  # at 0, a textured emitter would need another way of drawing
     tint = tint_of(emission)
-    full, now = light_edit.surface_units(mesh, tint), light_edit.surface_units(mesh, emission)
+    full, now = objects.surface_units(mesh, tint), objects.surface_units(mesh, emission)
     for unit, one in full.items():
         output = edit_output(layout, unit, now[unit])
         if output is not None and one:
@@ -175,7 +172,7 @@ def draw_outliner(actions: Actions, layout: Layout) -> None:
         clipper.begin(count)
         while clipper.step():
             for number in range(clipper.display_start, clipper.display_end):
-                title = object_name(editor.scene, number)
+                title = objects.object_name(editor.scene, number)
                 if editor.scene.meshes[number].is_point:
                     imgui.text_disabled(title)
                 elif layout.chosen(title, number == editor.mesh, number):

@@ -12,7 +12,7 @@ import pytest
 import irrsplat
 from irrsplat.app.film.background import FilmInBackground
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.picking import bounds_of
+from irrsplat.app.viewer.editing.objects import bounds_of
 from irrsplat.core.color import LUMINANCE
 from irrsplat.scene.motion import transformed
 from tests.support.viewing import RIGHT, SIZE, Driver, Widget, brighter, push

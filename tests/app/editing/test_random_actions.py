@@ -15,7 +15,7 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.light_edit import heated, moved
+from irrsplat.app.viewer.editing.objects import heated, moved
 from irrsplat.app.viewer.view_options import Point
 from irrsplat.app.viewer.window import Desktop
 from irrsplat.scene.motion import transformed

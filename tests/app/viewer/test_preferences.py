@@ -47,12 +47,12 @@ def test_what_is_saved_comes_back(place: Path) -> None:
 
 DAMAGED = {
     "binary": bytes(range(256)),
-    "later": b'{"version": 1, "size": [100, 100]}',
-    "infinite": b'{"version": 2, "size": [1e999, 1]}',
-    "deep": b'{"version": 2, "recent": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
+    "partial": b'{"size": [100, 100]}',
+    "infinite": b'{"size": [1e999, 1]}',
+    "deep": b'{"recent": ' + b"[" * 200_000 + b"]" * 200_000 + b"}",
     "list": b"[1]",
-    "size": b'{"version": 2, "size": [0, 100], "recent": []}',
-    "scene": b'{"version": 2, "size": null, "recent": [7]}',
+    "size": b'{"size": [0, 100], "recent": []}',
+    "scene": b'{"size": null, "recent": [7]}',
 }
 
 

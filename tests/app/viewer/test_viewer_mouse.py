@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.editing.objects import on_screen
 from irrsplat.scene.model import Camera
 from tests.support.viewing import LEFT, RIGHT, SIZE, Driver, push
 

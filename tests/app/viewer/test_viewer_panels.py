@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.app.viewer.editing.light_edit import light_units
+from irrsplat.app.viewer.editing.objects import light_units
 from irrsplat.app.viewer.input.prompts import OF_RENDERS
 from irrsplat.app.viewer.show.light.measuring_plane import spacing
 from irrsplat.app.viewer.view_options import Point

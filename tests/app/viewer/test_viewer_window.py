@@ -69,13 +69,14 @@ def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: p
     room = write_room(tmp_path)
     with viewing(room, (64, 48)) as driver:
         driver.session.change(0, a=0.7)
-        assert driver.actions.save_preferences((130, 100)) is None
+        driver.actions.preferences.size = (130, 100)
+        assert preferences.save(driver.actions.preferences) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (130, 100) and remembered.recent[0] == str(room)
     with viewing(room, (130, 100), remembered) as driver:
         assert driver.session.renderer(0).settings.a != 0.7
         monkeypatch.setenv("IRRSPLAT_CONFIG", str(room))
-        failed = driver.actions.save_preferences(driver.wnd.size)
+        failed = preferences.save(driver.actions.preferences)
         assert failed is not None and str(room) in failed
 
 

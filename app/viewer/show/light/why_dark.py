@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.app.viewer.editing.light_edit import light_name
-from irrsplat.app.viewer.editing.picking import meshes_of, object_name
+from irrsplat.app.viewer.editing.objects import light_name, meshes_of, object_name
 from irrsplat.app.viewer.view_options import Point
 from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.core.vectors import unit

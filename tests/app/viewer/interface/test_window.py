@@ -171,4 +171,4 @@ def test_ended_from_outside_it_keeps_cache_and_preferences(display: None, tmp_pa
         found, said = ended(process)
         assert (found, len(said)) == (status, int(number == signal.SIGINT))
     assert (tmp_path / "kept.cache").stat().st_size > 1000
-    assert "gather_size" in (tmp_path / "config" / "viewer.json").read_text(encoding="utf-8")
+    assert "cornell" in (tmp_path / "config" / "viewer.json").read_text(encoding="utf-8")

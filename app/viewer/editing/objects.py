@@ -1,4 +1,4 @@
-"""Changes of lights, and lights in the units of lighting design."""
+"""Meshes and lights in the editor: names, places on the screen, changes, and units of lighting design."""
 
 from __future__ import annotations
 
@@ -9,9 +9,44 @@ import numpy as np
 
 from irrsplat.app.viewer.view_options import Point, point_of
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
-from irrsplat.core.vectors import triangle_areas
-from irrsplat.scene.model import Light, Mesh
+from irrsplat.core.vectors import box, triangle_areas
+from irrsplat.scene.appearance import order
+from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.sky.colours import of_chromaticity
+
+
+def object_name(scene: Scene, number: int) -> str:
+    return scene.meshes[number].name or f"mesh {number + 1}"
+
+
+def bounds_of(mesh: Mesh) -> np.ndarray:
+    """Return (2, 3) float64 the ends of a mesh's bounding box; 0 0 0 for a mesh without points."""
+    return box(mesh.positions).astype(float) if len(mesh.positions) else np.zeros((2, 3))
+
+
+def meshes_of(scene: Scene, triangles: np.ndarray) -> np.ndarray:
+    """Return (N,) the number of the mesh of each triangle, -1 for none. triangles: (N,) numbers in the order of drawing."""
+    numbers = np.array([*order(scene), -1])
+    ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers[:-1]])
+    found: np.ndarray = np.where(triangles < 0, -1, numbers[np.searchsorted(ends, triangles, side="right")])
+    return found
+
+
+def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:
+    """Return the place of a world point in a picture of `size` (width, height), from the upper left; None behind the eye."""
+    x, y, z = camera.axes @ (np.asarray(point) - np.asarray(camera.eye))
+    if z >= 0.0:
+        return None
+    per_metre = size[1] / camera.screen / -z
+    return 0.5 * size[0] + x * per_metre, 0.5 * size[1] - y * per_metre
+
+
+def pixel_of(camera: Camera, size: tuple[int, int], point: tuple[float, float, float]) -> tuple[int, int] | None:
+    """Return the pixel of a picture that contains a world point; None for a point outside of the picture."""
+    place = on_screen(camera, size, point)
+    inside = place is not None and all(0.0 <= at < most for at, most in zip(place, size, strict=True))
+    return (int(place[0]), int(place[1])) if place is not None and inside else None
+
 
 COLDEST, HOTTEST = 1700.0, 12_000.0  # kelvin: the range of the slider
 # CIE chromaticity of a black body (Kim et al. 2002, "Design of advanced color temperature control system for HDTV applications"):
@@ -20,7 +55,6 @@ _X_BELOW_4000, _X_ABOVE = (-0.2661239, -0.2343589, 0.8776956, 0.179910), (-3.025
 _Y_BELOW_2222 = (-1.1063814, -1.34811020, 2.18555832, -0.20219683)
 _Y_BELOW_4000 = (-0.9549476, -1.37418593, 2.09137015, -0.16748867)
 _Y_ABOVE = (3.0817580, -5.87338670, 3.75112997, -0.37001483)
-_SAME_COLOUR = 1e-5  # the greatest difference between two equal colours of luminance 1, in a component
 
 
 def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
@@ -37,12 +71,11 @@ def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
 _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider
 
 
-def kelvin_of(color: Point) -> float | None:
-    """Return the temperature of the black body with a light's colour; None for another colour."""
+def kelvin_of(color: Point) -> float:
+    """Return the temperature of the black body whose colour is nearest to a light's colour."""
     luminance = float(LUMINANCE @ np.asarray(color))
     off = np.abs(_BLACKBODIES - np.asarray(color) / (luminance or 1.0)).max(axis=1)
-    best = int(off.argmin())
-    return COLDEST + best if off[best] < _SAME_COLOUR else None
+    return COLDEST + int(off.argmin())
 
 
 def heated(light: Light, kelvin: float) -> Light:
