@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from threading import Event
 
 import pytest
 
 from irrsplat.core.timing.background import _AT_ONCE, in_background
 from irrsplat.core.timing.clock import Clock, use_clock
-from irrsplat.core.timing.other_process import call
+from irrsplat.core.timing.other_process import Calling, call
 from irrsplat.gpu.time_budget import Budget
 
 last = Budget(None).advance  # returns the result of a generator
@@ -55,3 +57,17 @@ class _Changing:
 def test_arguments_that_change_meanwhile_are_pickled_again() -> None:
     code = "from irrsplat.core.timing.other_process import serve; serve(lambda value, report: value + 1)"
     assert call(code, (_Changing(),)) == 8 and _Changing.pickled == 2
+
+
+def test_a_stopped_call_ends_its_process(tmp_path: Path) -> None:
+    """The process writes its number, and would then sleep for an hour without a result."""
+    pipe = tmp_path / "pid"
+    os.mkfifo(pipe)
+    code = f"import os, time; open({str(pipe)!r}, 'w').write(str(os.getpid())); time.sleep(3600)"
+    calling = Calling(code, (), "failed ({why})")
+    pid = int(pipe.read_text())
+    os.kill(pid, 0)
+    calling.release()
+    assert not calling.is_alive() and calling.error is None
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import os
-import select
 from dataclasses import replace
-from pathlib import Path as Folder
 
 import numpy as np
 import pytest
 
 from irrsplat.app.verify.error_image import signed_error
 from irrsplat.app.viewer import actions
-from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.background_reference import Estimate, TracedReference
 from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE
 from irrsplat.app.viewer.input.commands import COMMANDS, EXTRAS
 from irrsplat.image.tonemap import show
 from irrsplat.image.view import read
-from irrsplat.reference import worker
 from irrsplat.scene.camera_path import Path
-from tests.support.viewing import SAFETY, SIZE, Driver, Tracer, brighter, push
+from tests.support.viewing import SIZE, Driver, Tracer, brighter, push
 
 
 @pytest.fixture
@@ -111,6 +106,9 @@ def test_a_move_ends_the_tracing_and_its_samples_stay(driver: Driver, monkeypatc
     driver.session.free_camera.camera = home
     driver.frame()
     assert here(driver) is first and first.estimate.samples == 8
+    for tracing in (True, False):  # a second press stops it
+        push(driver, "Y")
+        assert (driver.session.tracing.traced is not None) == tracing and here(driver) is first
 
 
 @pytest.mark.parametrize("extra", EXTRAS)
@@ -126,31 +124,6 @@ def test_an_action_without_its_extra_is_grey_and_says_what_to_install(
     assert EXTRAS[extra][1] in said and not driver.actions.can(command)
     monkeypatch.setattr(actions, "find_spec", lambda name: name)
     assert driver.actions.can(command)
-
-
-def test_stopping_ends_the_path_tracers_process(driver: Driver, tmp_path: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stopping ends a process that has not sent any result."""
-    script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
-    monkeypatch.setattr(worker, "_REFINE", script)
-    monkeypatch.setattr(worker, "require", lambda: None)
-    monkeypatch.setattr(Actions, "missing", lambda self, command: "")
-    os.mkfifo(tmp_path / "pid")
-    begun = os.open(tmp_path / "pid", os.O_RDONLY | os.O_NONBLOCK)
-    push(driver, "Y")
-    select.select([begun], [], [], SAFETY)
-    pid = int(os.read(begun, 20))
-    os.close(begun)
-    os.kill(pid, 0)
-    tracing = driver.session.tracing._tracing
-    assert tracing is not None
-    thread = tracing.calling
-    push(driver, "Y")
-    thread.join(SAFETY)
-    assert not thread.is_alive() and thread.error is None
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
-    driver.frame(2)
-    assert driver.session.tracing.traced is None and not [m for m in driver.actions.messages.lines if m.error]
 
 
 def test_passes_count_by_their_samples() -> None:

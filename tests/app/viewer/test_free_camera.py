@@ -82,27 +82,13 @@ def test_a_step_of_the_wheel_leaves_nine_tenths_and_never_passes_the_pivot() -> 
     assert math.dist(flight.camera.eye, PIVOT) == pytest.approx(NEAR * DIAGONAL)
 
 
-@pytest.mark.parametrize("up", [Y, Z, (0.0, -1.0, 0.0)])
-@pytest.mark.parametrize("heading, degrees", [(0.0, 0.0), (0.8, 60.0), (4.0, -60.0)])
-def test_motions_follow_the_worlds_up(up: tuple[float, float, float], heading: float, degrees: float) -> None:
-    """Straight up moves along the world's up, even for a view 60° downwards with a nearly horizontal picture's up."""
-    upward, p = np.array(up), math.radians(degrees)
-    flat = np.roll(upward, 1) * math.cos(heading) + np.roll(upward, 2) * math.sin(heading)
-    ahead, above = flat * math.cos(p) - upward * math.sin(p), flat * math.sin(p) + upward * math.cos(p)
-    flight = FreeCamera(Camera((0.0, 0.0, 0.0), tuple(ahead), tuple(above)), DIAGONAL, up)
-    flight.move(0, 1, 0, 0.1)
-    np.testing.assert_allclose(flight.camera.eye, 0.2 * np.array(up), atol=1e-12)
-    flight.turn(33 * DEGREE, 1 * DEGREE)
-    assert level(flight, up) and pitch(flight, up) == pytest.approx(-degrees - 1)
-
-
-@pytest.mark.parametrize(("place", "diagonal"), [(0.0, 12.0), (1e12, 1e-3), (1e6, 1e5)])
-def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) -> None:
+@pytest.mark.parametrize(("place", "diagonal", "up"), [(0.0, 12.0, Z), (1e12, 1e-3, Y), (1e6, 1e5, Y)])
+def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float, up: tuple[float, float, float]) -> None:
     """A Camera validates itself. The eye stays within 1000 diagonals, and motions that are not finite have no effect."""
     random = np.random.default_rng(7)
     ahead = diagonal + 1e-3 * place
     first = Camera((place, place, place), (place + ahead, place, place - ahead))
-    flight = FreeCamera(first, diagonal, up=Y)
+    flight = FreeCamera(first, diagonal, up)
     flight.turn(1 * DEGREE, 1 * DEGREE)
     for turn in range(300):
         pivot = tuple(place + random.normal(size=3) * diagonal) if random.random() < 0.7 else flight.camera.eye
@@ -117,5 +103,5 @@ def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) ->
                 flight.move(dx, dy, one, 0.3, 4.0)
             case _:
                 flight.dolly(20 * one, None if random.random() < 0.5 else pivot)
-        assert level(flight) and abs(pitch(flight)) < 89.0 + 1e-4 and (turn % 49 or flight.camera is before)
+        assert level(flight, up) and abs(pitch(flight, up)) < 89.0 + 1e-4 and (turn % 49 or flight.camera is before)
         assert math.dist(flight.camera.eye, first.eye) <= FAR * diagonal * (1 + 1e-9)

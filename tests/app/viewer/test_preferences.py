@@ -10,10 +10,7 @@ import pytest
 
 from irrsplat.app.viewer.preferences import Preferences, load, save
 
-FULL = Preferences(
-    size=(1280, 720),
-    recent=["/scenes/one.scene", "cornell", os.fsdecode(b"/caf\xe9.obj")],  # the last is not Unicode
-)
+FULL = Preferences((1280, 720), ["/scenes/one.scene", "cornell", os.fsdecode(b"/caf\xe9.obj")])  # the last is not Unicode
 
 
 @pytest.fixture(autouse=True)

@@ -85,13 +85,6 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
         assert value(panel, name) == getattr(preset("default"), name)
 
 
-def test_a_slider_is_dragged(panel: Driver) -> None:
-    """A logarithmic slider reaches the ends of its range, and in its middle their geometric mean √(0.01·2)."""
-    for along, expected in ((0.99, SETTINGS["a"].high), (0.0, SETTINGS["a"].low), (0.5, 0.02**0.5)):
-        panel.drag(panel.find("a").at(0.3), panel.find("a").at(along))
-        assert value(panel, "a") == pytest.approx(expected, rel=0.1)
-
-
 def test_presets_are_in_the_list_and_in_the_menu(panel: Driver) -> None:
     for way, name, prefix in (("Render", "preview", "Preset "), ("preset", "default", "")):
         panel.choose(way)

@@ -59,7 +59,6 @@ def test_every_action_has_a_method_and_a_name_of_its_own(driver: Driver) -> None
 @pytest.mark.parametrize(("typed", "found"), [
     ("record discs", lambda driver: driver.session.options.discs),
     ("preset preview", lambda driver: driver.session.renderer(0).preset == "preview"),
-    ("weight", lambda driver: driver.session.options.buffer == "weight"),
     ("setting radius max", lambda driver: driver.session.options.settings),
     ("open furnace", lambda driver: driver.actions.source == "furnace"),
 ])  # fmt: skip

@@ -14,25 +14,9 @@ from PIL import ImageFont
 from irrsplat.app.viewer.input import prompts
 from irrsplat.app.viewer.ui.imgui_backend import FONT_SIZE, FONTS
 from irrsplat.app.viewer.window import Desktop
-from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from tests.support.viewing import ROOM, Driver, write_room
 
 SIZE = (1000, 640)
-GRABS = "slider_grab", "slider_grab_active"
-
-
-def test_a_setting_has_its_help_on_the_whole_row(driver: Driver) -> None:
-    driver.session.options.frozen = driver.session.options.controls = driver.session.options.settings = True
-    driver.resize((640, 1000), density=0.25)
-    driver.frame(6)
-    slider = driver.find("blend")
-    for x in (slider.at()[0], slider.box[2] + 20.0):
-        driver.move(620.0, 690.0)
-        driver.frame(3)
-        before = driver.window()
-        driver.move(x, slider.at()[1])
-        driver.frame(6, dt=0.5)
-        assert (driver.window()[:, 90:] != before[:, 90:]).any(-1).sum() > 125, x
 
 
 @pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 2.0), ((1280, 720), 1.5)])
@@ -106,8 +90,8 @@ def test_a_name_longer_than_the_panel_is_in_full_under_the_mouse(driver: Driver,
     assert tooltip.active and tooltip.size.x > imgui.calc_text_size(name).x > driver.viewer.interface.layout.panel
 
 
-def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -> None:
-    """Windows over the picture do not overlap. A slider's number on its grab has a contrast of 4.5 : 1 (WCAG 2.1, 1.4.3)."""
+def test_no_text_is_behind_another_window(driver: Driver) -> None:
+    """Windows over the picture do not overlap, and a prompt hides the text behind it."""
     options = driver.session.options
     options.frozen = options.inspect = options.discs = options.profile = options.controls = True
     driver.resize((800, 600))
@@ -126,11 +110,3 @@ def test_no_text_is_behind_another_window_or_on_its_own_colour(driver: Driver) -
     driver.frame(3)
     inside = slice(int(box.min.y) + 6, int(box.max.y) - 6), slice(int(box.min.x) + 6, int(box.max.x) - 6)
     assert np.array_equal(driver.window()[inside], shown[inside])
-    style = imgui.get_style()
-    colours = {name: np.array(tuple(style.color_(imgui.Col_[name]))) for name in ("window_bg", "frame_bg", *GRABS, "text")}
-    for grab in GRABS:
-        behind = colours["window_bg"][:3]
-        for name in ("frame_bg", grab):
-            behind = behind + (colours[name][:3] - behind) * colours[name][3]
-        text, under = (linear_from_srgb(c[:3]) @ LUMINANCE for c in (colours["text"], behind))
-        assert (text + 0.05) / (under + 0.05) >= 4.5

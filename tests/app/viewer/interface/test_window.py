@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -161,14 +160,3 @@ def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(d
         assert differ(np.asarray(Image.open(picture).convert("RGB")).astype(int), before) < 0.001
         until(lambda: process.poll() is not None, "the end", "key", "ctrl+q")
         assert ended(process) == (0, []) and not list(tmp_path.glob("*.part*"))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
-def test_ended_from_outside_it_keeps_cache_and_preferences(display: None, tmp_path: Path, number: int, status: int) -> None:
-    with viewer(tmp_path, "--cache", "kept.cache") as process:
-        process.send_signal(number)
-        found, said = ended(process)
-        assert (found, len(said)) == (status, int(number == signal.SIGINT))
-    assert (tmp_path / "kept.cache").stat().st_size > 1000
-    assert "cornell" in (tmp_path / "config" / "viewer.json").read_text(encoding="utf-8")
