@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import dist
 from typing import cast
 
@@ -49,8 +49,8 @@ class Display(Owner):
             for known in (self.inspector, self.programs, self._memo):
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
-        plane = Identity(session.plane.measured)
-        inputs = sides, replace(options), plane, options.inspect and cursor, Identity(screen)
+        marks = options.discs, options.plane and Identity(session.plane.measured), options.inspect and cursor
+        inputs = sides, options.split, options.divider, marks, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
