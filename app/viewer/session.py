@@ -135,7 +135,7 @@ class Session(Owner):
         except InputWaits:
             return False
         self._made, self._shown = made, subject
-        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt)
+        self.auto_exposure.tick(self.renderers[0], made[0].centre, dt, not made[0].progress.done)
         if self.options.buffer == "light":
             self.brightest = brightest_light(self.renderers[0], self.views[0])
         return True

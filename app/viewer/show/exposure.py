@@ -15,6 +15,7 @@ from irrsplat.renderer import Renderer
 
 _TIME = 0.25  # seconds: the time constant of the adaptation
 _NEAR = 0.01  # stops: within this difference, the goal counts as reached
+_SLACK = 1.0  # stops: the error that stays while light is missing, so that the picture's brightness is steady meanwhile
 _FASTEST = 6.0  # stops a second: the fastest change
 _MOST = 20.0  # stops, up and down: a darker view stays dark
 _ROWS = 24  # about: rows of pixels that are read for the brightest light
@@ -23,8 +24,8 @@ _ROWS = 24  # about: rows of pixels that are read for the brightest light
 class AutoExposure:
     """The exposure in stops, equal on both sides for comparison; NaN before the first picture.
 
-    The first lit picture sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. In a view that is black
-    even with _MOST it stays, so that the next lit view is not white. It also stays while only the blend changes.
+    The first lit picture sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. It stays in a view that is
+    black even with _MOST, while an incomplete view is within _SLACK, and while only the blend changes.
     """
 
     def __init__(self) -> None:
@@ -41,12 +42,11 @@ class AutoExposure:
         """True if the exposure stays constant for a constant picture."""
         return abs(self.stops - self._goal) <= _NEAR
 
-    def tick(self, renderer: Renderer, view: View, dt: float) -> None:
-        """Move for `dt` seconds towards the exposure of the renderer's settings, or the automatic exposure of `view`."""
+    def tick(self, renderer: Renderer, view: View, dt: float, filling: bool) -> None:
+        """Move for `dt` seconds towards the settings' exposure, or the automatic one of a view that may be `filling`."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
-            self._view = None
-            self._lit = True
+            self._view, self._lit = None, True
             return
         self._hold(renderer, view)
         before = self._lit
@@ -55,6 +55,8 @@ class AutoExposure:
             self._aim(renderer.automatic_stops(view))
         if not before or self.settled:  # the first lit picture sets the exposure at once
             self.stops = self._goal
+        if filling and abs(self._goal - self.stops) < _SLACK:
+            return
         step = (self._goal - self.stops) * (1.0 - math.exp(-dt / _TIME))
         self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
 
@@ -72,8 +74,6 @@ class AutoExposure:
         """Set the goal to a measurement; 0 means an unlit picture. A picture that is black even with _MOST counts as unlit."""
         if found != 0.0 and (found < _MOST or not self._lit):
             self._goal, self._lit = min(max(found, -_MOST), _MOST), True
-        elif not self._lit:
-            self._goal = 0.0
 
 
 def brightest_light(renderer: Renderer, view: View) -> float:
