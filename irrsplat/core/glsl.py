@@ -11,6 +11,7 @@ from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table with lookup by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/plane.py)
+TWELVE_BITS = 4095.0  # greatest number of 12 bits, two of which share one float (shaders/gather/close_hits.glsl)
 MAX_EMITTER_CLUSTERS = 32  # clusters of emissive triangles, between which next-event estimation divides its samples
 EYES_BESIDE = 6  # eyes on a circle about a record, for derivatives of next-event estimation
 WORTH = 4.0  # rays per next-event sample of equal value: near an emitter's rim a ray may miss, the sample always hits
@@ -34,6 +35,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "TABLE_COLUMNS": TABLE_COLUMNS,
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
+    "TWELVE_BITS": TWELVE_BITS,
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
     "EYES_BESIDE": EYES_BESIDE,
     "WORTH": WORTH,

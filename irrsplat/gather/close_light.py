@@ -5,13 +5,13 @@ A value of the surface cache is a mean over its site's cluster. Close to a recor
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.glsl import TWELVE_BITS
 from irrsplat.gather.hemisphere import Gather, gather_records
+from irrsplat.gather.record_frame import rows_of_places
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
@@ -21,7 +21,7 @@ SIDE = 4  # side² rays of a gather, as many from each of its hits
 BATCH = 1024  # gathers at once
 _RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
 LEAST = 20.0  # weighted number of close hits below which a record keeps the values of the surface cache
-_STEP = 4096.0  # TWELVE_BITS + 1 in shaders/gather/close_hits.glsl
+_STEP = TWELVE_BITS + 1.0  # factor of the first one of a pair of numbers
 
 
 class CloseLight(Owner):
@@ -53,7 +53,7 @@ class CloseLight(Owner):
         """
         above = np.einsum("nk,kr->nr", rows[3, :, :3], rays[:3]) > 0.0  # @ would start threads of OpenBLAS, which then spin
         pair = np.maximum(planes[..., 3], 0.0)
-        reflected = (pair - _STEP * np.floor(pair / _STEP)) * (rays[3] / (np.pi * (_STEP - 1.0))) * above
+        reflected = (pair - _STEP * np.floor(pair / _STEP)) * (rays[3] / (np.pi * TWELVE_BITS)) * above
         close = reflected.sum(1) * rays.shape[1]
         gathers = np.where(close > LEAST, np.ceil(close * _RAYS / SIDE**2), 0.0).astype(np.intp)
         values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))
@@ -75,16 +75,15 @@ class CloseLight(Owner):
         count = len(eyes) // PLACES
         if count > self.found.count:
             self.found.append(eyes[: count - self.found.count])
-        gather_records(self.gather, self.reduce, light, self.found, np.arange(count), seed, where=partial(_eyes_of, eyes))
+
+        def where(numbers: np.ndarray) -> Sites:
+            return eyes[rows_of_places(numbers, PLACES)]
+
+        gather_records(self.gather, self.reduce, light, self.found, np.arange(count), seed, where=where)
         found = self.found.records.read("irradiance", "noise")
         values = np.stack([found["irradiance"] @ LUMINANCE, found["noise"]], axis=1)[:count]
         means: np.ndarray = np.add.reduceat(values, np.cumsum(gathers) - gathers) / gathers[:, None]
         return means
-
-
-def _eyes_of(eyes: Sites, numbers: np.ndarray) -> Sites:
-    """Return the `eyes` of gathers of these numbers."""
-    return eyes[(PLACES * numbers[:, None] + np.arange(PLACES)).ravel()]
 
 
 def drawn(weights: np.ndarray, gathers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -81,6 +81,12 @@ def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
     return numbers
 
 
+def rows_of_places(numbers: np.ndarray, places: int) -> np.ndarray:
+    """Return (N·places,) the rows of the places of records of these numbers (N,), in a list with all places of each record."""
+    rows: np.ndarray = (places * numbers[:, None] + np.arange(places)).ravel()
+    return rows
+
+
 def atlas_grid(cell: tuple[int, int], requested: int | None, limit: int) -> tuple[int, int]:
     """Return the cells per row of an atlas and its number of cells: as many as requested, or fewer if 32 MiB hold fewer.
 

@@ -19,7 +19,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.lookup_table import LaidOut
+from irrsplat.surface_cache.lookup_table import LaidOut, value_rows
 from irrsplat.surface_cache.site_layout import FIRST_SITE, Detail
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, sum_bounces
@@ -72,8 +72,7 @@ class LightPart(Owner):
             self._bouncing = self._bouncing or sum_bounces(E_1, transport, laid_out.area, most, settings.bounces == "all")
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
-                rows = np.column_stack([made.irradiance, np.sqrt(laid_out.area)]).astype("f4")
-                self._values = table_texture(ctx, table_rows(rows[:, None]))
+                self._values = table_texture(ctx, table_rows(value_rows(made.irradiance, laid_out.area)[:, None]))
                 self._lookup = laid_out.table.uniforms | self.world.triangles.corner_uniforms | {"surface_values": self._values}
         return self._bounced is not None
 

@@ -49,8 +49,13 @@ class LookupTable(Owner):
     def write(self, values: np.ndarray, area: np.ndarray) -> None:
         """Set the values, (S, 3) of W/m². area: (S,) m² of the surface that each represents."""
         rows = np.zeros((self.values.width * self.values.height, 4), "f4")
-        rows[: len(values), :3], rows[: len(values), 3] = values, np.sqrt(area)
+        rows[: len(values)] = value_rows(values, area)
         self.values.write(rows.tobytes())
+
+
+def value_rows(values: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Return (S, 4) float32, the texels of surface_values: values (S, 3) in W/m², and the extents in metres of `area` (S,)."""
+    return np.column_stack([values, np.sqrt(area)]).astype("f4")
 
 
 def unknown(ctx: moderngl.Context) -> LookupTable:

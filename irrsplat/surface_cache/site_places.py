@@ -15,6 +15,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
+from irrsplat.gather.record_frame import rows_of_places
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.clustering import Clusters
@@ -35,7 +36,7 @@ class Places:
 
     def of(self, numbers: np.ndarray) -> Sites:
         """Return (N·PLACES,) the places of the sites of these numbers (N,)."""
-        rows = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
+        rows = rows_of_places(numbers, PLACES)
         return replace(self.sites[rows], frame_rotation=rows)
 
     def moved(self, change: SceneChange) -> Places:

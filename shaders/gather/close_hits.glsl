@@ -1,6 +1,6 @@
 // Two numbers in 0..1 in one float, 12 bits each: the share of a hit's radiance that comes from close values of the surface cache,
 // and the reflectance that weights them.
-const float TWELVE_BITS = 4095.0;
+#include "generated/constants.glsl"
 
 float joined(vec2 pair)
 {

@@ -60,10 +60,10 @@ def test_arguments_that_change_meanwhile_are_pickled_again() -> None:
 
 
 def test_a_stopped_call_ends_its_process(tmp_path: Path) -> None:
-    """The process writes its number, and would then sleep for an hour without a result."""
+    """The process writes its number, and would then wait for ever without a result."""
     pipe = tmp_path / "pid"
     os.mkfifo(pipe)
-    code = f"import os, time; open({str(pipe)!r}, 'w').write(str(os.getpid())); time.sleep(3600)"
+    code = f"import os, threading; open({str(pipe)!r}, 'w').write(str(os.getpid())); threading.Event().wait()"
     calling = Calling(code, (), "failed ({why})")
     pid = int(pipe.read_text())
     os.kill(pid, 0)

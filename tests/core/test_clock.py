@@ -14,7 +14,6 @@ TESTS = Path(__file__).resolve().parents[1]
 READS_TIME = re.compile(r"\btime\.(?:sleep|perf_counter|monotonic|process_time)\b|^\s*from time import", re.M)
 ALLOWED = {
     "app/viewer/interface/test_window.py",  # a limit of safety for a real window
-    "core/test_background.py",  # a process that sleeps until it is ended
     "reference/make.py",  # a program that reports seconds
     "trust/harm.py",  # a signal at a random moment; every outcome is judged alike
 }

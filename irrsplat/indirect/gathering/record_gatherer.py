@@ -164,11 +164,12 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         # work that may fail comes first
         changed = self._changed_lights(new, change)
-        if change and change.dimming is None and shadows is not None and changed is None:  # probe the former scene a last time
-            unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
-            cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
-        if change and change.dimming is None and shadows is not None and surface is not None:
-            surface.hold_light(shadows)
+        if change and change.dimming is None and shadows is not None:
+            if changed is None:  # probe the former scene a last time
+                unknown = np.flatnonzero(cache.column("probe")[:, 3] == 0.0)
+                cache.column("probe")[unknown] = self._probe(self.light(shadows), unknown)
+            if surface is not None:
+                surface.hold_light(shadows)
         try:
             self.world.apply(change)
             self.gathers.of(new)
