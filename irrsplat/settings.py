@@ -382,7 +382,7 @@ PRESETS: dict[str, SettingValues] = {
         "radius_max": 2.0,
         "shadow_size": 2048,
     },
-    "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
+    "preview": {"gather_size": 24, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }
 
 
