@@ -71,11 +71,11 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
 
 def _traced(scene: Scene, seen: paper_scan.Seen, pixels: np.ndarray, bounces: int) -> np.ndarray:
     """Return (N, 3) float32 path-traced irradiance of `bounces` at these pixels (N, 2)."""
-    at, nowhere = tuple(pixels.T), np.zeros((0, 3))
+    at = tuple(pixels.T)
     normal = seen.normal if seen.lit_normal is None else seen.lit_normal
     points = seen.position[at], normal[at], seen.geometric[at]
-    halves = worker.at_points(scene, points, (nowhere, nowhere, nowhere), SIDE, bounces)["halves"]
-    return np.asarray(halves.mean(0), np.float32)
+    found: np.ndarray = worker.call("trace_view", "at_points", (scene, points, SIDE, bounces))
+    return found
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:

@@ -1,6 +1,6 @@
 """Irradiance at given points by path tracing, timed with increasing sample counts, for the benchmark.
 
-Importing this needs the extra `reference`. `main` is the process that the benchmark starts.
+Importing this needs the extra `reference`; the benchmark calls `timed` in another process.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import drjit as dr
 import numpy as np
 
 from irrsplat.reference.path_tracer import Tracer
-from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Scene
 
 _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # sides of the stratified grids of a point's samples
@@ -77,11 +76,6 @@ def _denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray)
     color, albedo, normals = pictures
     found: np.ndarray = pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float)
     return found
-
-
-def main() -> None:
-    """Send `timed` to the parent process."""
-    serve(timed)
 
 
 Level = tuple[int, float, np.ndarray]  # samples per point, processor time so far in seconds, irradiance (N, 3)

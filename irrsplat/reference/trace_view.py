@@ -1,6 +1,6 @@
 """A path-traced view: irradiance in two halves, direct light, and the pixels for comparison.
 
-Importing this needs the extra `reference`. `main` is the process that `irrsplat.reference.worker` starts.
+Importing this needs the extra `reference`. Functions of a `report` run in the process that `irrsplat.reference.worker` starts.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from irrsplat.core.timing.other_process import Report
 from irrsplat.reference.camera_view import Visible, camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
-from irrsplat.reference.worker import Pass, serve
+from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
@@ -128,29 +128,18 @@ def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Pla
 def at_points(
     scene: Scene,
     points: tuple[np.ndarray, np.ndarray, np.ndarray],
-    shadowed: tuple[np.ndarray, np.ndarray, np.ndarray],
     side: int,
     bounces: int,
     report: Callable[[float], object],
-) -> dict[str, np.ndarray]:
-    """Return the light at points on surfaces; positions, shading and geometric normals are (N, 3) each.
+) -> np.ndarray:
+    """Return (N, 3) float32 irradiance of `bounces` at points on surfaces, in W/m².
 
-    `halves`: (2, N, 3) irradiance of `bounces`, side² samples of each kind per point and half, in W/m². `direct`: (M, 3) W/m²
-    directly from the lights at the points `shadowed`, M of each kind. report: called with the finished share.
+    points: positions, shading and geometric normals, (N, 3) each. side: as for `trace`. report: called with the finished share.
     """
-    tracer, p = Tracer(scene), points[0]
-    everywhere = np.ones((1, len(p)), bool)
+    everywhere = np.ones((1, len(points[0])), bool)
     position, normal, geometric = (np.asarray(a, np.float64)[None] for a in points)
     where = _Places(everywhere, position, normal, geometric, everywhere)
-    halves = _halves(tracer, where, side, bounces, 0, report)[:, 0]
-    q, n, g = (np.asarray(a, np.float64) for a in shadowed)
-    direct = np.zeros((len(q), 3), np.float32)
-    for light in scene.lights if len(q) else ():
-        at, about, above = (mi.Vector3f(a.T.astype(np.float32)) for a in (q, n, g))
-        black = mi.Color3f(0.0)
-        hit = Hit(mi.Bool(True), mi.Point3f(at), about, above, black, black, mi.UInt32(0), mi.Bool(False))
-        direct += np.stack([np.array(channel) for channel in tracer.lit(light, hit)[0]], axis=1)
-    return {"halves": halves, "direct": direct}
+    return _halves(Tracer(scene), where, side, bounces, 0, report)[:, 0].mean(0)
 
 
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
@@ -238,18 +227,3 @@ def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
             break
         reached = np.logical_or.reduce(neighbours(reached), axis=0)
     return distance
-
-
-def main() -> None:
-    """Send `trace` to the parent process."""
-    serve(trace)
-
-
-def main_refine() -> None:
-    """Send `refine` to the parent process."""
-    serve(refine)
-
-
-def main_at_points() -> None:
-    """Send `at_points` to the parent process."""
-    serve(at_points)

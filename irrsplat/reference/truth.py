@@ -178,7 +178,7 @@ def traced(
         notice(f"{path}: damaged; the truth is traced again")
     except IrrsplatError as error:
         notice(str(error))
-    truth = Traced(**worker.trace(scene, camera, size, side, vertices(bounces), progress))
+    truth = Traced(**worker.call("trace_view", "trace", (scene, camera, size, side, vertices(bounces)), progress))
     try:
         if path is not None:
             disk_cache.write(path, {field.name: getattr(truth, field.name) for field in fields(Traced)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,7 @@ from irrsplat.core.timing import other_process
 from irrsplat.core.timing.other_process import OnShare
 from irrsplat.scene.model import Camera, Scene
 
-_MAIN = "from irrsplat.reference.trace_view import main; main()"
-_REFINE = "from irrsplat.reference.trace_view import main_refine; main_refine()"
-_AT_POINTS = "from irrsplat.reference.trace_view import main_at_points; main_at_points()"
+_CODE = "from irrsplat.reference.{} import {} as work; from irrsplat.reference.worker import serve; serve(work)"
 INSTALL = "pip install 'irrsplat[reference]'"
 _FAILURE = "the path tracer failed ({why}); with LLVM older than 19 it may: install libllvm19, then try again"
 
@@ -45,7 +43,7 @@ class Pass:
 
 
 def is_installed() -> bool:
-    """Return True if Mitsuba is installed; only `trace` finds out if it runs."""
+    """Return True if Mitsuba is installed; only `call` finds out if it runs."""
     return importlib.util.find_spec("mitsuba") is not None
 
 
@@ -53,18 +51,6 @@ def require() -> None:
     """Raise IrrsplatError if Mitsuba is not installed."""
     if not is_installed():
         raise IrrsplatError(f"there is no path tracer here (Mitsuba 3); run: {INSTALL}")
-
-
-def trace(
-    scene: Scene,
-    camera: Camera,
-    size: tuple[int, int],
-    side: int,
-    bounces: int,
-    progress: OnShare | None = None,
-) -> dict[str, np.ndarray]:
-    """Return `irrsplat.reference.trace_view.trace`, computed in another process; see `call`."""
-    return cast("dict[str, np.ndarray]", call(_MAIN, (scene, camera, size, side, bounces), progress))
 
 
 def refining(
@@ -75,30 +61,16 @@ def refining(
     take: called with the arrays of each pass in turn.
     """
     require()
-    return other_process.Calling(_REFINE, (scene, list(passes), bounces), _FAILURE, take)
+    return other_process.Calling(_CODE.format("trace_view", "refine"), (scene, list(passes), bounces), _FAILURE, take)
 
 
-def at_points(
-    scene: Scene,
-    points: tuple[np.ndarray, np.ndarray, np.ndarray],
-    shadowed: tuple[np.ndarray, np.ndarray, np.ndarray],
-    side: int,
-    bounces: int,
-    progress: OnShare | None = None,
-) -> dict[str, np.ndarray]:
-    """Return `irrsplat.reference.trace_view.at_points`, computed in another process; see `call`."""
-    return cast("dict[str, np.ndarray]", call(_AT_POINTS, (scene, points, shadowed, side, bounces), progress))
+def call(module: str, function: str, arguments: tuple[object, ...], progress: OnShare | None = None) -> Any:
+    """Return the result of a function of irrsplat.reference, computed in another process by `other_process.call`.
 
-
-def call(
-    code: str,
-    arguments: tuple[object, ...],
-    progress: OnShare | None = None,
-    take: Callable[[dict[str, np.ndarray]], object] | None = None,
-) -> object:
-    """Return `other_process.call`'s result; raise IrrsplatError, one line, if Mitsuba or LLVM is missing too."""
+    The function gets a progress function as its last argument. Raises IrrsplatError, one line, if Mitsuba or LLVM is missing.
+    """
     require()
-    return other_process.call(code, arguments, progress, take, _FAILURE)
+    return other_process.call(_CODE.format(module, function), arguments, progress, failure=_FAILURE)
 
 
 def serve(work: Callable[..., object]) -> None:

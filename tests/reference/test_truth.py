@@ -159,7 +159,7 @@ def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.Mon
         calls.append(given)
         return values
 
-    monkeypatch.setattr(worker, "trace", trace)
+    monkeypatch.setattr(worker, "call", trace)
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path))
     find = lambda: traced(scene, scene.camera(), size, "all", 8, notice=said.append)  # noqa: E731
     assert kept(scene, scene.camera(), size, "all", 8) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series
@@ -20,7 +20,6 @@ if TYPE_CHECKING:  # importing it needs Mitsuba
 _NAME = "Mitsuba"
 _COLOURS = (130, 80, 160), (180, 110, 210), (90, 40, 120)
 _FILTERS = "fast", "high"  # qualities of Open Image Denoise
-_PROCESS = "from irrsplat.reference.trace_points import main; main()"
 
 
 def measure(
@@ -33,8 +32,9 @@ def measure(
     view = views[0]
     notify(_NAME)
     filters = _FILTERS if importlib.util.find_spec("pyoidn") is not None else ()
-    answer = worker.call(
-        _PROCESS,
+    found: TimedLevels = worker.call(
+        "trace_points",
+        "timed",
         (
             scene,
             (view.position, view.normal, view.geometric),
@@ -47,7 +47,6 @@ def measure(
             filters,
         ),
     )
-    found = cast("TimedLevels", answer)
     about = f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads"
     for (quality, levels), colour in zip(found["levels"].items(), _COLOURS, strict=False):
         system = f"{_NAME} + OIDN {quality}" if quality else _NAME

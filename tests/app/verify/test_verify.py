@@ -160,7 +160,7 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 
     def put(script: str) -> None:
         monkeypatch.setattr(worker, "require", lambda: None)
-        monkeypatch.setattr(worker, "_MAIN", head + script)
+        monkeypatch.setattr(worker, "_CODE", (head + script).replace("{", "{{").replace("}", "}}"))
 
     return put
 

@@ -38,7 +38,7 @@ def read_faces(lines: Lines, strict: bool) -> Faces:
     bad = _odd_lines(text)
     if bad.any():
         text = block(lines, which[~bad])
-    table, form = _tables(lines, text)
+    table, form = _table(text)
     wrong = np.zeros(len(text.lines), bool)
     if len(form):
         owner = np.repeat(np.arange(len(text.lines)), text.count)
@@ -101,63 +101,22 @@ def _odd_lines(text: Block) -> np.ndarray:
     return bad
 
 
-def _tables(lines: Lines, text: Block) -> tuple[np.ndarray, np.ndarray]:
-    """Return as `_table`, for groups of lines with presumably equal forms."""
-    slash = np.flatnonzero(text.code == ord("/"))
-    double = slash[:-1][np.diff(slash) == 1]
-    edges = np.append(text.offset, len(text.code))
-    slashes = np.diff(np.searchsorted(slash, edges))
-    doubles = np.diff(np.searchsorted(double, edges))
-    group = np.full(len(text.lines), 4)
-    group[(slashes == 2 * text.count) & (doubles == text.count)] = 3
-    group[(slashes == 2 * text.count) & (doubles == 0)] = 2
-    group[slashes == text.count] = 1
-    group[slashes == 0] = 0
-    groups = np.flatnonzero(np.bincount(group))
-    if len(groups) < 2:
-        return _table(text)
-    table, form = np.zeros((len(text.word), 3), np.int64), np.zeros(len(text.word), np.int8)
-    group_of_word = np.repeat(group, text.count)
-    for one in groups:
-        at = group_of_word == one
-        table[at], form[at] = _table(block(lines, text.lines[group == one]))
-    return table, form
-
-
 def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
     """Return (C, 3) the numbers of each corner as written, 0 for missing ones, and (C,) its form.
 
     Forms: 0 a, 1 a/t, 2 a/t/n, 3 a//n; 4 with a slash at the end; -1 another.
     """
-    count = len(text.word)
-    table = np.zeros((count, 3), np.int64)
-    if not count:
-        return table, np.zeros(0, np.int8)
-    slash = np.flatnonzero(text.code == ord("/"))
-    numbers = text.code.tobytes().translate(_SLASH_TO_BLANK)
-    form, columns = _common_form(text, slash)
-    if columns:
-        values = integers(numbers, count * len(columns))
-        if values is not None:
-            table[:, columns] = values.reshape(count, len(columns))
-            return table, np.full(count, form, np.int8)
-    return _mixed_table(text, slash, numbers)
-
-
-def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Return as `_table`, for corners of several forms. numbers: the text without its slashes."""
-    count = len(text.word)
-    table = np.zeros((count, 3), np.int64)
-    gap = (text.code <= 32) | (text.code == ord("/"))
+    count, slash = len(text.word), text.code == ord("/")
+    gap = (text.code <= 32) | slash
     token = np.flatnonzero(gap[:-1] & ~gap[1:]) + 1
-    word = np.searchsorted(text.word, token, "right") - 1
-    before = np.searchsorted(slash, token)
-    slot = before - np.searchsorted(slash, text.word)[word]
-    slashes = np.bincount(np.searchsorted(text.word, slash, "right") - 1, minlength=count)
-    values = integers(numbers, len(token))
-    if values is None:
-        raise ValueError("faces with strange letters in them")  # _odd_lines has excluded these
-    there = np.zeros((count, 3), bool)
+    before = np.cumsum(slash, dtype=np.int32) - slash  # slashes
+    first = before[text.word]  # of each word
+    word = np.repeat(np.arange(count), np.diff(np.searchsorted(token, text.word), append=len(token)))
+    slot = before[token] - first[word]
+    slashes = np.diff(first, append=int(np.count_nonzero(slash)))
+    values = integers(text.code.tobytes().translate(_SLASH_TO_BLANK), len(token))
+    assert values is not None  # `_odd_lines` has excluded other words
+    table, there = np.zeros((count, 3), np.int64), np.zeros((count, 3), bool)
     fits = slot < 3
     there[word[fits], slot[fits]] = True
     table[word[fits], slot[fits]] = values[fits]
@@ -165,23 +124,6 @@ def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.nda
     forms[np.where(slashes == 1, ~there[:, 1], (slashes == 2) & ~there[:, 2])] = 4
     forms[~there[:, 0] | (slashes > 2)] = -1
     return table, forms.astype(np.int8)
-
-
-def _common_form(text: Block, slash: np.ndarray) -> tuple[int, list[int]]:
-    """Return the form of all corners and its columns; no columns where forms may differ."""
-    count = len(text.word)
-    if not len(slash):
-        return 0, [0]
-    if len(slash) == count:
-        inside = (slash > text.word).all() and (slash[:-1] < text.word[1:]).all()
-        return (1, [0, 1]) if inside else (-1, [])
-    if len(slash) != 2 * count:
-        return -1, []
-    left, right = slash[0::2], slash[1::2]
-    if not ((left > text.word).all() and (right[:-1] < text.word[1:]).all()):
-        return -1, []
-    double = right == left + 1
-    return (3, [0, 2]) if double.all() else (-1, []) if double.any() else (2, [0, 1, 2])
 
 
 def _resolve(lines: Lines, text: Block, owner: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
