@@ -139,7 +139,7 @@ class Program:
 
     def _link(self, sources: list[shader_source.Source]) -> _Linked:
         vertex, fragment, geometry = sources[0].text, sources[1].text, None
-        if "gl_PrimitiveID" in fragment and not self_test.abilities(self.ctx).numbers_triangles:
+        if "gl_PrimitiveID" in fragment and not self_test.numbers_triangles(self.ctx):
             geometry, fragment = shader_source.numbering_triangles(vertex, fragment, self._defines)
         try:
             return _Linked.of(self.ctx, vertex, fragment, geometry)

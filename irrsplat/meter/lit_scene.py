@@ -27,7 +27,7 @@ class LitScene(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, about: Mapping[str, object], scene: Scene, settings: Settings) -> None:
-        self_test.check(ctx)
+        self_test.numbers_triangles(ctx)
         gl_limits.check(ctx, (1, 1), scene)
         with ExitStack() as made:
             self.world = made.enter_context(World(ctx, scene))

@@ -79,7 +79,7 @@ class Renderer(Tenant):
         state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
-            self_test.check(self.ctx)
+            self_test.numbers_triangles(self.ctx)
             state = self._tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = made.enter_context(World(self.ctx, scene))
