@@ -38,7 +38,7 @@ def run(args: Namespace) -> int:
 
         race.check(args)
     elif args.output is not None:
-        raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
+        raise InputError("-o is for the plot of --peers; give that as well, or --json for the numbers")
     names = args.scenes or (DEFAULT_SCENES if not args.peers else race.DEFAULT_SCENES)
     loaded = [irrsplat.load(name, **vars(args.loading)).local for name in dict.fromkeys(names)]
     if args.peers:

@@ -12,21 +12,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
-from irrsplat.app.common import plot as plots
-from irrsplat.app.common.plot import Line, loglog
-from irrsplat.app.common.terminal import columns, out, progress
-from irrsplat.app.verify.measure import silent
+from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.image import frame
 
 TRIANGLES = (10**3, 10**4, 10**5, 10**6)
 SIDES = (400, 800, 1600, 3200)  # pixels
-QUICK = (10**3, 3 * 10**3), (32, 64)
 OWN = 6360  # triangles of the bundled `curved`
 REPETITIONS, SLOW = 3, 5.0  # repetitions; seconds above which a case runs once
 LEGEND = """\
@@ -35,7 +28,6 @@ load: read the files; build: the tree for rays, textures and buffers; surface: t
 from empty: time to full coverage without records, best of up to 3; turned: the camera turned by 5°, with records
 ms a record: gather and reduction; MiB: peak memory of the process, and its OpenGL textures and buffers\
 """
-_TIMES = (("load", "load"), ("build", "build"), ("surface", "surface cache"), ("empty", "from empty"), ("moved", "turned by 5°"))
 
 
 @dataclass(frozen=True)
@@ -61,32 +53,22 @@ class Row:
     clock: str = "wall"
     machine: dict[str, object] = field(default_factory=dict)
 
-    @property
-    def pixels(self) -> int:
-        """Pixels of the picture."""
-        return self.size[0] * self.size[1]
-
 
 def run(args: Namespace) -> int:
-    """Measure both series, print tables, and write JSON and the plot on request; return the exit status.
+    """Measure both series, print tables, and write JSON on request; return the exit status.
 
     Raises InputError for incompatible flags; IrrsplatError if a row fails.
     """
-    if args.scenes or args.size or args.preset or args.peers or args.compare:
-        raise InputError("--growth has scenes, sizes and a preset of its own; give it with --quick, --json and -o alone")
-    if args.output is not None:
-        plots.require()
-        frame.check_writable(args.output)
-    counts, sides = QUICK if args.quick else (TRIANGLES, SIDES)
-    plan = [(count, sides[0]) for count in counts] + [(OWN, side) for side in sides]
+    if args.scenes or args.size or args.preset or args.peers or args.compare or args.output:
+        raise InputError("--growth has scenes, sizes and a preset of its own; give it with --json alone")
+    plan = [(count, SIDES[0]) for count in TRIANGLES] + [(OWN, side) for side in SIDES]
     rows: list[Row] = []
-    with progress() as line:
-        notify = line or silent
-        for k, (count, side) in enumerate(plan):
-            notify(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
-            rows.append(_apart(count, side))
+    for k, (count, side) in enumerate(plan):
+        doing(f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
+        rows.append(_apart(count, side))
+    doing("")
     out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
-    by_triangles, by_pixels = rows[: len(counts)], rows[len(counts) :]
+    by_triangles, by_pixels = rows[: len(TRIANGLES)], rows[len(TRIANGLES) :]
     for found in (by_triangles, by_pixels):
         out("\n".join([*columns(table(found), left=0), ""]))
     middle, last = min(by_triangles, key=lambda row: abs(row.triangles - 10**4)), by_triangles[-1]
@@ -95,8 +77,6 @@ def run(args: Namespace) -> int:
     if args.json is not None:
         runs = [entry for row in rows for entry in _runs(row)]
         files.write_text(args.json, files.json_text({"machine": rows[0].machine, "runs": runs}) + "\n")
-    if args.output is not None:
-        files.write_picture(args.output, plot(by_triangles, by_pixels))
     return 0
 
 
@@ -109,24 +89,6 @@ def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
         memory = "-" if row.process is None else f"{row.process:.0f}", f"{row.gpu:.0f}"
         lines.append((f"{row.triangles:,}", f"{row.size[0]}x{row.size[1]}", *seconds, str(row.records), *memory))
     return lines
-
-
-def plot(by_triangles: Sequence[Row], by_pixels: Sequence[Row]) -> np.ndarray:
-    """Return display values (H, W, 3) in 0..1: plots of time and memory against triangles and against pixels."""
-    halves = []
-    for rows, name in ((by_triangles, "triangles"), (by_pixels, "pixels")):
-        x = np.array([getattr(row, name) for row in rows], float)
-        times = {words: [getattr(row, key) for row in rows] for key, words in _TIMES}
-        memory = {"GPU": [row.gpu for row in rows]}
-        if all(row.process is not None for row in rows):
-            memory["process"] = [row.process or 0.0 for row in rows]
-        upper = loglog(_lines(x, times), f"time against {name}", name, "seconds")
-        halves.append(np.concatenate([upper, loglog(_lines(x, memory), f"memory against {name}", name, "MiB")]))
-    return np.concatenate(halves, axis=1)
-
-
-def _lines(x: np.ndarray, series: dict[str, list[float]]) -> list[Line]:
-    return [Line(words, x, np.maximum(np.array(y, float), 1e-4)) for words, y in series.items()]
 
 
 def _runs(row: Row) -> Iterator[dict[str, object]]:

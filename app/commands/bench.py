@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from typing import Any
 
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import wrote
-from irrsplat.core.errors import InputError
 
 
 def add(commands: Any) -> None:
@@ -34,8 +32,7 @@ def add(commands: Any) -> None:
     add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")
     add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
     add("--growth", action="store_true", help="only measure time and memory against triangles and pixels; takes some minutes")
-    add("--quick", action="store_true", help="with --growth: a short series of small scenes")
-    add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: write the plot")
+    add("-o", "--output", metavar="FILE.png", help="with --peers: write the plot")
 
 
 def _peers() -> str:
@@ -52,23 +49,15 @@ def run(args: argparse.Namespace) -> int:
         from irrsplat.core.files import check_file
 
         check_file(args.json)
-    if args.quick and not args.growth:
-        raise InputError("--quick is for --growth; give that as well")
-    status = _bench_of(args)(args)
+    if args.growth:
+        from irrsplat.app.bench import scaling as work
+    else:
+        from irrsplat.app.bench import bench as work  # type: ignore[no-redef]
+    status = work.run(args)
     for path in (args.json, args.output):
         if path is not None:
             wrote(path)
     return status
-
-
-def _bench_of(args: argparse.Namespace) -> Callable[[argparse.Namespace], int]:
-    if args.growth:
-        from irrsplat.app.bench import scaling
-
-        return scaling.run
-    from irrsplat.app.bench import bench as benchmark
-
-    return benchmark.run
 
 
 COMMAND = Command(add, run)

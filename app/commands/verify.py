@@ -29,15 +29,8 @@ def add(commands: Any) -> None:
         metavar="N",
         help="least rays of each kind per pixel (default: 2048)",
     )
-    add(
-        "--truth", choices=("trace", "gather"), default="trace",
-        help="reference. trace: by Mitsuba; gather: by a fine gather at 1000 pixels, without the extra (default: trace)",
-    )  # fmt: skip
     flags.add_preset(parser, "default")
-    add(
-        "-o", "--output", metavar="OUT",
-        help="reference, picture and error: side by side in a .png, or as files in a folder",
-    )  # fmt: skip
+    add("-o", "--output", metavar="FILE.png", help="write reference, picture and error side by side")
     flags.add_camera(parser)
     flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here
     parser.set_defaults(path=None, frames=None)
