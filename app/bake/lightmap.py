@@ -18,7 +18,6 @@ from irrsplat.app.bake.light import OnBake, PlaceLight
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.app.bake.unwrap import Chartist, Charts, unwrap
 from irrsplat.core import files
-from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.image.output.exr import write_layers
@@ -56,7 +55,7 @@ class Lightmap:
     converged: bool
 
     def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
-        """Write a .glb and, with the same stem, the map as a 16-bit .png and an .exr; return the three paths.
+        """Write a .glb and, with the same stem, the map as an .exr; return both paths.
 
         form: "radiance": black materials that emit the map; "irradiance": the scene's own materials and a separate map. Each
         file appears complete or not at all. Raises InputError for another ending, IrrsplatError for a failed write.
@@ -64,13 +63,24 @@ class Lightmap:
         glb = Path(path)
         if glb.suffix.lower() != ".glb":
             raise InputError("a lightmap is written as a .glb; give -o a name that ends so", str(path) or "''")
-        encoding = Encoding.of(self, form)
-        png, exr = glb.with_suffix(".png"), glb.with_suffix(".exr")
-        files.write_bytes(glb, glb_of(self, form, encoding))
-        values = np.ascontiguousarray(getattr(self, form), np.float32)
-        files.write_bytes(png, files.png_16(srgb(np.minimum(values / max(encoding.limit, 1e-30), 1.0))))
+        files.write_bytes(glb, glb_of(self, form))
+        exr, values = glb.with_suffix(".exr"), np.ascontiguousarray(getattr(self, form), np.float32)
         files.write_file(exr, partial(write_layers, layers={"RGB": values}, rows=len(values)))
-        return glb, png, exr
+        return glb, exr
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Sizes for --stats."""
+        share = float((self.owner >= 0).mean())
+        return {"texels": self.charts.size, "used": share, "texel_metres": self.texel, "charts": int(self.charts.chart.max()) + 1,
+                "records": self.records, "converged": self.converged}  # fmt: skip
+
+    @property
+    def words(self) -> str:
+        """Sizes as a line of text."""
+        size, found = self.charts.size, self.summary
+        used = f"{found['used']:.0%} used by {found['charts']:,} charts"
+        return f"lightmap    {size} x {size} texels, {used}, {1000.0 * self.texel:.3g} mm a texel"
 
 
 def bake_lightmap(
@@ -182,9 +192,9 @@ def _texel(receivers: Receivers, charts: Charts) -> float:
 # ---- files -------------------------------------------------------------------------------------------------------------
 
 
-def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> bytes:
+def glb_of(made: Lightmap, form: Form) -> bytes:
     """Return the bytes of the .glb of `Lightmap.save`."""
-    encoding = encoding or Encoding.of(made, form)
+    encoding = Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
     about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
     glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import moderngl
 import numpy as np
@@ -60,6 +60,18 @@ class VertexLight:
             raise InputError("vertex colours are written as a .glb; give -o a name that ends so", str(path) or "''")
         files.write_bytes(glb, glb_of(self))
         return (glb,)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Sizes for --stats."""
+        return {"vertices": len(self.cut.root), "triangles": len(self.cut.faces), "complete": self.complete,
+                "records": self.records, "converged": self.converged}  # fmt: skip
+
+    @property
+    def words(self) -> str:
+        """Sizes as lines of text."""
+        missing = "" if self.complete else "\nnot all     edges are cut that should be; raise --most or --cut"
+        return f"vertices    {len(self.cut.root):,} of {len(self.cut.faces):,} triangles{missing}"
 
 
 def bake_vertices(

@@ -110,25 +110,6 @@ def _png(path: Path, display: np.ndarray) -> None:
     Image.fromarray(eight_bits(display)).save(path, "PNG")
 
 
-def png_16(display: np.ndarray) -> bytes:
-    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits per channel.
-
-    Pillow cannot write it (W3C 2003, "Portable Network Graphics", second edition).
-    """
-    height, width, channels = display.shape
-    rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(height, -1).view(np.uint8)
-    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
-    filtered[:, 0] = 2  # filter "Up": differences to the row above compress better
-    filtered[:, 1:] = rows - np.concatenate([np.zeros_like(rows[:1]), rows[:-1]])
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-
-    header = struct.pack(">IIBBBBB", width, height, 16, {3: 2, 4: 6}[channels], 0, 0, 0)
-    body = zlib.compress(filtered.tobytes(), 6)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"sRGB", b"\0") + chunk(b"IDAT", body) + chunk(b"IEND", b"")
-
-
 def as_png(display: np.ndarray) -> bytes:
     """Return display values 0..1, (H, W, 3) or (H, W, 4), as a PNG file of 8 bits."""
     from PIL import Image

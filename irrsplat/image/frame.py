@@ -26,10 +26,9 @@ from irrsplat.core.files import (
 )
 from irrsplat.core.paths import named
 from irrsplat.image.backdrop import BackdropKind, display_picture
-from irrsplat.image.output.exr import attributes, write_layers
-from irrsplat.image.statistics import Statistics
+from irrsplat.image.output.exr import write_layers
+from irrsplat.image.statistics import Statistics, repeatable
 from irrsplat.image.tonemap import exposure_of, show, tonemap
-from irrsplat.scene.model import Camera
 
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
@@ -45,8 +44,7 @@ class Frame:
     image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are sampled at its centre. records_*:
     the cache, N rows. stats: statistics of the render. figures: further (H, W, 3) pictures by name, for the figures of the paper:
     radiance "first_samples" and "splat_buffer", and "quad" in display values 0..1. backdrop: background of pictures; only a sky
-    is in the image, other backdrops are composited behind it. camera: in world space; None if unknown. A notebook shows the
-    picture.
+    is in the image, other backdrops are composited behind it. A notebook shows the picture.
     """
 
     image: np.ndarray
@@ -69,7 +67,6 @@ class Frame:
     stats: Statistics = field(default_factory=Statistics)
     figures: dict[str, np.ndarray] = field(default_factory=dict)
     backdrop: BackdropKind = "sky"
-    camera: Camera | None = None
 
     @property
     def exposure(self) -> float:
@@ -101,14 +98,13 @@ class Frame:
             seen = np.isfinite(self.depth[..., None]) if self.depth.size else np.any(position, axis=-1, keepdims=True)
             position = np.where(seen, (position + np.asarray(origin)).astype(np.float32), position)
         records = (self.records_position + np.asarray(origin)).astype(np.float32)
-        camera = None if self.camera is None else self.camera.shifted(origin)
-        return replace(self, position=position, records_position=records, camera=camera)
+        return replace(self, position=position, records_position=records)
 
     def save(self, path: Pathlike, buffers: Sequence[str] | None = None) -> None:
         """Write this frame in the format of `path`'s ending; an existing file is replaced whole, or not at all.
 
         .png: the picture, exposed, tone-mapped, sRGB, over its backdrop; with alpha for a clear backdrop. .exr: a float32 layer
-        per buffer, camera, settings and the stats without times; with a clear backdrop, image has a premultiplied A. .npz: every
+        per buffer, and the stats without times as JSON text; with a clear backdrop, image has a premultiplied A. .npz: every
         buffer, the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing
         folder: a PNG per buffer, and the paper's figures. buffers: names of the buffers in EXR, NPZ or folder (default: all).
         Raises InputError for an invalid path or name, IrrsplatError if writing fails.
@@ -140,8 +136,7 @@ class Frame:
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
         if self.backdrop == "clear" and "image" in layers:
             layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
-        height, width = self.image.shape[:2] if self.image.size else self.depth.shape
-        write_layers(part, layers, height, attributes(self.stats, self.camera, width / height))
+        write_layers(part, layers, len(next(iter(layers.values()))), {"stats": json_text(repeatable(self.stats))})
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

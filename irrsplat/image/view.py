@@ -13,14 +13,12 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.color import LUMINANCE, MID_GREY
 from irrsplat.core.errors import InputError
-from irrsplat.core.files import as_png
 from irrsplat.core.glsl import COVERED
 from irrsplat.core.vectors import check_finite
 from irrsplat.gpu.target import pixels
-from irrsplat.image.backdrop import Backdrop, display_picture
+from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
-from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera
 
 Reader = WeakMethod[Callable[["View"], Frame]]
@@ -60,11 +58,6 @@ class View:
         if read_back is None:
             raise InputError("the renderer of this view is gone; keep a renderer as long as its views are read")
         return read_back(self)
-
-    def _repr_png_(self) -> bytes:
-        """Return the picture as a PNG with automatic exposure, for notebooks while the view is valid."""
-        image, kind = pixels(self.image)[..., :3], self.backdrop.kind
-        return as_png(display_picture(image, exposure_of(image, reflectance(self)), pixels(self.alpha)[..., 0], kind))
 
     def mean(self, name: str) -> moderngl.Texture | None:
         """Return the texture of `image`, `direct`, `indirect` or `emission`; None if there is none."""
@@ -153,7 +146,7 @@ def reflectance(view: View) -> np.ndarray:
 
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
-    """Return a Frame of these arrays and the cache's `records`, with the camera and backdrop of `view`.
+    """Return a Frame of these arrays and the cache's `records`, with the backdrop of `view`.
 
     Missing buffers are empty, (0, 0) or (0, 0, 3). Raises IrrsplatError for values that are not finite.
     """
@@ -167,9 +160,7 @@ def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray
         if name in ("irradiance", "radius"):
             check_finite(f"a record's {name}", values, lambda at: f"{records['position'][at[0]].tolist()}")
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
-    c = view.camera
-    camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without the sample's shift within its pixel
-    return Frame(**(filled | dict(buffers)), **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
+    return Frame(**(filled | dict(buffers)), **kept, stats=stats, backdrop=view.backdrop.kind)
 
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from pathlib import Path
@@ -75,6 +76,13 @@ def test_exr_layers_are_the_buffers(frame: Frame, tmp_path: Path) -> None:
             np.testing.assert_array_equal(channel.pixels, values[..., "RGB".index(component)] if component else values)
             assert channel.pixels.dtype == np.float32
         assert json.loads(file.header()["stats"])["records"] == RECORDS
+
+
+def test_a_notebook_shows_a_frame(frame: Frame) -> None:
+    shown = frame._repr_png_()
+    assert shown is not None and repr(frame) == f"<Frame {WIDTH}x{HEIGHT}, {RECORDS} records>"
+    with Image.open(io.BytesIO(shown)) as picture:
+        np.testing.assert_array_equal(np.asarray(picture), np.round(255.0 * frame.picture))
 
 
 def test_npz_holds_buffers_records_and_stats(frame: Frame, tmp_path: Path) -> None:

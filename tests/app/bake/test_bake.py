@@ -97,7 +97,7 @@ def test_the_glb_has_black_materials_that_emit_the_map(textured: tuple[Path, Any
 
 
 def test_the_irradiance_form_keeps_materials_and_refers_to_the_map(textured: tuple[Path, Any]) -> None:
-    """An EXR contains the map's exact values, and a PNG has 16 bits."""
+    """An EXR contains the map's exact values."""
     import OpenEXR
 
     folder, made = textured
@@ -110,7 +110,6 @@ def test_the_irradiance_form_keeps_materials_and_refers_to_the_map(textured: tup
     assert again.meshes[0].material.albedo == (0.5, 0.5, 0.5) and again.meshes[0].material.albedo_texture is not None
     with OpenEXR.File(str(folder / "irradiance.exr")) as file:
         assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
-    assert (folder / "irradiance.png").read_bytes()[24:26] == bytes([16, 2])  # bits per channel, colour type RGB
 
 
 def test_hidden_texels_are_filled_from_their_own_chart() -> None:

@@ -13,6 +13,7 @@ import pytest
 import irrsplat
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
+from irrsplat.gpu.target import pixels
 from irrsplat.scene.model import Camera, Light, Scene
 
 LIGHT = Light((0, 0, 2), (1, 1, 1))
@@ -53,7 +54,7 @@ def test_an_unreferenced_renderer_is_freed_by_its_own_thread():
     del one
     assert context.is_gone(first)
     with pytest.raises(GLError, match="has been released"):
-        view._repr_png_()
+        pixels(view.image)
     held = [two]
     del two
     in_thread(held.clear)
