@@ -1,8 +1,7 @@
-"""The options of `load`: up axis, smoothing, time and sky."""
+"""The options of `load`: up axis, smoothing and sky."""
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -19,24 +18,22 @@ class LoadOptions:
     """The options of reading a file.
 
     up_axis: world axis that points up; "auto": by format or exporter. crease_angle: degrees, 0 to 180; without normals in the
-    file, edges between triangles that meet at a smaller angle are smooth. time: seconds into the file's animation, 0 or more, for
-    the pose; None: the stored pose. sky: replaces the sky of the file or its substitute, in the words after `sky` in a `.scene`;
-    None: the file's. allow: folders from which the scene may read files, in addition to its own.
+    file, edges between triangles that meet at a smaller angle are smooth. sky: replaces the sky of the file or its substitute, in
+    the words after `sky` in a `.scene`; None: the file's. allow: folders from which the scene may read files, in addition to its
+    own.
     """
 
     up_axis: UpAxis = "auto"
     crease_angle: float = CREASE_ANGLE
-    time: float | None = None
     sky: str | None = None
     allow: tuple[str | os.PathLike[str], ...] = ()
 
     def __post_init__(self) -> None:
         if self.up_axis not in UP_AXES:
             raise InputError(f"up_axis is one of {', '.join(UP_AXES)}, not {self.up_axis!r}")
-        if not _within(self.crease_angle, 180.0):
+        angle: object = self.crease_angle
+        if not isinstance(angle, (int, float)) or isinstance(angle, bool) or not 0.0 <= angle <= 180.0:
             raise InputError(f"crease_angle lies between 0 and 180 degrees, not {self.crease_angle!r}")
-        if self.time is not None and not _within(self.time, math.inf):
-            raise InputError(f"time is a number of seconds, 0 or more, not {self.time!r}")
         if self.sky is not None and not isinstance(self.sky, str):
             raise InputError(f"sky is a text such as '1 1 1', 'studio.hdr' or 'cie overcast lux 10000', not {self.sky!r}")
         if not isinstance(self.allow, tuple):
@@ -44,8 +41,3 @@ class LoadOptions:
         for one in self.allow:
             if not isinstance(one, (str, os.PathLike)) or not os.path.isdir(one):
                 raise InputError(f"allow: there is no folder {str(one)!r:.60}; give one that is there")
-
-
-def _within(value: object, most: float) -> bool:
-    """True for a finite number from 0 to `most`."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and 0.0 <= value <= most

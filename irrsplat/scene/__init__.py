@@ -50,7 +50,6 @@ def load(
     *,
     up_axis: UpAxis = "auto",
     crease_angle: float = CREASE_ANGLE,
-    time: float | None = None,
     sky: str | None = None,
     allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
@@ -62,7 +61,7 @@ def load(
     A scene may refer to files in its own folder and below, and in the folders in `allow`.
     Raises InputError, one line, for an invalid file, name or keyword.
     """
-    options = LoadOptions(up_axis, crease_angle, time, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
+    options = LoadOptions(up_axis, crease_angle, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)

@@ -19,7 +19,6 @@ from irrsplat.image.frame import check_writable
     [
         (lambda: irrsplat.load(5), "load takes a path or the name of a bundled scene, not int"),  # type: ignore[arg-type]
         (lambda: irrsplat.load("cornell", up_axis="w"), "up_axis is one of .*, not 'w'"),  # type: ignore[arg-type]
-        (lambda: irrsplat.load("cornell", time=-1.0), "time is a number of seconds, 0 or more, not -1.0"),
         (lambda: irrsplat.load("cornell", sky=1.0), "sky is a text such as .*, not 1.0"),  # type: ignore[arg-type]
         (lambda: LoadOptions(allow=["a"]), r"allow is a list of folders, not \['a'\]"),  # type: ignore[arg-type]
         (lambda: check_writable(""), "an output path is empty"),

@@ -67,13 +67,6 @@ def add_camera(f: GltfFile, kind: str, **values: float) -> None:
     f.node(name="odd", camera=f.add("cameras", {"type": kind, kind: values}))
 
 
-def animated(f: GltfFile, keys: object, path: str = "translation", values: object = (), node: int | None = 0) -> None:
-    """Animate the node of the tetrahedron."""
-    sampler = {"input": f.accessor(f32(keys)), "output": f.accessor(f32(values))}
-    channel = {"sampler": 0, "target": {"path": path} if node is None else {"path": path, "node": node}}
-    f.add("animations", {"samplers": [sampler], "channels": [channel]})
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -85,7 +78,6 @@ def animated(f: GltfFile, keys: object, path: str = "translation", values: objec
         (lambda f: oddity(f, POSITION=f32([[0, 0]] * 4)), "accessor 2 has an unexpected type"),
         (lambda f: oddity(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
         (lambda f: oddity(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})), "in a file of"),
-        (lambda f: bomb(f, animated, [0], "translation", [[1, 0, 0]]), "animation 0 is left out: accessor 3 declares"),
         (lambda f: bomb(f, oddity), "accessor 3 declares 100000000 elements in a file of"),
         (lambda f: draco(f, 1, 11), "node 'odd' is left out: its compressed data declare more than they can hold"),
         (lambda f: draco(f, 0, 11), "node 'odd' is left out: its compressed data are damaged"),  # points alone
@@ -102,7 +94,6 @@ def animated(f: GltfFile, keys: object, path: str = "translation", values: objec
         (lambda f: add_light(f, intensity=1e10, color=[1e10] * 3), "its place or intensity exceeds"),
         (lambda f: add_camera(f, "perspective", yfov=4.0), "the camera of node 'odd' is left out: its field of view is damaged"),
         (lambda f: add_camera(f, "orthographic"), "the camera of node 'odd' is left out: its field of view is damaged"),
-        (lambda f: animated(f, [np.nan], values=[[1, 0, 0]]), "it has no keys, or damaged ones"),
     ],
 )  # fmt: skip
 def test_a_damaged_part_costs_itself_and_a_notice(
@@ -111,29 +102,9 @@ def test_a_damaged_part_costs_itself_and_a_notice(
     """The first node is intact, and keeps its four triangles."""
     file.node(mesh=file.mesh())
     damage(file)
-    scene = show(time=0.0)
+    scene = show()
     assert sum(message in notice for notice in scene.notices) == 1, scene.notices
     assert len(scene.meshes[0].faces) == 4 and "odd" not in [light.name for light in scene.lights]
-
-
-@pytest.mark.parametrize(
-    ("path", "keys", "values", "node", "moved"),
-    [
-        ("translation", [0], [[1, 0, 0]], 0, 1.0),
-        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # an unknown path
-        ("translation", [0], [[1, 0, 0]], None, 0.0),
-        ("rotation", [0, 2], [[0, 0, 1, 0]] * 2, 0, -1.0),  # half a turn about z, between two equal keys
-    ],
-)
-def test_the_first_animation_of_a_property_counts(
-    file: GltfFile, show: Callable[..., Any], path, keys, values, node, moved
-) -> None:
-    """A second animation of the same property would move it by 7 m."""
-    file.node(mesh=file.mesh())
-    animated(file, keys, path, values, node)
-    if path == "translation" and node == 0:
-        animated(file, [0], "translation", [[7, 0, 0]])
-    assert show(time=1.0).bounds[0, 0] == pytest.approx(moved, abs=1e-6)
 
 
 def test_a_mirrored_joint_and_mirrored_instances_keep_their_outside_outside(file: GltfFile, show: Callable[..., Any]) -> None:

@@ -131,20 +131,6 @@ def test_images_are_found_wherever_a_file_may_keep_them(file, mesh_with, tmp_pat
     np.testing.assert_allclose(pixels[step // 2 :: step, step // 2 :: step, :3], PIXELS[..., :3], atol=12 if way == "ktx2" else 0)
 
 
-def test_metals_of_specular_and_glossiness_reflect_their_specular_colour(file, mesh_with):
-    """A texel of wood (specular 0.04) and one of gold, on a diffuse image of brown and black; specular halved in red."""
-    brown, gold, dark = [99, 66, 33], [255, 200, 100], [56, 56, 56]
-    columns = [np.repeat(np.repeat(typed(np.uint8, [pair]), 2, 0), 2, 1) for pair in ([brown, [0, 0, 0]], [dark, gold])]
-    names = ("diffuseTexture", "specularGlossinessTexture")
-    infos = {name: {"index": file.texture(pixels)} for name, pixels in zip(names, columns, strict=True)}
-    name = "KHR_materials_pbrSpecularGlossiness"
-    pixels = mesh_with({"extensions": {name: {**infos, "specularFactor": [0.5, 1, 1]}}}).material.albedo_texture.image.pixels
-    np.testing.assert_array_equal(pixels[:, :2, :3], np.tile(brown, (2, 2, 1)))
-    np.testing.assert_array_equal(pixels[:, 2:, :3], np.tile([188, 200, 100], (2, 2, 1)))  # sRGB 188 is linear 1/2
-    plain = mesh_with({"extensions": {name: {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3]}}}).material
-    assert plain.albedo == (0.9, 0.6, 0.3)
-
-
 def projected(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
     """Return (2,) the projection of a point: -1 to 1 from left to right and from bottom to top of a square picture."""
     clip = camera.clip_from_view(1.0, 1.0, 1e7) @ camera.view_from_world @ [*point, 1.0]

@@ -36,7 +36,6 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help=f"{words} (0..180; default: {CREASE_ANGLE:g})",
     )
-    add("--time", type=values.number, metavar="S", help="time of the animation in seconds (default: the stored pose)")
     words = "let the scene read files from this folder, in addition to its own folder; may be repeated"
     add("--allow", metavar="FOLDER", action="append", default=[], help=words)
     add(

@@ -54,9 +54,9 @@ def test_help_lists_all_settings(capsys: pytest.CaptureFixture[str], monkeypatch
         assert cli.main([command, "--help"]) == 0
         text = capsys.readouterr().out
         assert f"usage: irrsplat {command}" in text
-        args = [command, "a.stl", "--up-axis", "z", "--crease-angle", "25", "--time", "1.5"]
+        args = [command, "a.stl", "--up-axis", "z", "--crease-angle", "25"]
         loading = grammar.parse([*args, "-o", "a.png"] if command == "render" else args).loading
-        assert loading == LoadOptions("z", 25.0, 1.5)
+        assert loading == LoadOptions("z", 25.0)
     for declaration in SETTINGS.values():
         assert f"{declaration.flag} " in text and f"({declaration.range}; default: " in text
     assert grammar.parse(["verify", "--samples", "64"]).values == {}, "--samples of verify is no setting of the renderer"

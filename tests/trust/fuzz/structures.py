@@ -28,7 +28,7 @@ NUMBERS = st.one_of(st.sampled_from(_ODD_NUMBERS.split()), st.integers(-4, 9).ma
 NAMES = st.one_of(st.sampled_from(_ODD_NAMES.split(" ")), st.text(max_size=8))
 WORDS = st.one_of(NUMBERS, NAMES)
 ENDS = st.sampled_from(["\n", "\n", "\n", "\r\n", "\r", "\n\n", " # note\n", "\v", "\f", "\x1c", ""])
-_FLAGS = "-o --size --eye --fov --frames --path --cache --buffers --stats --sky --allow --time --up-axis --help"
+_FLAGS = "-o --size --eye --fov --frames --path --cache --buffers --stats --sky --allow --up-axis --help"
 _GLTF = ("byteOffset", "byteStride", "sparse", "normalized", "extensions", "targets", "weights")  # keys of few objects
 _OBJ = "v X Y Z;vn X Y Z;vt U V;f A B C;f A;o NAME;usemtl NAME;s N;mtllib FILE;g NAME"
 _USAGES = {  # by reader: its lines, separated by `;`

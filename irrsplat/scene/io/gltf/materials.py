@@ -10,7 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from irrsplat.core.color import clip_color, linear_from_srgb, srgb
+from irrsplat.core.color import clip_color
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, Missing, extension, number, numbers, printable
@@ -20,7 +20,6 @@ from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
-_METAL = 0.18  # specular reflectance above that of any dielectric (diamond: 0.17)
 _Color = tuple[float, float, float]
 _IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # in order of preference
 
@@ -45,7 +44,6 @@ class Materials:
     document: Document
     _surfaces: dict[object, Surface] = field(default_factory=dict)
     _images: dict[object, Image | None] = field(default_factory=dict)
-    _metals: dict[object, Image] = field(default_factory=dict)  # by the two images and factors
     _clear: dict[int, bool] = field(default_factory=dict)  # True for images whose alpha is 1 everywhere, by id
 
     def surface(self, index: object) -> Surface:
@@ -102,8 +100,6 @@ class Materials:
         if any(used not in uv_sets for used in sets):
             self.document.unshown["more than two sets of texture coordinates in a material"] = None
         color, emission, normal = (self._texture(info, uv_sets) for info in infos)
-        if gloss is not None:
-            (r, g, b), color = self._with_metals(gloss, (r, g, b), color, uv_sets)
 
         glow = _emission(entry)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
@@ -127,22 +123,6 @@ class Materials:
             if material.alpha_mode == "opaque":
                 material = replace(material, albedo_texture=None)  # otherwise its alpha matters
         return Surface(material, (r, g, b, alpha), uv_sets)
-
-    def _with_metals(
-        self, gloss: Mapping[str, Any], diffuse: _Color, texture: Texture | None, uv_sets: tuple[int, int]
-    ) -> tuple[_Color, Texture | None]:
-        """Return the colour and texture of a specular-glossiness material: the specular colour where it is metallic."""
-        factor = _color(numbers(gloss, "specularFactor", (1.0, 1.0, 1.0)))
-        specular = self._texture(gloss.get("specularGlossinessTexture"), uv_sets)
-        if specular is None:
-            metal = "specularFactor" in gloss and texture is None and max(factor) > _METAL
-            return (_color(np.maximum(diffuse, factor)) if metal else diffuse), texture
-        if texture is not None and replace(texture, image=specular.image) != specular:
-            return diffuse, texture  # different mappings: no single image represents both
-        key = texture and id(texture.image), id(specular.image), diffuse, factor
-        if key not in self._metals:
-            self._metals[key] = _metal_image(texture.image if texture else None, specular.image, diffuse, factor)
-        return (1.0, 1.0, 1.0), replace(specular, image=self._metals[key])
 
     def _transmission(self, entry: Mapping[str, Any], base: Mapping[str, Any]) -> float:
         """Return the share of transmitted light: the factor without metal, times the mean of its texture's red."""
@@ -250,9 +230,8 @@ class _Pictures:
 
     @property
     def all(self) -> list[dict[str, Any]]:
-        """The existing textureInfos, including the specular one."""
-        gloss = None if self.gloss is None else self.gloss.get("specularGlossinessTexture")
-        return [info for info in (self.color, self.emission, self.normal, gloss) if isinstance(info, dict)]
+        """The existing textureInfos."""
+        return [info for info in (self.color, self.emission, self.normal) if isinstance(info, dict)]
 
 
 def _emission(entry: Mapping[str, Any]) -> _Color:
@@ -266,34 +245,6 @@ def _sources(texture: Mapping[str, Any]) -> list[object]:
     """Return the images of a texture in different formats, best first."""
     sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
     return sources + ([texture["source"]] if "source" in texture else [])
-
-
-def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color, specular_factor: _Color) -> Image:
-    """Return the diffuse image (None: white), replaced by the specular one where that is metallic; factors are included."""
-    gloss = _times(specular.pixels, specular_factor)
-    color = _times(np.full_like(gloss, 255) if diffuse is None else diffuse.pixels, diffuse_factor)
-    if gloss.shape != color.shape:
-        import PIL.Image
-
-        gloss = np.asarray(PIL.Image.fromarray(gloss).resize((color.shape[1], color.shape[0])))
-    metal = gloss[..., :3].max(-1, keepdims=True) > round(255.0 * float(srgb(np.array(_METAL))))
-    color[..., :3] = np.where(metal, np.maximum(color[..., :3], gloss[..., :3]), color[..., :3])
-    return Image(color, (diffuse or specular).name)
-
-
-def _times(pixels: np.ndarray, factor: _Color) -> np.ndarray:
-    """Return a copy of sRGB pixels (H, W, 4) with their linear colours multiplied by a factor."""
-    linear = linear_from_srgb(np.arange(256) / 255.0)
-    scaled = pixels.copy()
-    for i, value in enumerate(factor):
-        if value != 1.0:
-            scaled[..., i] = np.rint(255.0 * srgb(linear * value)).astype(np.uint8)[pixels[..., i]]
-    return scaled
-
-
-def _color(values: np.ndarray | tuple[float, ...]) -> _Color:
-    r, g, b = np.asarray(values, float).tolist()
-    return r, g, b
 
 
 def _uv_set(info: Mapping[str, Any]) -> int:

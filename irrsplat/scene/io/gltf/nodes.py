@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from irrsplat.scene.io.gltf import accessors
-from irrsplat.scene.io.gltf.animation import Pose
 from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, printable
 
 _TRS: dict[str, tuple[float, ...]] = {
@@ -29,7 +28,7 @@ class Node:
     world: np.ndarray
 
 
-def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
+def worlds(document: Document) -> list[np.ndarray | None]:
     """Return (4, 4) float64 world_from_node of every node of the file; None for a damaged one and its descendants."""
     entries = document.entries("nodes")
     parents = [-1] * len(entries)
@@ -51,7 +50,7 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
         pending += below[i]
         if parents[i] < 0 or parents[i] in given:
             with document.part(name(document, i)):
-                given[i] = _local_transform(document.entry("nodes", i), i, pose)
+                given[i] = _local_transform(document.entry("nodes", i))
     for i in sorted(unreached):
         document.leave_out(name(document, i), "its parents form a cycle")
     apart = [i for i, one in given.items() if isinstance(one, list)]
@@ -105,15 +104,14 @@ def name(document: Document, index: int) -> str:
     return f"node '{printable(named)}'" if named else f"node {index}"
 
 
-def _local_transform(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray | list[float]:
+def _local_transform(entry: Mapping[str, Any]) -> np.ndarray | list[float]:
     """Return (4, 4) parent_from_node, or the ten numbers of its translation, rotation and scale."""
-    moved = {path: pose[index, path] for path in _TRS if (index, path) in pose}
-    if "matrix" in entry and not moved:
+    if "matrix" in entry:
         matrix: np.ndarray = np.reshape(numbers(entry, "matrix", tuple(np.eye(4).reshape(-1))), (4, 4)).T
         if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-4):
             raise Damaged("its matrix is not affine")
         return matrix
-    return [value for path, default in _TRS.items() for value in moved.get(path, numbers(entry, path, default))]
+    return [value for path, default in _TRS.items() for value in numbers(entry, path, default)]
 
 
 def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Reader of `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights at a time of its animations."""
+"""Reader of `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights, without animations."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
-from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
 from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, printable, read
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
@@ -63,14 +62,14 @@ _SUPPORTED = {  # extensions that are supported, or that have no visible effect
 def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
     """Load the default scene of a `.gltf` or `.glb` file, in metres, y up unless the options differ.
 
-    Animations are evaluated at the options' time; None: their first frame. Damaged and unsupported parts are left out, with
-    Scene.notices. origin: of the scene. Raises FarAway for another origin, and InputError, one line with the file's path, for a
-    truncated file, for no glTF 2.0, and for one without visible triangles.
+    Nodes are where the file stores them, without animations. Damaged and unsupported parts are left out, with Scene.notices.
+    origin: of the scene. Raises FarAway for another origin, and InputError, one line with the file's path, for a truncated file,
+    for no glTF 2.0, and for one without visible triangles.
     """
     sky = sky_of(options.sky)
-    document, time = read(path), options.time
+    document = read(path)
     with np.errstate(all="ignore"):
-        reader = _Reader(document, pose(document, 0.0 if time is None else time), origin)
+        reader = _Reader(document, origin)
         meshes = reader.meshes()
         if not meshes:
             raise InputError(f"{reader.failure()}; nothing is left to show", path)
@@ -81,8 +80,8 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
     for used in document.entries("extensionsUsed"):
         if used not in _SUPPORTED:
             document.unshown[printable(used)] = None
-    if document.entries("animations") and time is None:
-        document.unshown["animations beyond their first frame (--time poses them)"] = None
+    if document.entries("animations"):
+        document.unshown["animations"] = None
     return finish(
         path,
         meshes,
@@ -102,7 +101,6 @@ class _Reader:
     """Conversion of a document's meshes. origin: of the scene. degenerate: number of dropped triangles without an area."""
 
     document: Document
-    pose: Pose
     origin: Vector
     degenerate: int = 0
     nodes: list[Node] = field(init=False)
@@ -112,7 +110,7 @@ class _Reader:
     _attribute_cache: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
 
     def __post_init__(self) -> None:
-        self._world = worlds(self.document, self.pose)
+        self._world = worlds(self.document)
         self.nodes = visible(self.document, self._world)
         if not self.document.entries("nodes"):  # a library of meshes
             self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(self.document.entries("meshes")))]
@@ -225,9 +223,7 @@ class _Reader:
         """Return the triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raise
         Damaged."""
         targets = self.document.entries("targets", entry["primitives"][i])
-        given = self.pose.get((node.index, "weights"))
-        if given is None:
-            given = np.asarray(node.entry.get("weights", entry.get("weights", [])), float).reshape(-1)
+        given = np.asarray(node.entry.get("weights", entry.get("weights", [])), float).reshape(-1)
         weights = np.nan_to_num(given)[: len(targets)] if targets else np.zeros(0)
         key = weights.tobytes()
         if key not in attributes.shapes:
