@@ -1,4 +1,4 @@
-"""Reader of `.ply` files, text or binary: polygons and triangle strips with colours, normals and texture coordinates."""
+"""Reader of `.ply` files, text or binary: polygons with colours and normals of their vertices."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ import numpy as np
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.paths import MOST_GEOMETRY, MOST_IMAGE, read_bytes
+from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
 from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.images import find_file, read_image
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.text import decoded, floats
 from irrsplat.scene.io.part import Part
-from irrsplat.scene.model import Material, Texture
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -32,7 +30,6 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
-_COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _INDICES = ("vertex_indices", "vertex_index")
 
 
@@ -64,24 +61,24 @@ Columns = dict[str, "np.ndarray | _List"]
 
 
 def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    """Read the faces of the file as one part; vertex or face colours are sRGB, and apply where there is no texture.
+    """Read the faces of the file as one part; vertex colours are sRGB.
 
-    Columns are x y z, nx ny nz, red green blue, s t (or u v, texture_u texture_v; a list `texcoord` of the faces) with the image
-    in ``comment TextureFile``, `vertex_indices` and `tristrips`. Missing normals are computed by the crease angle. Invalid faces
-    are left out with a notice. Raises InputError for a truncated file, for no PLY file, and for one without faces.
+    Columns are x y z, nx ny nz, red green blue and `vertex_indices`. Missing normals are computed by the crease angle. Invalid
+    faces are left out, and textures are not shown, with a notice. Raises InputError for a truncated file, for no PLY file, and
+    for one without faces.
     """
     data = read_bytes(path, MOST_GEOMETRY)
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:100_000])
     if not re.match(rb"ply\s", data) or end is None:
         raise InputError("this is no PLY file (it has no PLY header); export it again", path)
-    order, elements, images = _header(path, decoded(data[: end.start()]))
+    order, elements, textured = _header(path, decoded(data[: end.start()]))
     body = data[end.end() :]
     tables: dict[str, Columns] = {}
     reader = _TextBody(body) if order == "ascii" else _BinaryBody(body, order)
     for element in elements:
         columns = reader.element(element)
         if columns is None:
-            if tables.keys() >= {"vertex"} and {"face", "tristrips"} & tables.keys() and element.name not in ("vertex", "face"):
+            if tables.keys() >= {"vertex", "face"}:
                 break  # all drawn elements have been read
             raise InputError(f"the file is truncated: its header declares {element.length} of '{element.name}'", path)
         tables[element.name] = columns
@@ -89,28 +86,38 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     if not {"x", "y", "z"} <= vertex.keys():
         raise InputError("there are no vertices in this file; expected an element 'vertex' with x, y and z", path)
     positions = _stacked(vertex, ("x", "y", "z"))
-    corners, face, where, lost = _triangles(positions, tables)
+    corners, lost = _triangles(positions, tables.get("face", {}))
     if not len(corners):
         raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
     if lost:
-        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_LOSS_REASON}")
-    return [_part(path, notices, options, vertex, tables.get("face", {}), positions, corners, face, where, images)]
+        reason = "they have fewer than three corners, or a vertex that is not there or not finite"
+        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {reason}")
+    if textured:
+        notices.append(f"{path}: the textures of this PLY file are not shown; save it as glTF or OBJ to keep them")
+    colors = None
+    if own := next((names for names in _COLORS if vertex.keys() >= set(names)), None):
+        colors = _unit_colors(np.stack([np.asarray(vertex[name]) for name in own], 1))
+    normals, corner_normals = None, None
+    if vertex.keys() >= {"nx", "ny", "nz"}:
+        normals = _stacked(vertex, ("nx", "ny", "nz"))
+        corner_normals = corners
+    positions = np.where(np.isfinite(positions), positions, 0.0)
+    if normals is None and options.crease_angle > 0.0:
+        normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
+    return [Part(positions, corners, normals, corner_normals, colors=colors, name=path.stem)]
 
 
-_LOSS_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
-
-
-def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
-    """Return a header's format ("ascii", "<" or ">"), elements, and names of images; raise InputError for an invalid one."""
-    order, elements, images = "", [], []
+def _header(path: Path, text: str) -> tuple[str, list[_Element], bool]:
+    """Return a header's format ("ascii", "<" or ">"), its elements, and True if it names a texture; raise InputError for an
+    invalid one."""
+    order, elements, textured = "", [], False
     for i, line in enumerate(text.splitlines(), 1):
         words = line.split()
         try:
             if not words:
                 continue
             if words[0] == "comment":
-                if words[1:2] == ["TextureFile"]:
-                    images.append(line.split(None, 2)[2].strip())
+                textured |= words[1:2] == ["TextureFile"]
             elif words[0] == "format":
                 order = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}[words[1]]
             elif words[0] == "element":
@@ -124,7 +131,7 @@ def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
             raise InputError(f"this is no line of a PLY header: {quote(line.strip())}; export it again", path, i) from None
     if not order:
         raise InputError("this PLY file has no 'format' line; export it again", path)
-    return order, elements, images
+    return order, elements, textured
 
 
 class _TextBody:
@@ -241,128 +248,25 @@ def _stacked(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
     return np.stack([np.asarray(columns[name], float) for name in names], 1)
 
 
-def _triangles(positions: np.ndarray, tables: dict[str, Columns]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return (F, 3) into positions, (F,) their faces (-1: of a strip), (F, 3) into the faces' lists, and the number of lost
-    faces."""
-    none = np.zeros((0, 3), np.int64)
-    corners, face, where, lost = none, np.zeros(0, np.int64), none, 0
-    usable = np.isfinite(positions).all(1) & (np.abs(positions) < GREATEST).all(1)
-    columns = tables.get("face", {})
+def _triangles(positions: np.ndarray, columns: Columns) -> tuple[np.ndarray, int]:
+    """Return (F, 3) into positions, of the faces with these `columns`, and the number of lost faces."""
     lists = next((columns[name] for name in _INDICES if name in columns), None)
-    if isinstance(lists, _List) and len(lists.values):
-        owner = np.repeat(np.arange(len(lists.sizes)), lists.sizes)
-        index = np.nan_to_num(lists.values.astype(float), nan=-1.0).astype(np.int64)
-        there = (index >= 0) & (index < len(positions))
-        bad = lists.sizes < 3
-        bad[owner[~there | ~usable[np.where(there, index, 0)]]] = True
-        lost = int(bad.sum())
-        entries, kept = np.flatnonzero(~bad[owner]), np.flatnonzero(~bad)
-        local, polygon = triangulate(positions, index[entries], lists.sizes[kept])
-        corners, face, where = index[entries][local], kept[polygon], entries[local]
-    strips = tables.get("tristrips", {})
-    lists = next((strips[name] for name in _INDICES if name in strips), None)
-    if isinstance(lists, _List) and len(lists.values):
-        index = np.insert(lists.values.astype(np.int64), np.cumsum(lists.sizes)[:-1], -1)
-        ends = index < 0
-        place = np.arange(len(index))
-        odd = (place - np.maximum.accumulate(np.where(ends, place, -1)) - 1) % 2 == 1
-        three = np.stack([index[:-2], index[1:-1], index[2:]], 1)
-        three[odd[:-2]] = three[odd[:-2]][:, [1, 0, 2]]
-        three = three[(three >= 0).all(1)]
-        good: np.ndarray = np.max(three, axis=1, initial=-1) < len(positions)
-        good[good] = usable[three[good]].all(1)
-        lost += int((~good).sum())
-        corners = np.concatenate([corners, three[good]])
-        face = np.append(face, np.full(int(good.sum()), -1))
-        where = np.concatenate([where, np.full((int(good.sum()), 3), -1)])
-    return corners, face, where, lost
+    if not isinstance(lists, _List) or not len(lists.values):
+        return np.zeros((0, 3), np.int64), 0
+    usable = np.isfinite(positions).all(1) & (np.abs(positions) < GREATEST).all(1)
+    owner = np.repeat(np.arange(len(lists.sizes)), lists.sizes)
+    index = np.nan_to_num(lists.values.astype(float), nan=-1.0).astype(np.int64)
+    there = (index >= 0) & (index < len(positions))
+    bad = lists.sizes < 3
+    bad[owner[~there | ~usable[np.where(there, index, 0)]]] = True
+    entries = np.flatnonzero(~bad[owner])
+    local, _ = triangulate(positions, index[entries], lists.sizes[~bad])
+    return index[entries][local], int(bad.sum())
 
 
-def _part(
-    path: Path,
-    notices: list[str],
-    options: LoadOptions,
-    vertex: Columns,
-    faces: Columns,
-    positions: np.ndarray,
-    corners: np.ndarray,
-    face: np.ndarray,
-    where: np.ndarray,
-    images: list[str],
-) -> Part:
-    """Return the part with these triangles and the file's colours, texture and normals."""
-    positions = np.where(np.isfinite(positions), positions, 0.0)
-    texture, files = _texture(path, notices, images)
-    uvs, corner_uvs = _coordinates(vertex, faces, corners, where) if texture else (None, None)
-    if uvs is None:
-        texture = None
-    colors = None
-    if texture is None:
-        own = next((names for names in _COLORS if vertex.keys() >= set(names)), None)
-        of_face = next((names for names in _COLORS if faces.keys() >= set(names)), None)
-        if own:
-            colors = _unit_colors(np.stack([np.asarray(vertex[name]) for name in own], 1), vertex, own)
-        elif of_face and (face >= 0).all():
-            rgb = _unit_colors(np.stack([np.asarray(faces[name]) for name in of_face], 1), faces, of_face)
-            colors = np.repeat(rgb[face], 3, axis=0)
-    normals, corner_normals = None, None
-    if vertex.keys() >= {"nx", "ny", "nz"}:
-        normals = _stacked(vertex, ("nx", "ny", "nz"))
-        corner_normals = corners
-    elif options.crease_angle > 0.0:
-        normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
-    if colors is not None and len(colors) != len(positions):  # a face's colour belongs to its own corners
-        positions, corners = positions[corners].reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
-    return Part(
-        positions,
-        corners,
-        normals,
-        corner_normals,
-        material=Material((1.0, 1.0, 1.0), albedo_texture=texture) if texture else Material(),
-        colors=colors,
-        name=path.stem,
-        files=files,
-        uvs=uvs,
-        corner_uvs=corner_uvs,
-    )
-
-
-def _texture(path: Path, notices: list[str], images: list[str]) -> tuple[Texture | None, tuple[Path, ...]]:
-    if not images:
-        return None, ()
-    if len(images) > 1:
-        notices.append(f"{path}: only the first of its {len(images)} textures is shown; save it with one, or as OBJ")
-    file = find_file(path.parent, images[0])
-    if file is None:
-        notices.append(f"{path}: there is no image {quote(images[0])}; using grey 0.5")
-        return None, ()
-    try:
-        return Texture(read_image(read_bytes(file, MOST_IMAGE), file.name)), (file,)
-    except InputError as error:
-        notices.append(f"{path}: {error}; using grey 0.5")
-        return None, (file,)
-
-
-def _coordinates(
-    vertex: Columns, faces: Columns, corners: np.ndarray, where: np.ndarray
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return (T, 4) texture coordinates, v downward, and (F, 3) indices into them; None and None where there are none."""
-    wedge = faces.get("texcoord")
-    indices = next((faces[name] for name in _INDICES if name in faces), None)
-    if isinstance(wedge, _List) and isinstance(indices, _List) and (wedge.sizes == 2 * indices.sizes).all():
-        uv, corner_uvs = wedge.values.reshape(-1, 2).astype(float), where
-    else:
-        names = next((names for names in _COORDINATES if vertex.keys() >= set(names)), None)
-        if names is None:
-            return None, None
-        uv, corner_uvs = _stacked(vertex, names), corners
-    uv = np.nan_to_num(uv, posinf=0.0, neginf=0.0)
-    return np.column_stack([uv[:, 0], 1.0 - uv[:, 1], np.zeros((len(uv), 2))]), corner_uvs
-
-
-def _unit_colors(values: np.ndarray, columns: Columns, names: tuple[str, ...]) -> np.ndarray:
+def _unit_colors(values: np.ndarray) -> np.ndarray:
     """Return (N, 3) linear reflectance of sRGB colours, either integers of some width or floats in 0..1."""
-    kind = np.asarray(columns[names[0]]).dtype
+    kind = values.dtype
     scale = (
         float(np.iinfo(kind).max) if kind.kind in "ui" else 255.0 if float(np.nan_to_num(values).max(initial=0.0)) > 2.0 else 1.0
     )
