@@ -1,7 +1,4 @@
-"""Atomic writing of files: under a temporary name in the same folder, then renamed.
-
-Each writer locks its temporary files. Files of a killed process are removed by the next writer.
-"""
+"""Atomic writing of files: under a temporary name in the same folder, then renamed."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 try:
     import fcntl
-except ImportError:  # Windows lacks these locks, so nothing is swept there
+except ImportError:  # Windows lacks these locks
     fcntl = None  # type: ignore[assignment]
 
 Pathlike = str | os.PathLike[str]
@@ -39,7 +36,6 @@ DAMAGE = (
 
 _HEADER = 1 << 20  # bytes of an EXR's header, at most
 _CHUNK = 16  # rows per ZIP chunk of an EXR
-_PARTS = ".irrsplat-*.part*"
 
 
 def check_file(path: Pathlike) -> None:
@@ -158,42 +154,16 @@ def check_exr(path: Path, rows: int) -> None:
 
 @contextmanager
 def _part(folder: Path, make: Callable[[Path], object], ending: str = "") -> Iterator[Path]:
-    """Yield a temporary file or folder in `folder`, made by `make`, locked by this process and removed at the end."""
-    handle, part = None, folder
+    """Yield a temporary file or folder in `folder`, made by `make` and removed at the end."""
+    part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
     try:
-        while handle is None:  # another process may remove the file before it is locked
-            part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
-            make(part)
-            handle = _lock(part)
+        make(part)
         yield part
-    finally:  # an interruption may come before the lock
-        if part.is_dir() and part != folder:
+    finally:
+        if part.is_dir():
             shutil.rmtree(part, ignore_errors=True)
-        elif part.is_file():
+        else:
             part.unlink(missing_ok=True)
-        if handle is not None and handle >= 0:
-            os.close(handle)
-
-
-def _lock(part: Path) -> int | None:
-    """Return a handle that locks `part`; -1 without locks; None if another process removes `part`."""
-    if fcntl is None:
-        return -1
-    try:
-        handle = os.open(part, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    swept = False
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        swept = True
-    except OSError:  # a file system without locks, where nothing is swept either
-        pass
-    if not swept and part.exists():
-        return handle
-    os.close(handle)
-    return None
 
 
 @contextmanager
@@ -209,24 +179,6 @@ def locked(folder: Path) -> Iterator[None]:
     finally:
         if handle is not None:
             os.close(handle)
-
-
-def _sweep(folder: Path) -> None:
-    """Remove unlocked temporary files and folders in `folder`, whose processes are dead."""
-    if fcntl is None:
-        return
-    for part in folder.glob(_PARTS):
-        with suppress(OSError):  # removed meanwhile, owned by another user, or locked
-            handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-            try:
-                kind = os.fstat(handle).st_mode  # a pipe or a device of that name is not ours
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if stat.S_ISDIR(kind):
-                    shutil.rmtree(part, ignore_errors=True)
-                elif stat.S_ISREG(kind):
-                    part.unlink()
-            finally:
-                os.close(handle)
 
 
 def _put(part: Path, target: Path) -> None:
@@ -271,34 +223,30 @@ def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
     synced before the rename.
     """
     target = Path(os.path.realpath(path))
-    with _naming(path):
-        _sweep(target.parent)
-        with _part(target.parent, lambda part: part.touch(exist_ok=False), target.suffix) as part:
-            _keep_mode(part, target)
-            write(part)
-            _put(part, target)
+    with _naming(path), _part(target.parent, lambda part: part.touch(exist_ok=False), target.suffix) as part:
+        _keep_mode(part, target)
+        write(part)
+        _put(part, target)
 
 
 def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> None:
     """Write all pictures into a new folder, then rename the folder, or its files if `folder` exists."""
     exists = folder.is_dir()
     inside = folder if exists else folder.parent
-    with _naming(folder):
-        _sweep(inside)
-        with _part(inside, Path.mkdir) as part:
-            names = []
-            for name, display in pictures:
-                (part / name).touch()
-                _keep_mode(part / name, folder / name)
-                _png(part / name, display)
-                names.append(name)
-            if exists:
-                for name in names:
-                    _put(part / name, folder / name)
-                return
+    with _naming(folder), _part(inside, Path.mkdir) as part:
+        names = []
+        for name, display in pictures:
+            (part / name).touch()
+            _keep_mode(part / name, folder / name)
+            _png(part / name, display)
+            names.append(name)
+        if exists:
             for name in names:
-                _sync(part / name)
-            _put(part, folder)
+                _put(part / name, folder / name)
+            return
+        for name in names:
+            _sync(part / name)
+        _put(part, folder)
 
 
 def _try_folder(text: str) -> None:

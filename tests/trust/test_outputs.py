@@ -107,32 +107,6 @@ def test_patterns_with_equal_names_at_a_later_frame_are_refused(refused: Callabl
     assert "f{frame:02d}.png: frame 10 would go to a file of 'f{frame}.png'" in line
 
 
-def test_temporary_files_of_a_killed_process_are_removed(tmp_path: Path) -> None:
-    """The next writer removes temporary files of dead processes; files of living processes, other names, links, pipes stay."""
-    (tmp_path / ".irrsplat-0123456789ab.part").write_text("half")
-    (tmp_path / ".irrsplat-0123456789ac.part").mkdir()
-    (tmp_path / ".irrsplat-0123456789ac.part" / "a.png").touch()
-    (tmp_path / "precious").mkdir()
-    (tmp_path / "precious/file").touch()
-    (tmp_path / ".irrsplat-0123456789ad.part").symlink_to(tmp_path / "precious")
-    os.mkfifo(tmp_path / ".irrsplat-0123456789ae.part")
-    others = {"precious", ".irrsplat-0123456789ad.part", ".irrsplat-0123456789ae.part", "a.part", ".irrsplat-notes"}
-    for name in ("a.part", ".irrsplat-notes"):
-        (tmp_path / name).touch()
-    seen: list[str] = []
-
-    def fill(part: Path) -> None:
-        """Write another file meanwhile."""
-        part.write_text("new")
-        files.write_text(tmp_path / "b.txt", "other")
-        seen.extend(path.name for path in tmp_path.glob(".irrsplat-*") if path.name not in others)
-        assert seen == [part.name]
-
-    files.write_file(tmp_path / "a.txt", fill)
-    assert seen and {path.name for path in tmp_path.iterdir()} == {"a.txt", "b.txt"} | others
-    assert (tmp_path / "a.txt").read_text() == "new" and (tmp_path / "precious/file").exists()
-
-
 @pytest.mark.parametrize("rows", [1, 16, 33])
 def test_a_truncated_exr_is_detected(rows: int, tmp_path: Path) -> None:
     """OpenEXR's writer does not report a full disk; missing or zeroed data at the end is detected."""
@@ -150,22 +124,6 @@ def test_a_truncated_exr_is_detected(rows: int, tmp_path: Path) -> None:
             path.write_bytes(whole[:length] + padded)
             with pytest.raises(OSError):
                 files.check_exr(path, rows)
-
-
-def test_a_temporary_file_removed_before_its_lock_is_created_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another process removes the temporary file before it is locked: the file is still written."""
-    fcntl = pytest.importorskip("fcntl")
-    lock, swept = fcntl.flock, list[Path]()
-
-    def late(handle: int, how: int) -> None:
-        if not swept:
-            swept.extend(tmp_path.glob(".irrsplat-*.part*"))
-            swept[0].unlink()
-        lock(handle, how)
-
-    monkeypatch.setattr(fcntl, "flock", late)
-    files.write_text(tmp_path / "a.txt", "new")
-    assert len(swept) == 1 and [path.read_text() for path in tmp_path.iterdir()] == ["new"]
 
 
 def test_permissions_and_links_stay(tmp_path: Path) -> None:
