@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -15,7 +15,6 @@ from irrsplat.core.buffers import Uniforms
 from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
 from irrsplat.gpu import context, self_test, shader_source
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 
 DEPTH_CLAMP = 0x864F
@@ -116,7 +115,7 @@ class Program:
     @cached_property
     def _source(self) -> list[shader_source.Source]:
         """The vertex and the fragment shader. Many programs are never drawn: their files are not read."""
-        return self._sources()
+        return [shader_source.load(file, self._defines) for file in self._files]
 
     @cached_property
     def uniforms(self) -> dict[str, str]:
@@ -128,24 +127,15 @@ class Program:
         """The texture unit of each sampler."""
         return {name: unit for unit, name in enumerate(name for name, kind in self.uniforms.items() if "sampler" in kind)}
 
-    def _sources(self) -> list[shader_source.Source]:
-        """Return the vertex and the fragment shader, read from their files."""
-        return [shader_source.load(file, self._defines) for file in self._files]
-
-    def _set_sources(self, sources: list[shader_source.Source]) -> None:
-        for derived in ("uniforms", "units"):
-            self.__dict__.pop(derived, None)
-        self._source = sources
-
-    def _link(self, sources: list[shader_source.Source]) -> _Linked:
-        vertex, fragment, geometry = sources[0].text, sources[1].text, None
+    def _link(self) -> _Linked:
+        vertex, fragment, geometry = self._source[0].text, self._source[1].text, None
         if "gl_PrimitiveID" in fragment and not self_test.numbers_triangles(self.ctx):
             geometry, fragment = shader_source.numbering_triangles(vertex, fragment, self._defines)
         try:
             return _Linked.of(self.ctx, vertex, fragment, geometry)
         except moderngl.Error as error:
             log = str(error)
-            faulty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
+            faulty = self._source[0] if "vertex_shader" in log.lower().replace(" ", "_") else self._source[1]
             raise shader_source.ShaderError(shader_source.explain(log, faulty)) from error
 
     def _install(self, linked: _Linked) -> None:
@@ -159,7 +149,7 @@ class Program:
     def gl(self) -> moderngl.Program:
         """The linked program; raises ShaderError if it does not compile."""
         if self._linked is None:
-            self._install(self._link(self._source))
+            self._install(self._link())
         assert self._linked is not None
         return self._linked.gl
 
@@ -285,34 +275,3 @@ class Program:
         linked, self._linked = self._linked, None
         if linked is not None:
             linked.release()
-
-
-def programs_of(*owners: Owner) -> Iterator[Program]:
-    """Yield every program that these owners own, directly or through others."""
-    return (thing for owner in owners for thing in owner.resources() if isinstance(thing, Program))
-
-
-def reload(programs: Iterable[Program]) -> None:
-    """Compile all programs again from their files; all or none.
-
-    Raises ShaderError, and keeps all programs, if one does not compile or declares other uniforms than its caller gives.
-    """
-    made: list[tuple[Program, list[shader_source.Source], _Linked]] = []
-    try:
-        for program in programs:
-            sources = program._sources()
-            made.append((program, sources, program._link(sources)))
-            uniforms = {name for source in sources for name in source.uniforms}
-            if uniforms != program.uniforms.keys():
-                changed = ", ".join(sorted(uniforms ^ program.uniforms.keys()))
-                raise shader_source.ShaderError(
-                    f"{program.name}: the uniforms are others now ({changed}); start the program again"
-                )
-    except shader_source.ShaderError:
-        for _, _, linked in made:
-            linked.release()
-        raise
-    for program, sources, linked in made:
-        program.release()
-        program._set_sources(sources)
-        program._install(linked)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from irrsplat.core import glsl
@@ -15,9 +16,6 @@ _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 _UNIFORM = re.compile(r"^\s*uniform\s+(\w+)\s+(\w+)\s*(\[[^\]]*\])?\s*;", re.MULTILINE)
 _OUTPUT = re.compile(r"^\s*(flat\s+)?out\s+(\w+)\s+(\w+)\s*(?:\[(\w+)\])?\s*;", re.MULTILINE)
 _PLACE = re.compile(r"\b(\d+)[:(](\d+)\)?")  # Mesa: 2:17(5), NVIDIA: 2(17), Apple and Intel: 2:17
-
-
-_Stamps = dict[Path, tuple[int, int] | None]
 
 
 class ShaderError(IrrsplatError):
@@ -34,41 +32,21 @@ class Source:
     uniforms: dict[str, str]
 
 
-_MOST_LOADED = 500  # some 15 MB
-_loaded: dict[tuple[object, ...], tuple[Source, _Stamps]] = {}  # results of `load`, and the states of their files
-
-
 def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
     """Return the shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` expanded.
 
     `#include "lib/x.glsl"` is replaced by the file's text once, and by nothing afterwards; "generated/x.glsl" is written in
     Python (core/glsl.py). Includes in blocks that the compiler skips are left out. Places of lines are kept here, not in #line
-    directives, because Mesa drops their file numbers. Unchanged files are not read again. Raises ShaderError for a missing file.
+    directives, because Mesa drops their file numbers. Bundled files are read once. Raises ShaderError for a missing file.
     """
-    root, defines = root or folder("shaders"), defines or {}
-    key = name, root, tuple((key, str(value)) for key, value in defines.items())
-    if key not in _loaded or _stamps(_loaded[key][1]) != _loaded[key][1]:
-        if len(_loaded) >= _MOST_LOADED:
-            _loaded.clear()
-        _loaded[key] = _expanded(name, defines, root)
-    return _loaded[key][0]
+    values = tuple((key, value, str(value)) for key, value in (defines or {}).items())  # 1 and True differ as text
+    return _expanded(name, values, folder("shaders")) if root is None else _expanded.__wrapped__(name, values, root)
 
 
-def _stamps(files: Iterable[Path]) -> _Stamps:
-    """Return each file's time of modification in ns and its size; None for a missing file."""
-    found: _Stamps = {}
-    for file in files:
-        try:
-            about = file.stat()
-            found[file] = about.st_mtime_ns, about.st_size
-        except OSError:
-            found[file] = None
-    return found
-
-
-def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Source, _Stamps]:
-    """Return the shader file `name` with all includes, and the files it consists of."""
-    stamps: _Stamps = {}
+@lru_cache(500)  # some 15 MB
+def _expanded(name: str, values: tuple[tuple[str, object, str], ...], root: Path) -> Source:
+    """Return the shader file `name` with all includes."""
+    defines = {key: value for key, value, _ in values}
     seen: set[str] = set()
     text = ["#version 330 core", *(f"#define {key} {value}" for key, value in defines.items())]
     places = [(name, 0)] * len(text)
@@ -79,8 +57,6 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
             return
         seen.add(name)
         try:
-            if name not in glsl.INCLUDES:
-                stamps.update(_stamps([root / name]))  # before the file is read, so that a change in between is noticed next time
             content = glsl.INCLUDES[name] if name in glsl.INCLUDES else (root / name).read_text(encoding="utf-8")
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
@@ -96,7 +72,7 @@ def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Sou
 
     expand(name, "")
     whole = "\n".join(text) + "\n"
-    return Source(name, whole, tuple(places), _uniforms(whole, defines)), stamps
+    return Source(name, whole, tuple(places), _uniforms(whole, defines))
 
 
 class _Conditions:

@@ -18,7 +18,7 @@ from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
-from irrsplat.gpu import program, self_test
+from irrsplat.gpu import self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
 from irrsplat.gpu.timers import Timers
@@ -322,13 +322,6 @@ class Renderer(Tenant):
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
         self._frames.change_to(self._tiling.checked(state, self.ctx, again=state.size != self.size))
-
-    def reload(self) -> None:
-        """Read the shaders' files again and draw with them; raises ShaderError for a faulty one, and keeps the former
-        programs."""
-        self._use()
-        program.reload(program.programs_of(self))
-        self.renew()
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -20,7 +19,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.program import Program, programs_of
+from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
@@ -37,13 +36,12 @@ from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.refresh_order import RefreshOrder
-from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import SIZE
-from tests.support.worlds import Lit, floor, point_light, scene
+from tests.support.worlds import Lit, floor, scene
 
 LIT = {
     "lighting/direct",
@@ -101,7 +99,7 @@ def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:
     """The names of all their programs, each linked and freed again."""
     names = set()
     for one in passes:
-        names |= {each.name for each in programs_of(one) if each.gl}
+        names |= {each.name for each in one.resources() if isinstance(each, Program) and each.gl}
         one.release()
     ctx.detect_framebuffer(0).use()
     return names
@@ -139,32 +137,6 @@ def test_each_input_of_a_fragment_shader_is_an_output_of_its_vertex_shader() -> 
             for word, name in (("in", fragment), ("out", vertex))
         )
         assert taken <= given, f"{fragment} with {vertex}"
-
-
-def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(
-    ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The error has file and line. A corrected file is drawn with as soon as it is read."""
-    shutil.copytree(paths.folder("shaders"), tmp_path / "shaders")
-    file = tmp_path / "shaders/image/composite.frag"
-    good = file.read_text()
-    at = next(i for i, line in enumerate(good.splitlines()) if "void main" in line)
-    with Renderer(scene(floor(), lights=(point_light((0, 2, 0)),)), (16, 12), ctx=ctx, bounces=0) as renderer:
-        before = renderer.render().image
-        monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path / "shaders")
-        for text, works in (
-            (good.replace("void main", "float wrong = nonsense;\nvoid main"), False),
-            (good.replace("out_image = ", "out_image = 0.0 * "), True),
-            (good, True),
-        ):
-            file.write_text(text)
-            if works:
-                renderer.reload()
-            else:
-                with pytest.raises(shader_source.ShaderError, match=rf"image/composite.frag:{at + 1}: .*nonsense"):
-                    renderer.reload()
-            assert renderer.render().image.any() == ("0.0 *" not in text)
-        assert np.array_equal(renderer.render().image, before)
 
 
 def test_programs_of_one_text_are_linked_once(ctx: moderngl.Context) -> None:

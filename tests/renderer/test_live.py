@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -13,10 +11,8 @@ import numpy as np
 import pytest
 
 from irrsplat import InputError, Renderer
-from irrsplat.core import paths
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.timing.clock import use_clock
-from irrsplat.gpu import shader_source
 from irrsplat.image.view import Progress
 from irrsplat.renderer.moving import divisor_after
 from irrsplat.scene.model import Camera, Light
@@ -283,29 +279,6 @@ def test_another_size_keeps_the_records(renderer: Renderer) -> None:
     assert renderer.size == (96, 80)
 
 
-def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A changed shader changes the picture; a faulty one is reported with file and line, and the last valid one stays in use."""
-    copy = tmp_path / "shaders"
-    shutil.copytree(paths.folder("shaders"), copy)
-    monkeypatch.setattr(shader_source, "folder", lambda name: copy)
-    before = renderer.render().image
-    file = copy / "image/composite.frag"
-    good = file.read_text(encoding="utf-8")
-    file.write_text(good.replace("out_image = vec4(", "out_image = 2.0 * vec4("), encoding="utf-8")
-    renderer.reload()
-    assert np.allclose(renderer.render().image, 2.0 * before, rtol=0.01)
-    file.write_text(good.replace("out_image = vec4(", "out_image = wrong + vec4("), encoding="utf-8")
-    with pytest.raises(shader_source.ShaderError, match=r"composite\.frag:\d+: .*wrong"):
-        renderer.reload()
-    assert np.allclose(renderer.render().image, 2.0 * before, rtol=0.01)
-    file.write_text(good.replace("uniform vec2 blend;", "uniform vec2 mixture;").replace("blend.", "mixture."), encoding="utf-8")
-    with pytest.raises(shader_source.ShaderError, match=r"blend, mixture"):
-        renderer.reload()
-    file.write_text(good, encoding="utf-8")
-    renderer.reload()
-    assert np.allclose(renderer.render().image, before, rtol=0.01)
-
-
 @pytest.mark.few_sites
 def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """All OpenGL objects of a renderer with a given context are freed at its release, after any changes."""
@@ -329,8 +302,6 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
         for x in (0.1, 0.2):
             renderer.move(1, np.array([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0]]))
             renderer.render()
-        renderer.reload()
-        renderer.render()
         alive = len(made)
     assert alive > 60
     left = [thing for thing in made if not isinstance(thing.mglo, moderngl.InvalidObject)]
