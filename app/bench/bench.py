@@ -99,11 +99,10 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
 
 def _cases(runs: Sequence[Run]) -> Iterator[str]:
     """Yield the table of cases, and its summary."""
-    rows: list[tuple[str, ...]] = [("scene", "preset", "case", "seconds", "picture", "records", "rmse", "MiB", "on the GPU")]
+    rows: list[tuple[str, ...]] = [("scene", "preset", "case", "seconds", "picture", "records", "rmse")]
     for r in runs:
-        memory = (_number(r.memory_mib.get(where), ".0f") for where in ("process", "gpu"))
         seconds = f"{r.seconds:.3f}", _number(r.picture_seconds, ".3f")
-        rows.append((r.scene, r.preset, r.case, *seconds, str(r.records), _number(r.rmse, ".1%"), *memory))
+        rows.append((r.scene, r.preset, r.case, *seconds, str(r.records), _number(r.rmse, ".1%")))
     yield from columns(rows, left=3)
     seconds_of = {(r.preset, r.case): r.seconds for r in runs}
     presets = list(dict.fromkeys(r.preset for r in runs))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from irrsplat.app.bench import gather_truth, machine
+from irrsplat.app.bench import gather_truth
 from irrsplat.scene.model import Camera, Light, Scene
 
 if TYPE_CHECKING:
@@ -27,8 +27,7 @@ picture: wall time to the finished picture on the GPU, with direct light and the
 cases: empty, without records; warm, the same view with records; moved, the camera turned by 5° with records;
 light, a light moved by a twentieth of the scene's diagonal: until all records are gathered again and no pixel requests one
 rmse: of irradiance, relative to its mean, at 2000 smooth pixels, against fine gathers; for several bounces, against
-the paths that `irrsplat verify` has traced of this view
-MiB: peak resident memory of the process, and all textures and buffers on the GPU\
+the paths that `irrsplat verify` has traced of this view\
 """
 QUICK = {"a": 2.0, "warmup": 8, "spread": 0.0}  # a cheap picture that compiles all shaders
 
@@ -49,7 +48,6 @@ class Run:
     bounces: int | str = 1
     seconds_all: list[float] = field(default_factory=list)  # of every repetition
     picture_seconds: float | None = None
-    memory_mib: dict[str, float | None] = field(default_factory=dict)  # "process", "gpu"
 
 
 @dataclass(frozen=True)
@@ -73,14 +71,10 @@ def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: 
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
 
     def result(case: str, timings: list[Timing], seen: Camera) -> Run:
-        memory = {"process": _mib(machine.peak_memory()), "gpu": _mib(machine.gpu_memory(renderer))}
         notify(f"{name}: error of {case}")
-        found = _run(renderer, case, timings, memory, error(renderer, seen))
-        machine.forget_peak()  # the reference's peak does not belong to the next case
-        return found
+        return _run(renderer, case, timings, error(renderer, seen))
 
     notify(f"{name}: compiling, and a first run that does not count")
-    machine.forget_peak()
     warm_up(renderer, camera)
     notify(f"{name}: empty")
     empty = from_records(renderer, camera)
@@ -200,7 +194,7 @@ def error(renderer: Renderer, camera: Camera) -> float | None:
     return None if truth is None else truth.error(irradiance)
 
 
-def _run(renderer: Renderer, case: str, timings: list[Timing], memory: dict[str, float | None], rmse: float | None) -> Run:
+def _run(renderer: Renderer, case: str, timings: list[Timing], rmse: float | None) -> Run:
     timing = middle(timings)
     return Run(
         scene=renderer.scene.name,
@@ -215,9 +209,4 @@ def _run(renderer: Renderer, case: str, timings: list[Timing], memory: dict[str,
         bounces=renderer.settings.bounces,
         seconds_all=sorted(t.seconds for t in timings),
         picture_seconds=timing.picture,
-        memory_mib=memory,
     )
-
-
-def _mib(size: int | None) -> float | None:
-    return None if size is None else round(size / (1 << 20), 1)

@@ -1,4 +1,4 @@
-"""`irrsplat bench --growth`: time and memory against a scene's triangles and a picture's pixels."""
+"""`irrsplat bench --growth`: time against a scene's triangles and a picture's pixels."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEGEND = """\
 the scene `curved` with increasing tessellation; preset default, all bounces; one process per row
 load: read the files; build: the tree for rays, textures and buffers; surface: the surface cache, once for all views
 from empty: time to full coverage without records, best of up to 3; turned: the camera turned by 5°, with records
-ms a record: gather and reduction; MiB: peak memory of the process, and its OpenGL textures and buffers\
+ms a record: gather and reduction\
 """
 
 
@@ -34,8 +34,7 @@ ms a record: gather and reduction; MiB: peak memory of the process, and its Open
 class Row:
     """One scene and size.
 
-    Times: wall time in seconds, named in LEGEND. Memory: MiB of the process (None: unknown) and of the GPU. stages:
-    milliseconds by stage from an empty cache; clock: their clock.
+    Times: wall time in seconds, named in LEGEND. stages: milliseconds by stage from an empty cache; clock: their clock.
     """
 
     triangles: int
@@ -47,8 +46,6 @@ class Row:
     moved: float
     record: float  # ms
     records: int
-    process: float | None
-    gpu: float
     stages: dict[str, float] = field(default_factory=dict)
     clock: str = "wall"
     machine: dict[str, object] = field(default_factory=dict)
@@ -83,11 +80,10 @@ def run(args: Namespace) -> int:
 def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     """Return a line for each row, below the column names."""
     head = ("triangles", "size", "load s", "build s", "surface s", "from empty s", "turned s", "ms a record", "records")
-    lines: list[tuple[str, ...]] = [(*head, "process MiB", "GPU MiB")]
+    lines: list[tuple[str, ...]] = [head]
     for row in rows:
         seconds = (f"{s:.3f}" for s in (row.load, row.build, row.surface, row.empty, row.moved, row.record))
-        memory = "-" if row.process is None else f"{row.process:.0f}", f"{row.gpu:.0f}"
-        lines.append((f"{row.triangles:,}", f"{row.size[0]}x{row.size[1]}", *seconds, str(row.records), *memory))
+        lines.append((f"{row.triangles:,}", f"{row.size[0]}x{row.size[1]}", *seconds, str(row.records)))
     return lines
 
 
@@ -105,7 +101,6 @@ def _runs(row: Row) -> Iterator[dict[str, object]]:
             "stages_ms": row.stages if case == "empty" else {},
             "clock": row.clock,
             "bounces": "all",
-            "memory_mib": {"process": row.process, "gpu": row.gpu},
         }
 
 
@@ -150,7 +145,6 @@ def measured(triangles: int, side: int) -> Row:
                 if case == "empty":
                     stages = renderer.timers.milliseconds()
             best[case] = min(seconds)
-        most = machine.peak_memory()
         return Row(
             scene.triangles,
             (side, side),
@@ -161,8 +155,6 @@ def measured(triangles: int, side: int) -> Row:
             best["moved"],
             (stages["gather"] + stages["reduce"]) / max(count, 1),
             count,
-            None if most is None else most / 2**20,
-            machine.gpu_memory(renderer) / 2**20,
             stages,
             renderer.timers.clock,
             machine.about(renderer.about),

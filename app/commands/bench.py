@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
     add("--compare", metavar="FILE", help="print ratios of time to an earlier --json")
     add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")
     add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
-    add("--growth", action="store_true", help="only measure time and memory against triangles and pixels; takes some minutes")
+    add("--growth", action="store_true", help="only measure time against triangles and pixels; takes some minutes")
     add("-o", "--output", metavar="FILE.png", help="with --peers: write the plot")
 
 

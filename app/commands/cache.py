@@ -19,7 +19,6 @@ def add(commands: Any) -> None:
         "info", help="print the content of caches", description="Print the scene, the settings and the content of caches."
     )
     info.add_argument("files", nargs="+", metavar="FILE", help="cache files")
-    info.add_argument("--json", dest="as_json", action="store_true", help="print JSON with all settings")
     merge = tools.add_parser(
         "merge",
         help="merge several caches",
@@ -35,8 +34,8 @@ def add(commands: Any) -> None:
         epilog="--most removes the best covered records first, until the limit is met.",
     )
     prune.add_argument("file", metavar="FILE", help="a cache file")
-    words = "limit of records, or of the file size, such as 20MB (default: remove covered records only)"
-    prune.add_argument("--most", type=values.most, metavar="N", help=words)
+    words = "limit of records (default: remove covered records only)"
+    prune.add_argument("--most", type=values.count, metavar="N", help=words)
     for tool in (merge, prune):
         tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
 

@@ -6,6 +6,8 @@ import os
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -37,7 +39,7 @@ LEGEND = (
 
 def check(args: Namespace) -> None:
     """Raise InputError or IrrsplatError for errors that show before any rendering."""
-    if not any(peer.package and peer.installed for peer in PEERS):
+    if not any(peer.package and find_spec(peer.package) for peer in PEERS):
         raise IrrsplatError(f"--peers: of {others()} none is installed; run: {INSTALL}")
     if args.preset is not None or args.compare is not None:
         raise InputError("--peers times the default preset by error, not by case; leave --preset and --compare out")
@@ -83,7 +85,7 @@ def measured(
     """Yield the series of every peer; an absent peer has an empty series with the reason."""
     for peer in PEERS:
         try:
-            yield from peer.measure(scene, size, bounces, views, notify)
+            yield from import_module(f"{__package__}.{peer.module}").measure(scene, size, bounces, views, notify)
         except IrrsplatError as error:
             if not peer.package:
                 raise

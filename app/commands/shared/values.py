@@ -10,7 +10,6 @@ from collections.abc import Callable
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 MOST_DECADES = 9
-_BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 
 
 def number(text: str) -> float:
@@ -64,11 +63,3 @@ def frames(text: str) -> tuple[int, int | None]:
     if stop is not None and start >= stop:
         raise argparse.ArgumentTypeError(f"'{text}' holds no frame: B is not among them; give a B greater than A")
     return start, stop
-
-
-def most(text: str) -> tuple[int, bool]:
-    """Parse a limit of records as (N, False), or of a file's bytes as (N, True)."""
-    match = re.fullmatch(r"(\d{1,9}|\d{1,6}\.\d{1,3}(?=[kMG]))(kB|MB|GB|)", text, re.ASCII)
-    if match is None or float(match[1]) <= 0.0:
-        raise argparse.ArgumentTypeError(f"expected a number of records, or a size such as 20MB, not '{text}'")
-    return int(float(match[1]) * _BYTES[match[2]]), bool(match[2])

@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
 from irrsplat.app.common.terminal import columns, out
-from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.records import cache_file
 from irrsplat.records.cache_file import Content
@@ -24,52 +22,32 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _info(args: argparse.Namespace) -> int:
-    found = [_described(path, cache_file.read_any(path)) for path in args.files]
-    if args.as_json:
-        out(files.json_text(found))
-        return 0
-    for one in found:
-        out("\n".join(_lines(one)))
+    contents = [cache_file.read_any(path) for path in args.files]
+    for path, content in zip(args.files, contents, strict=True):
+        out("\n".join(_lines(path, content)))
     return 0
 
 
-def _described(path: str, content: Content) -> dict[str, Any]:
-    """Return the description of a cache file, by name."""
-    records, scene = content.state.records, content.scene
-    settings = content.settings()
-    return {
-        "file": path,
-        "format": cache_file.FORMAT,
-        "bytes": os.path.getsize(path),
-        "scene": scene.name,
-        "meshes": len(scene.meshes),
-        "triangles": sum(mesh.triangles for mesh in scene.meshes),
-        "geometry": content.key.geometry,
-        "lights": content.key.lights,
-        "records": len(records["id"]),
-        "stale": int(np.count_nonzero(records["epoch"] < records["clocks"][0])),
-        **content.state.bounces,
-        "settings": {name: getattr(settings, name) for name in SETTINGS},
-    }
-
-
-def _lines(one: dict[str, Any]) -> list[str]:
-    """Return the description as lines of text."""
-    count, ended = one["bounces"], one["bounces_converged"]
-    bounces = f"{count}" + ("" if ended is None else ", more would add hardly anything" if ended else ", more would add light")
-    special = {name: value for name, value in one["settings"].items() if value != SETTINGS[name].default}
-    words = ((SETTINGS[name].flag, ("off", "on")[value] if isinstance(value, bool) else value) for name, value in special.items())
-    stale = f", {one['stale']} of them to be gathered again" if one["stale"] else ""
+def _lines(path: str, content: Content) -> list[str]:
+    """Return the description of a cache file as lines of text."""
+    records, scene, found = content.state.records, content.scene, content.state.bounces
+    ended, stale = found["bounces_converged"], int(np.count_nonzero(records["epoch"] < records["clocks"][0]))
+    bounces = f"{found['bounces']}" + (
+        "" if ended is None else ", more would add hardly anything" if ended else ", more would add light"
+    )
+    values = vars(content.settings())
+    special = {d.flag: values[name] for name, d in SETTINGS.items() if values[name] != d.default}
+    words = (f"{flag} {('off', 'on')[value] if isinstance(value, bool) else value}" for flag, value in special.items())
     rows = [
-        ("scene", f"{one['scene']}: {one['meshes']} meshes, {one['triangles']} triangles"),
-        ("records", f"{one['records']}{stale}"),
-        ("size", f"{1e-6 * one['bytes']:.1f} MB, format {one['format']}"),
+        ("scene", f"{scene.name}: {len(scene.meshes)} meshes, {sum(mesh.triangles for mesh in scene.meshes)} triangles"),
+        ("records", f"{len(records['id'])}" + (f", {stale} of them to be gathered again" if stale else "")),
+        ("size", f"{1e-6 * os.path.getsize(path):.1f} MB, format {cache_file.FORMAT}"),
         ("bounces", bounces),
-        ("gathered by", one["gathered_by"]),
-        ("settings", " ".join(f"{flag} {value}" for flag, value in words) or "as by default"),
-        ("made for", f"geometry {one['geometry'][:12]}, lights {one['lights'][:12]}"),
+        ("gathered by", found["gathered_by"]),
+        ("settings", " ".join(words) or "as by default"),
+        ("made for", f"geometry {content.key.geometry[:12]}, lights {content.key.lights[:12]}"),
     ]
-    return [one["file"], *(f"  {line}" for line in columns(rows, left=2))]
+    return [path, *(f"  {line}" for line in columns(rows, left=2))]
 
 
 def _merge(args: argparse.Namespace) -> int:
@@ -89,22 +67,9 @@ def read_alike(paths: Sequence[str]) -> list[Content]:
 
 
 def _prune(args: argparse.Namespace) -> int:
-    content, bound = cache_file.read_any(args.file), None
-    if args.most is not None:
-        bound, of_file = args.most
-        bound = _fitting(content, args.file, bound) if of_file else bound
-    words = "served by others" if bound is None else "least useful"
-    return _write(args.output, content, prune(content.state, content.settings(), bound), words)
-
-
-def _fitting(content: Content, path: str, size: int) -> int:
-    """Return the number of a file's records that fit into `size` bytes; raise InputError for none."""
-    count = len(content.state.records["id"])
-    each = sum(rows.nbytes for rows in content.state.records.values() if len(rows.shape) and len(rows) == count) // max(count, 1)
-    rest = os.path.getsize(path) - count * each
-    if size < rest + each:
-        raise InputError(f"--most: the description of the scene alone takes {rest} bytes; allow more", path)
-    return (size - rest) // max(each, 1)
+    content = cache_file.read_any(args.file)
+    words = "served by others" if args.most is None else "least useful"
+    return _write(args.output, content, prune(content.state, content.settings(), args.most), words)
 
 
 def _write(path: str, content: Content, done: Merged, why: str) -> int:

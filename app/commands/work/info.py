@@ -8,17 +8,16 @@ from collections.abc import Iterable
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from irrsplat.app.common.terminal import out
+from irrsplat.app.common.terminal import columns, out
 from irrsplat.app.common.version import version
 from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.core.load_options import LoadOptions
-    from irrsplat.scene.model import Camera, Light, Material, Scene, Texture
+    from irrsplat.scene.model import Camera, Light, Scene
     from irrsplat.sky.environment import Environment
 
 LIBRARIES = ("moderngl", "glcontext", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
-_MOST_MATERIALS = 12  # in the list
 _ORTHOGRAPHIC = 500.0  # scene diagonals: a more distant camera represents an orthographic one
 
 
@@ -61,7 +60,7 @@ def _environment(sky: Environment) -> str:
 
 
 def _materials(scene: Scene) -> None:
-    """Print the number of materials and their special kinds, the first of them, and the textures."""
+    """Print the number of materials and their special kinds, and the textures."""
     materials = list(scene.materials)
     kinds = (
         ("emits", sum(any(m.emission) for m in materials)),
@@ -71,33 +70,9 @@ def _materials(scene: Scene) -> None:
     )
     special = ", ".join(f"{count} {kind}" for kind, count in kinds if count)
     out(f"  materials  {len(materials)}" + (f": {special}" if special else ""))
-    for material in materials[:_MOST_MATERIALS]:
-        out(f"    {_material(material)}")
-    if len(materials) > _MOST_MATERIALS:
-        out(f"    and {len(materials) - _MOST_MATERIALS} more")
     images = {id(texture.image): texture.image.pixels for m in materials for texture in m.textures}
     texels = sum(pixels.shape[0] * pixels.shape[1] for pixels in images.values())
     out(f"  textures   {len(images)}" + (f", {texels / 1e6:.3g} megapixels" if images else ""))
-
-
-def _material(material: Material) -> str:
-    parts = [f"albedo {_point(material.albedo)}" + (_texture(material.albedo_texture))]
-    if any(material.emission):
-        parts.append(f"emission {_point(material.emission)} W/(m² sr){_texture(material.emission_texture)}")
-    if material.normal_texture is not None:
-        parts.append(f"normals{_texture(material.normal_texture)}")
-    if material.alpha_mode != "opaque":
-        parts.append(f"{material.alpha_mode}, opacity {material.opacity:g}")
-    if material.transmission:
-        parts.append(f"transmission {material.transmission:g}")
-    return ", ".join(parts)
-
-
-def _texture(texture: Texture | None) -> str:
-    if texture is None:
-        return ""
-    height, width = texture.image.pixels.shape[:2]
-    return f" × {texture.image.name or 'a texture'} {width}x{height}"
 
 
 def _lens(camera: Camera, diagonal: float) -> str:
@@ -121,9 +96,7 @@ def bundled() -> None:
         named = ", ".join(camera.name for camera in it.cameras if camera.name)
         cameras = f"{len(it.cameras)}" + (f" ({named})" if named else "")
         rows.append((name, f"{it.triangles:,}", str(len(it.lights)), str(emissive or "-"), sky, cameras))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        out("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    out("\n".join(columns(rows, len(rows[0]))))
 
 
 def doctor() -> int:

@@ -29,7 +29,7 @@ from tests.support.worlds import scene as scene_of
 
 CASES = ("empty", "warm", "moved", "light")
 KEYS = {"scene", "preset", "size", "case", "seconds", "records", "rmse", "stages_ms", "clock"}  # the contract's
-KEYS |= {"bounces", "seconds_all", "picture_seconds", "memory_mib"}
+KEYS |= {"bounces", "seconds_all", "picture_seconds"}
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,6 @@ def checked_rows(written: dict[str, Any]) -> dict[tuple[str, str, str], dict[str
         assert run["clock"] in ("gpu", "wall") and isinstance(run["records"], int) and run["records"] > 0
         assert run["seconds_all"] == [run["seconds"]]
         assert {"splat", "composite", "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
-        assert run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0
     return {(run["scene"], run["preset"], run["case"]): run for run in written["runs"]}
 
 

@@ -210,7 +210,7 @@ def count(name: str) -> int:
 
 
 def test_merge_prune_and_info(place: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., str]) -> None:
-    """`merge` joins two views without redundant records, `prune` keeps a number or a size, and refusals change no file."""
+    """`merge` joins two views without redundant records, `prune` keeps a number, and refusals change no file."""
     render("a.cache")
     render("b.cache", "--eye", "0.3", "0", "0.6", "--target", "0.3", "0", "-1")
     a, b = count("a.cache"), count("b.cache")
@@ -220,24 +220,16 @@ def test_merge_prune_and_info(place: Path, capsys: pytest.CaptureFixture[str], r
     assert max(a, b) < c < a + b
     assert capsys.readouterr().out.startswith(f"c.cache: {c} of {a + b} records; {a + b - c} were left out")
     assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", "100"]) == 0 and count("d.cache") == 100
-    size = (place / "c.cache").stat().st_size
-    assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", f"{0.6e-3 * size:.3f}kB"]) == 0
-    assert 0.5 * size < (place / "d.cache").stat().st_size <= 0.6 * size
     assert cli.main(["cache", "prune", "d.cache", "-o", "d.cache"]) == 0
     capsys.readouterr()
     assert cli.main(["cache", "info", "c.cache", "a.cache"]) == 0
     out = capsys.readouterr().out
     assert f"records      {c}\n" in out and "room: 3 meshes, 22 triangles" in out and "--gather-size 8" in out
-    assert cli.main(["cache", "info", "c.cache", "--json"]) == 0
-    (one,) = json.loads(capsys.readouterr().out)
-    assert (one["records"], one["bytes"], one["bounces"], one["settings"]["gather_size"]) == (c, size, 1, 8)
-
     render("e.cache", "--seed", "1")
     for words, message in (
         (["merge", "a.cache", "e.cache", "-o", "f.cache"], "e.cache: this record cache was made with --seed 1, not --seed 0"),
         (["merge", "a.cache", "room.scene", "-o", "f.cache"], "room.scene: this is not a record cache"),
         (["merge", "a.cache", "-o", "none/f.cache"], "none"),
-        (["prune", "a.cache", "-o", "f.cache", "--most", "1kB"], "allow more"),
-        (["prune", "a.cache", "-o", "f.cache", "--most", "few"], "a number of records, or a size such as 20MB"),
+        (["prune", "a.cache", "-o", "f.cache", "--most", "20MB"], "a whole number, at least 1"),
     ):
         assert message in refused(["cache", *words])
