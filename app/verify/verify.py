@@ -68,7 +68,6 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
         ("bias of the mean", _percent(found["bias"], "+"), f"{mean:.4g} W/m², reference {mean_ref:.4g}"),
         ("off by > 30 %", _percent(found["outliers"]), "of the pixels, relative to the mean"),
         ("off by > 20 %", _percent(found["spots"]), "of the pixels, relative to the local mean of the reference: spots"),
-        ("fine part of RMSE", _percent(found["fine"]), "error minus its local mean: grain, rims, edges"),
         ("direct light RMSE", _percent(found["direct"]), "away from shadow edges"),
         ("albedo", f"{found['albedo']:.4f}", "median difference from the path tracer's texture lookup"),
         ("normal", f"{found['normal']:.2f} °", "median angle between the normals, with normal maps"),

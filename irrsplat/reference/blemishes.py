@@ -1,4 +1,4 @@
-"""Measures of visible blemishes: an RMSE weighs a spot by size and strength, not by its visibility."""
+"""A measure of visible blemishes: an RMSE weighs a spot by size and strength, not by its visibility."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from irrsplat.core.color import LUMINANCE
 
 OFF = 0.2  # of the local reference: a pixel with a larger error is a spot
 _AROUND = 9  # pixels: side of the square whose mean is the local reference
-_FINE = 6.0  # pixels: sigma of the Gaussian that separates fine errors
 
 
 def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
@@ -29,20 +28,3 @@ def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
 
     local = square(np.where(valid, Y_ref, 0.0))[valid] / square(valid.astype(float))[valid]
     return float(np.mean(np.abs(Y - Y_ref)[valid] > OFF * local))
-
-
-def fine(error: np.ndarray, valid: np.ndarray) -> float:
-    """Return the RMS of the error's fine part: the error minus its mean over the valid pixels around, in the error's unit.
-
-    The mean has Gaussian weights of 6 pixels. error: (H, W, 3). valid: (H, W) bool, at least one pixel.
-    """
-    from scipy import ndimage
-
-    def blurred(values: np.ndarray) -> np.ndarray:
-        sigma = (_FINE, _FINE, *(0.0 for _ in values.shape[2:]))
-        found: np.ndarray = ndimage.gaussian_filter(values, sigma, mode="constant")
-        return found
-
-    known = np.where(valid[..., None], error, 0.0).astype(float)
-    coarse = blurred(known)[valid] / blurred(valid.astype(float))[valid][:, None]
-    return float(np.sqrt(np.mean((known[valid] - coarse) ** 2)))

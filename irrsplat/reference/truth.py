@@ -98,8 +98,7 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
 
     `errors` of its irradiance in the valid pixels; `net`: `rmse` without the reference's noise; `direct`: relative RMSE of direct
     light in the clear pixels; `albedo`: median difference of its channels, and `normal`: median angle between the normals in
-    degrees, in the valid pixels; `spots`: see blemishes.spots; `fine`: RMS of the fine error over the reference's mean, without
-    the reference's noise. Raises InputError without a valid pixel, or for different sizes.
+    degrees, in the valid pixels; `spots`: see blemishes.spots. Raises InputError without a valid pixel, or for different sizes.
     """
     if frame.irradiance.shape != truth.direct.shape:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
@@ -111,15 +110,10 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     found = errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid])
     rmse, noise = found["rmse"], truth.noise
     net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
-    E, valid, fine = truth.irradiance, truth.valid, None
-    if rmse is not None:
-        noisy = blemishes.fine(frame.irradiance - E, valid), blemishes.fine(np.diff(truth.halves, axis=0)[0] / 2.0, valid)
-        fine = math.sqrt(max(noisy[0] ** 2 - noisy[1] ** 2, 0.0)) / float(E[valid].mean(dtype=float))
     albedo = float(np.median(np.abs(frame.albedo[truth.valid] - truth.albedo[truth.valid])))
     return found | {
         "net": net,
-        "spots": blemishes.spots(frame.irradiance, E, valid),
-        "fine": fine,
+        "spots": blemishes.spots(frame.irradiance, truth.irradiance, truth.valid),
         "direct": direct,
         "albedo": albedo,
         "normal": median_angle(frame.normal, truth.normal, truth.valid),

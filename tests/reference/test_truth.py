@@ -186,7 +186,7 @@ def test_where_there_is_nothing_to_compare_with_it_is_said() -> None:
         with pytest.raises(InputError, match=words):
             compare_with(one, other)
     dark = replace(truth, halves=0.0 * truth.halves)
-    assert all(compare_with(frame, dark)[name] is None for name in ("rmse", "bias", "spots", "fine", "net"))
+    assert all(compare_with(frame, dark)[name] is None for name in ("rmse", "bias", "spots", "net"))
     assert compare_with(frame, truth)["rmse"] == 0.0
     assert fine_gather.Truth(np.zeros((2, 2), int), np.zeros((2, 3))).error(np.ones((3, 4, 3))) is None
 

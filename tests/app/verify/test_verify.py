@@ -72,26 +72,15 @@ def test_the_noise_of_a_reference_is_that_of_the_mean_of_its_halves() -> None:
     assert reference.noise == pytest.approx(off, rel=0.02)
 
 
-def test_spots_and_fine_errors_exclude_smooth_errors() -> None:
-    """A spot of 0.15 counts only on the valid right side, where it is 150 % of 0.1.
-
-    The fine error contains a chessboard of ±0.05, and hardly a stronger smooth slope across 200 pixels.
-    """
+def test_spots_exclude_smooth_errors() -> None:
+    """A spot of 0.15 counts only on the valid right side, where it is 150 % of 0.1."""
     arrays = plain(200, 100, E=1.0, spread=0.0)
     arrays["halves"][:, :, 100:] = 0.1
     reference = Traced(**arrays)
     spotted = reference.irradiance.copy()
     spotted[50, [0, 30, 150]] += np.float32(0.15)
     frame: Any = SimpleNamespace(irradiance=spotted, direct=reference.direct, albedo=reference.albedo, normal=reference.normal)
-    mean, count = reference.irradiance[reference.valid].mean(), reference.valid.sum()
-    assert compare(frame, reference)["spots"] == 1 / count
-    row, column = np.indices((100, 200))
-    frame.irradiance = reference.irradiance + (0.05 * (-1.0) ** (row + column) + 0.01 * (column - 100))[..., None]
-    fine = compare(frame, reference)["fine"]
-    assert fine is not None and 1.0 < fine * mean / 0.05 < 1.1
-    noise = 0.2 * np.random.default_rng(3).standard_normal((2, 100, 200, 3))
-    noisy = compare(frame, Traced(**arrays | {"halves": (arrays["halves"] + noise).astype("f4")}))["fine"]
-    assert noisy == pytest.approx(fine, rel=0.05)
+    assert compare(frame, reference)["spots"] == 1 / reference.valid.sum()
 
 
 # ---- stored references ---------------------------------------------------------------------------------------------------
