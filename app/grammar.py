@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from typing import Any, NoReturn
 
+from irrsplat import __version__
 from irrsplat.app.commands import bake, bench, cache, fill, info, measure, render, verify, view
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Parser
-from irrsplat.app.common.terminal import out
-from irrsplat.app.common.version import version
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.settings import SETTINGS
@@ -58,7 +56,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 def build() -> Parser:
     """Return the complete grammar."""
     top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
-    top.add_argument("--version", action=_Version, help="print the version and exit")
+    top.add_argument("--version", action="version", version=f"irrsplat {__version__}", help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
     for command in COMMANDS.values():
         command.add(commands)
@@ -76,14 +74,3 @@ def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
         following = argv[i + 1].lower() if i + 1 < len(argv) else ""
         if word in switches and following not in ("on", "off"):
             yield "on"
-
-
-class _Version(argparse.Action):
-    """Action that prints the version; the version is looked up on demand."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
-        super().__init__(option_strings, dest, nargs=0, **options)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        out(f"irrsplat {version()}")
-        parser.exit()

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.app.common.version import version
+from irrsplat import __version__
 from irrsplat.scene.model import Camera, Image, Material, Texture
 
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -31,7 +31,7 @@ class Glb:
 
     def __init__(self, extras: Mapping[str, object], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.json: dict[str, Any] = {
-            "asset": {"version": "2.0", "generator": f"irrsplat {version()}", "extras": dict(extras)},
+            "asset": {"version": "2.0", "generator": f"irrsplat {__version__}", "extras": dict(extras)},
             "scene": 0,
             "scenes": [{"nodes": []}],
         }

@@ -6,7 +6,7 @@ import os
 import platform
 from collections.abc import Mapping
 
-from irrsplat.app.common.version import version
+from irrsplat import __version__
 
 
 def about(gl: Mapping[str, object]) -> dict[str, object]:
@@ -17,5 +17,5 @@ def about(gl: Mapping[str, object]) -> dict[str, object]:
         "processor": platform.processor() or platform.machine(),
         "cpus": os.cpu_count(),
         "python": platform.python_version(),
-        "irrsplat": version(),
+        "irrsplat": __version__,
     }

@@ -11,6 +11,7 @@ from irrsplat.app.commands.shared import flags, rendering, values
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
+from irrsplat.core.errors import InputError
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
@@ -80,6 +81,16 @@ def _buffers(args: argparse.Namespace) -> list[str] | None:
     return None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
 
 
+def _check_frozen(args: argparse.Namespace) -> None:
+    """Raise InputError for a command line with a frozen cache that also requests new records."""
+    if args.cache is None:
+        raise InputError(
+            "--cache-mode frozen takes all records from a file; give --cache FILE as well, as irrsplat fill makes it"
+        )
+    if args.values.get("quality"):
+        raise InputError("--quality gathers records, and --cache-mode frozen lets none be gathered; leave one of them out")
+
+
 def _has_folder(args: argparse.Namespace) -> bool:
     """True if one of the outputs is a folder, which has the paper's figures."""
     from irrsplat.app.film import flight, video
@@ -98,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     All checks precede the work; a failed output does not affect the others.
     """
     from irrsplat import settings
-    from irrsplat.app.film import films, frames, frozen
+    from irrsplat.app.film import films, frames
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
     from irrsplat.lighting.gl_limits import LARGE
@@ -108,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     with_figures = _has_folder(args) and not keeps
     films.check(args)
     if keeps:
-        frozen.check(args)
+        _check_frozen(args)
 
     import irrsplat
 
@@ -153,7 +164,7 @@ def run(args: argparse.Namespace) -> int:
                 made.write(flight, outputs)
             made.release()
     if keeps:
-        frozen.warn([frame.stats] if flight is None else done)
+        _say_gaps([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
     unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
@@ -192,6 +203,15 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
     if (notice := _bounces_notice(done)) is not None:
         say(f"notice: {notice}")
     return 0
+
+
+def _say_gaps(done: Sequence[Statistics]) -> None:
+    """Print the number of these pictures with uncovered pixels, if any."""
+    bare = [uncovered for stats in done if (uncovered := stats.get("uncovered", 0))]
+    if bare:
+        where = f"{len(bare)} of {len(done)} frames" if len(done) > 1 else "the picture"
+        some = f"some pixels (at most {max(bare)})"
+        say(f"notice: in {where} no record reaches {some}, which take the light of those around; fill the cache for this view")
 
 
 def _bounces_notice(stats: Sequence[Statistics]) -> str | None:

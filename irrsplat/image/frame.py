@@ -27,7 +27,7 @@ from irrsplat.core.files import (
 from irrsplat.core.paths import named
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.exr import write_layers
-from irrsplat.image.statistics import Statistics, repeatable
+from irrsplat.image.statistics import TIMES, Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 
 ENDINGS = (".png", ".exr", ".npz")
@@ -136,7 +136,8 @@ class Frame:
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
         if self.backdrop == "clear" and "image" in layers:
             layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
-        write_layers(part, layers, len(next(iter(layers.values()))), {"stats": json_text(repeatable(self.stats))})
+        kept = {name: value for name, value in self.stats.items() if name not in TIMES}
+        write_layers(part, layers, len(next(iter(layers.values()))), {"stats": json_text(kept)})
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

@@ -9,7 +9,7 @@ from typing import TypedDict
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
-_TIMES = ("seconds", "stages_ms", "clock")
+TIMES = ("seconds", "stages_ms", "clock")  # statistics that differ between equal runs
 
 
 class Statistics(TypedDict, total=False):
@@ -66,8 +66,3 @@ def bounces_notice(stats: Mapping[str, object]) -> str | None:
     if stats.get("bounces_converged") is not False or stats.get("bounces", 0) == 0:
         return None
     return f"more than 1 % of the light may be missing after {stats['bounces']} bounces; use reflectances below 0.97"
-
-
-def repeatable(stats: Statistics) -> Mapping[str, object]:
-    """Return the statistics without times, equal for equal runs."""
-    return {name: value for name, value in stats.items() if name not in _TIMES}

@@ -6,9 +6,9 @@ Importing this needs the extra `reference`; the benchmark calls `timed` in anoth
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import drjit as dr
 import numpy as np
@@ -47,19 +47,22 @@ def timed(
     ("fast", "high"), each of which filters the picture of every level as well.
     """
     start = time.perf_counter()
-    levels = _levels(scene, points, bounces)
-    next(levels)
+    tracer, (p, n, g), few = Tracer(scene), points, slice(0, 256)
     filtered = {"": lambda E: E} | {quality: partial(_denoised, mask, points[1], quality) for quality in filters}
     for smooth in filtered.values():
         smooth(np.zeros((len(points[0]), 3)))  # loads its weights
     load = time.perf_counter() - start
     found: dict[str, list[tuple[int, float, float]]] = {name: [] for name in filtered}
-    for count, traced, E in levels:
+    for side in _SIDES:
+        tracer.irradiance(p[few], n[few], g[few], side, 1, bounces)  # compiles
+        start = time.process_time()
+        E = tracer.irradiance(p, n, g, side, 1 + side, bounces)  # with new strata
+        traced = time.process_time() - start
         for name, smooth in filtered.items():
             begun = time.process_time()
             off = smooth(E)[judged] - truth
             took = traced + time.process_time() - begun
-            found[name].append((count, took, float(np.sqrt(np.mean(off**2)) / truth.mean())))
+            found[name].append((side * side, took, float(np.sqrt(np.mean(off**2)) / truth.mean())))
         report(min(traced / seconds, 1.0))
         if found[""][-1][2] <= enough or traced >= seconds:
             break
@@ -76,19 +79,3 @@ def _denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray)
     color, albedo, normals = pictures
     found: np.ndarray = pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float)
     return found
-
-
-Level = tuple[int, float, np.ndarray]  # samples per point, processor time so far in seconds, irradiance (N, 3)
-
-
-def _levels(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
-    """Yield None once the scene is loaded; then a Level for each of _SIDES, with new strata each."""
-    tracer = Tracer(scene)
-    yield None
-    p, n, g = points
-    for side in _SIDES:
-        few = slice(0, 256)
-        tracer.irradiance(p[few], n[few], g[few], side, 1, bounces)  # compiles
-        start = time.process_time()
-        E = tracer.irradiance(p, n, g, side, 1 + side, bounces)
-        yield side * side, time.process_time() - start, E

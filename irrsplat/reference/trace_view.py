@@ -139,7 +139,8 @@ def at_points(
     everywhere = np.ones((1, len(points[0])), bool)
     position, normal, geometric = (np.asarray(a, np.float64)[None] for a in points)
     where = _Places(everywhere, position, normal, geometric, everywhere)
-    return _halves(Tracer(scene), where, side, bounces, 0, report)[:, 0].mean(0)
+    mean: np.ndarray = _halves(Tracer(scene), where, side, bounces, 0, report)[:, 0].mean(0)
+    return mean
 
 
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:

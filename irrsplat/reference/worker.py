@@ -42,14 +42,9 @@ class Pass:
         return self.size[0] * self.size[1]
 
 
-def is_installed() -> bool:
-    """Return True if Mitsuba is installed; only `call` finds out if it runs."""
-    return importlib.util.find_spec("mitsuba") is not None
-
-
 def require() -> None:
-    """Raise IrrsplatError if Mitsuba is not installed."""
-    if not is_installed():
+    """Raise IrrsplatError if Mitsuba is not installed; only `call` finds out if it runs."""
+    if importlib.util.find_spec("mitsuba") is None:
         raise IrrsplatError(f"there is no path tracer here (Mitsuba 3); run: {INSTALL}")
 
 

@@ -43,7 +43,7 @@ def _lines(path: str, content: Content) -> list[str]:
         ("records", f"{len(records['id'])}" + (f", {stale} of them to be gathered again" if stale else "")),
         ("size", f"{1e-6 * os.path.getsize(path):.1f} MB, format {cache_file.FORMAT}"),
         ("bounces", bounces),
-        ("gathered by", found["gathered_by"]),
+        ("gathered by", str(found["gathered_by"])),
         ("settings", " ".join(words) or "as by default"),
         ("made for", f"geometry {content.key.geometry[:12]}, lights {content.key.lights[:12]}"),
     ]

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from irrsplat import __version__
 from irrsplat.app.common.terminal import columns, out
-from irrsplat.app.common.version import version
 from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def bundled() -> None:
 
 def doctor() -> int:
     """Print versions and OpenGL; return 0 if it suffices, else raise IrrsplatError with the remedy."""
-    out(f"irrsplat    {version()}")
+    out(f"irrsplat    {__version__}")
     out(f"python      {platform.python_version()} on {platform.platform()}")
     missing = []
     for name in LIBRARIES:

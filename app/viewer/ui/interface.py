@@ -8,7 +8,7 @@ from functools import partial
 
 from imgui_bundle import imgui, imgui_ctx
 
-from irrsplat.app.common.version import version
+from irrsplat import __version__
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.commands import COMMANDS, MENUS, Command
@@ -242,7 +242,7 @@ def _menu_entries(actions: Actions, menu: str) -> None:
     """Draw the entries of a menu. Scenes, cameras and the version are added, since the table cannot list them."""
     if menu == "Help":
         about = actions.session.renderers[0].about
-        imgui.text_disabled(f"irrsplat {version()}\nOpenGL {about['version']}\n{about['renderer']}")
+        imgui.text_disabled(f"irrsplat {__version__}\nOpenGL {about['version']}\n{about['renderer']}")
     for command in COMMANDS:
         if command.menu == menu:
             if command.action == "save_again":
