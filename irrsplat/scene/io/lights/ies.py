@@ -30,8 +30,8 @@ _AXES = {
 def load_ies(path: Path) -> Photometry:
     """Read the photometry in the file at `path`; raise InputError with file and line for an invalid file.
 
-    Candela are multiplied by the file's multiplier and its ballast factor; until 1991 also by the ballast-lamp photometric
-    factor, whose field has another meaning in later versions. Symmetric parts are completed.
+    Candela are multiplied by the file's multiplier and its ballast factor; until 1991 also by a further photometric factor, whose
+    field has another meaning in later versions. Symmetric parts are completed.
     """
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
