@@ -20,7 +20,7 @@ from irrsplat.app.bake.unwrap import Chartist, Charts, unwrap
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
-from irrsplat.image.exr import write_layers
+from irrsplat.image.output.exr import write_layers
 from irrsplat.scene.model import Material, Mesh, Scene, Texture
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues

@@ -17,6 +17,7 @@ from irrsplat.settings import LEAST_TILE, MOST_TILE
 if TYPE_CHECKING:
     from irrsplat.image.statistics import Statistics
 
+FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 SAMPLES = 16  # samples per pixel of a picture without --samples; arrays have one, at the pixel's centre
 
 
@@ -54,9 +55,25 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     flags.add_camera(parser)
+    _add_false_colours(parser)
     group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
     group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
     flags.add_settings(parser)
+
+
+def _add_false_colours(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group(
+        "false colours", "in a .png, with isolines and a legend; the other flags require --falsecolor"
+    )
+    words = f"{', '.join(FALSE_COLOURED)} (default: light, the irradiance of all light on surfaces)"
+    group.add_argument("--falsecolor", nargs="?", const="light", choices=FALSE_COLOURED, metavar="BUFFER", help=words)
+    words = "upper end of the scale (default: a round number above nearly all visible values)"
+    group.add_argument("--scale", type=values.number, metavar="X", help=words)
+    words = "logarithmic scale over this number of decades (default: linear)"
+    group.add_argument("--log", type=values.decades, metavar="DECADES", help=words)
+    words = "lux (radiance: cd/m²), or W/m² (radiance: W/(m² sr)) weighted by luminance (default: lux)"
+    group.add_argument("--unit", choices=("lux", "W/m2"), help=words)
+    group.add_argument("--lines", choices=("on", "off"), help="isolines between the ten steps of the scale (default: on)")
 
 
 # ---- before the work ---------------------------------------------------------------------------------------------------
@@ -109,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
     All checks precede the work; a failed output does not affect the others.
     """
     from irrsplat import settings
+    from irrsplat.app.common import false_colours
     from irrsplat.app.film import films, frames
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
@@ -117,9 +135,12 @@ def run(args: argparse.Namespace) -> int:
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
     with_figures = _has_folder(args) and not keeps
+    coloured = false_colours.checked(args)
     films.check(args)
     if keeps:
         _check_frozen(args)
+    if args.tile_size and args.falsecolor == "light":
+        raise InputError("--tile-size and --falsecolor light do not go together; leave one of them out")
 
     import irrsplat
 
@@ -127,9 +148,11 @@ def run(args: argparse.Namespace) -> int:
     camera, flight, made = rendering.camera(args, scene), None, None
     if flights.flies(args):
         flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene), args.output))
-    tiles = {} if args.tile_size is None else {"tile_size": args.tile_size}
+    # direct light alone requires whole views
+    tile_size = 0 if args.falsecolor == "light" else args.tile_size
+    tiles = {} if tile_size is None else {"tile_size": tile_size}
     small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
-    pictures_sampled = flight is None and small and "samples" not in args.values
+    pictures_sampled = flight is None and small and "samples" not in args.values and coloured is None
     arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
     sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
     made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
@@ -141,9 +164,9 @@ def run(args: argparse.Namespace) -> int:
         with rendering.round_progress(args) as on_round:
             if flight is not None:
                 how = {"frozen": keeps, "kept": "" if made is None else made.temporary}
-                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, **how)
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, **how)
             else:
-                needed_buffers = None if with_figures else needed(args.output, buffers)
+                needed_buffers = None if with_figures or coloured is not None else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
@@ -156,7 +179,7 @@ def run(args: argparse.Namespace) -> int:
             picture = frame
         for path in args.output if flight is None else ():
             shown = picture if path in pngs else frame
-            outputs.write(path, partial(shown.save, path, buffers))
+            outputs.write(path, partial(false_colours.save, coloured, path, shown, buffers, renderer, camera))
         if cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if flight is not None and made is not None:

@@ -116,7 +116,7 @@ def _write(job: FilmJob, name: str, report: Callable[[float], object]) -> None:
     pattern, numbers = films.pattern_in(str(File(name).parent)), range(job.path.frames)
     flight, outputs = Flight(job.path, numbers, (pattern,)), Outputs()
     with Renderer(job.scene, job.size, job.preset, **job.values) as renderer:
-        frames.render(renderer, flight, None, False, on_round, outputs, kept=pattern)
+        frames.render(renderer, flight, None, False, on_round, outputs, None, kept=pattern)
     outputs.raise_failures()
     report(1.0)
     video.write(name, [File(numbered(pattern, number)) for number in numbers], Fraction(video.RATE))

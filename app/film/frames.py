@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from irrsplat.app.common.false_colours import FalseColours, save
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 
@@ -31,6 +32,21 @@ def frame_callback(on_round: OnRound | None, words: str, done: int, count: int) 
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
 
+def metered(renderer: Renderer, flight: Flight, coloured: FalseColours | None) -> float:
+    """Return the common exposure of all frames in stops: that of frame 0, without a new record.
+
+    That frame also determines the end of the false-colour scale.
+    """
+    exposure = renderer.settings.exposure
+    if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
+        return float(exposure)
+    camera = flight.path.camera(0)
+    frame = renderer.render(camera, gather=False)
+    if coloured is not None:
+        coloured.settle(frame, renderer, camera)
+    return frame.exposure
+
+
 def render(
     renderer: Renderer,
     flight: Flight,
@@ -38,6 +54,7 @@ def render(
     figures: bool,
     on_round: OnRound | None,
     outputs: Outputs,
+    coloured: FalseColours | None,
     frozen: bool = False,
     kept: str = "",
 ) -> tuple[list[Statistics], bool]:
@@ -46,21 +63,18 @@ def render(
     False follows from Ctrl-C, or from a failure of all `outputs`. Records stay from frame to frame. All frames have the first
     one's exposure: individual metering would flicker.
 
-    on_round: as for Renderer.render, with the frame and the path's progress. frozen: keep the cache
+    on_round: as for Renderer.render, with the frame and the path's progress. coloured: of pictures. frozen: keep the cache
     unchanged. Each frame then depends only on cache, path and settings: figures are left out, and frame 0 of the path
     determines the exposure. kept: output with temporary files, written without a message.
     """
     done: list[Statistics] = []
     try:
-        exposure = None
-        if frozen:
-            own = renderer.settings.exposure
-            exposure = renderer.render(flight.path.camera(0), gather=False).exposure if own == "auto" else float(own)
+        exposure = metered(renderer, flight, coloured) if frozen else None
         for i, number in enumerate(flight.numbers):
             show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
             camera = flight.path.camera(number)
             if frozen:
-                read = output.needed(flight.outputs, buffers)
+                read = None if coloured is not None else output.needed(flight.outputs, buffers)
                 frame = renderer.render(camera, progress=show, buffers=read, gather=False)
             else:
                 frame = renderer.render(camera, progress=show, figures=figures)
@@ -74,7 +88,7 @@ def render(
             written = []
             for pattern in flight.outputs:
                 name = output.numbered(pattern, number)
-                write = partial(frame.save, name, buffers)
+                write = partial(save, coloured, name, frame, buffers, renderer, camera)
                 written.append(outputs.write(name, write, pattern, tells=pattern != kept))
             if not any(written):
                 return done, False

@@ -26,7 +26,7 @@ from irrsplat.core.files import (
 )
 from irrsplat.core.paths import named
 from irrsplat.image.backdrop import BackdropKind, display_picture
-from irrsplat.image.exr import write_layers
+from irrsplat.image.output.exr import write_layers
 from irrsplat.image.statistics import TIMES, Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 

@@ -25,11 +25,13 @@ _ANCHORS = np.array(
 
 @dataclass(frozen=True)
 class LightScale:
-    """A linear scale of light in false colours, from 0 on. highest: upper end in `unit`, None: automatic. lines: isolines between
-    its STEPS."""
+    """A scale of light in false colours. highest: upper end in `unit`, None: automatic. decades: range of a logarithmic scale; a
+    linear one begins at 0. lines: True for isolines between its STEPS."""
 
     unit: Unit = "lux"
     highest: float | None = None
+    logarithmic: bool = False
+    decades: int = 2
     lines: bool = True
 
     @property
@@ -46,7 +48,8 @@ class LightScale:
     @property
     def ends(self) -> tuple[float, float]:
         """Lower and upper end in `unit`; the upper end must be set."""
-        return 0.0, self.highest or 1.0
+        high = self.highest or 1.0
+        return (high * 10.0**-self.decades if self.logarithmic else 0.0), high
 
     def up_to(self, brightest: float) -> LightScale:
         """Return the scale with an upper end: its own, or a round number above `brightest`, W/m² weighted like luminance."""
@@ -56,8 +59,15 @@ class LightScale:
 
     def place(self, light: np.ndarray) -> np.ndarray:
         """Return the positions of light in `unit` on the scale, 0..1, of any shape."""
-        clipped: np.ndarray = np.clip(light / self.ends[1], 0.0, 1.0)
+        low, high = self.ends
+        place = np.log(np.maximum(light, 1e-30) / low) / np.log(high / low) if self.logarithmic else light / high
+        clipped: np.ndarray = np.clip(place, 0.0, 1.0)
         return clipped
+
+    def at(self, place: np.ndarray) -> np.ndarray:
+        """Return the light in `unit` at positions 0..1 of the scale, of any shape."""
+        low, high = self.ends
+        return low * (high / low) ** place if self.logarithmic else high * place
 
 
 def round_above(value: float) -> float:

@@ -9,6 +9,8 @@ from collections.abc import Callable
 
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
+MOST_DECADES = 9
+
 
 def number(text: str) -> float:
     """Parse a finite number."""
@@ -35,6 +37,7 @@ def _whole(low: int, high: int, expected: str) -> Callable[[str], int]:
 pixels = _whole(1, 999_999_999, "a whole number of pixels, at least 1")
 samples = _whole(2, 999_999_999, "a whole number of samples, at least 2")
 count = _whole(1, 999_999_999, "a whole number, at least 1")
+decades = _whole(1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
 _tile = _whole(LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
 
 

@@ -1,4 +1,4 @@
-"""`irrsplat measure`, its tables, files and statistics."""
+"""`irrsplat measure`, its tables, files and statistics, and `irrsplat render --falsecolor`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from irrsplat.app import cli
+from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
+from irrsplat.meter.light_scale import LightScale, false_colours
 
 # a point light of 1790 cd, 2 m above the middle of a black floor of 4 × 4 m with a black block
 SCENE = """units photometric
@@ -90,3 +93,64 @@ def test_a_line_includes_both_ends(lit: Path, capsys: pytest.CaptureFixture[str]
     assert along == pytest.approx(np.linspace(0.0, 3.0, 9)) and x == pytest.approx(along - 1.5) and (z == -0.5).all()
     assert total == pytest.approx(expected(x, z), rel=1e-3)
     assert "points      9 along 3 m, 9 of them count" in capsys.readouterr().out
+
+
+# a point light of 10 W/sr, 2 m above a floor; the camera looks straight down
+COLOURED = "cam 0 3 0 0 0 0 0 0 -1\nproj 60 1 0.1 100\nlight lamp.light\nbrdf diffuse {0} {0} {0} 1\nobj floor.obj\n"
+WIDE = "v -4 0 4\nv 4 0 4\nv 4 0 -4\nv -4 0 -4\nf 1 2 3 4\n"
+RENDER = ["render", "lit.scene", "--size", "48", "32", "--bounces", "1", "--gather-size", "8", "--light-samples", "0"]
+
+
+@pytest.fixture
+def point_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
+    """Change to a working folder with the scene; return the floor's albedo."""
+    for name, text in (("lit.scene", COLOURED.format(0.5)), ("floor.obj", WIDE)):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "lamp.light").write_text("position 0 2 0 1\nintensity 10 10 10\n")
+    monkeypatch.chdir(tmp_path)
+    return 0.5
+
+
+def scale_position(picture: np.ndarray) -> np.ndarray:
+    """Return positions 0..1 on the scale for colours (…, 3)."""
+    palette = false_colours(1001)
+    found: np.ndarray = np.abs(picture[..., None, :] - palette).sum(-1).argmin(-1) / 1000.0
+    return found
+
+
+def read(path: str) -> np.ndarray:
+    return np.asarray(Image.open(path), float) / 255.0
+
+
+@pytest.mark.parametrize("unit", ["lux", "W/m2"])
+def test_false_colours_show_the_illuminance_of_the_closed_form(point_light: float, unit: str) -> None:
+    """False colours show E = I·h/d³, times 179 in lux, independent of the floor's albedo, next to a legend."""
+    factor = 179.0 if unit == "lux" else 1.0
+    argv = ["--falsecolor", "--unit", unit, "--scale", str(5.0 * factor), "--lines", "off"]
+    assert cli.main([*RENDER, *argv, "-o", "a.png", "-o", "a.npz"]) == 0
+    picture = read("a.png")
+    assert picture.shape[0] == 32 and picture.shape[1] > 64, "the picture includes a legend"
+    with np.load("a.npz") as data:
+        p = data["position"]
+        assert data["image"].max() == pytest.approx(point_light / np.pi * 2.5, rel=0.02), "the .npz holds radiance ρ·E/π"
+    reference = 10.0 * 2.0 / np.linalg.norm(p - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
+    assert np.abs(scale_position(picture[:, :48]) - reference / 5.0).max() < 0.02
+
+    log = ["--falsecolor", "light", "--unit", unit, "--scale", str(5.0 * factor), "--log", "1", "--lines", "off"]
+    assert cli.main([*RENDER, *log, "-o", "b.png"]) == 0
+    assert np.abs(scale_position(read("b.png")[:, :48]) - np.clip(1.0 + np.log10(reference / 5.0), 0.0, 1.0)).max() < 0.02
+
+
+def test_isolines_lie_at_steps_of_the_light() -> None:
+    """Light rises to the right: one column is dark at each of seven visible steps, and pixels without surface are GROUND."""
+    light = np.tile(np.linspace(0.0, 999.0, 200), (20, 1))
+    depth = np.ones(light.shape)
+    depth[:, 150:] = np.inf
+    plain, lined = (coloured(light, depth, LightScale(highest=1000.0, lines=on)) for on in (False, True))
+    dark = (lined < plain - 1e-6).any(-1)
+    columns = np.flatnonzero(dark.all(0))
+    steps = np.floor(light[0] / 100.0)
+    assert dark.any(0).sum() == len(columns) == 7 and (steps[columns] + 1 == steps[columns + 1]).all()
+    assert (lined[:, 150:] == GROUND).all()
+    whole = with_legend(lined, LightScale(highest=1000.0), "light", "W/m²")
+    assert np.abs(whole[:, :200] - lined).max() < 1.0 / 255.0 and whole.shape[0] == 20

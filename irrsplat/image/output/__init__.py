@@ -1,0 +1,1 @@
+"""Output of frames: OpenEXR layers, and false colours with a legend."""
