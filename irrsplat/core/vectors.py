@@ -9,6 +9,7 @@ import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
 
+_BLOCK = 1 << 15  # triangles at once: some megabytes
 _FAR = 4.0  # diagonals from 0 0 0 beyond which float32 is too coarse: shadow rays start 2⁻²⁰ of the diagonal above their surface
 
 
@@ -79,15 +80,18 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def triangle_normals(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (3, F) float64 normals of triangles (F, 3, 3) by their winding, unit or 0, and (F,) their areas.
 
-    By columns, since numpy is slow along axes of length 3.
+    By columns, since numpy is slow along axes of length 3, and in blocks that stay in the processor's cache.
     """
-    a, b, c = (corners[:, k].T.astype(float) for k in range(3))
-    b -= a
-    c -= a
-    normal = np.stack([b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]])
-    twice = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    normal /= np.maximum(twice, 1e-300)
-    return normal, 0.5 * twice
+    normals, areas = np.empty((3, len(corners))), np.empty(len(corners))
+    for first in range(0, len(corners), _BLOCK):
+        some = slice(first, first + _BLOCK)
+        a, b, c = (corners[some, k].T.astype(float, order="C") for k in range(3))
+        b -= a
+        c -= a
+        normal = np.stack([b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]])
+        twice = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+        normals[:, some], areas[some] = normal / np.maximum(twice, 1e-300), 0.5 * twice
+    return normals, areas
 
 
 def squares_from_boxes(low: np.ndarray, high: np.ndarray, place: np.ndarray) -> np.ndarray:
