@@ -22,7 +22,6 @@ from irrsplat.records.record_cache import luminance_floor
 from irrsplat.records.weight import own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
-_AT_ONCE = 4096  # places in one batch
 # times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. At 1, up to 3 % of
 # the pixels of a view request again; at 2, less than 1 %, for 6 % more records
 _ENOUGH = 2.0
@@ -152,7 +151,7 @@ class _Pairs:
         tree = cKDTree(position)
         none = np.zeros(0, np.intp)
         chunks = [(none, none, np.zeros(0))]
-        parts = [places[start : start + _AT_ONCE] for start in range(0, len(places), _AT_ONCE)][::-1]
+        parts = [places] if len(places) else []
         while parts:
             part = parts.pop()
             near, within = cKDTree(position[part]), float(table.widest[part].max())

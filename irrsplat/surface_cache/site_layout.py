@@ -45,8 +45,6 @@ _AROUND = 1.5  # of the spacing: radius of the ball whose emissive area is the s
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
-_CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # about the finished share of the work during a step
-
 
 @dataclass(frozen=True)
 class Detail:
@@ -106,28 +104,24 @@ class SiteLayout:
     cells: np.ndarray
 
 
-@dataclass
+@dataclass(frozen=True)
 class SiteChooser:
     """Chooses the sites of a scene, step by step.
 
-    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache. done: about the finished share of the
-    work, 0..1.
+    reach: the visible share of segments, see RayCaster.reach. detail: of the surface cache.
     """
 
     scene: Scene
     reach: Callable[[np.ndarray, np.ndarray], np.ndarray]
     detail: Detail
-    done: float = 0.0
 
     def layout(self) -> Steps[tuple[SiteLayout, Clusters]]:
         """Choose the sites: all steps in their order. Return also the members that they represent, with the numbers of their
         values."""
         clusters, first = yield from self._cluster()
-        self.done = _SHARED_OUT
         chosen = yield from self._assign(clusters, first)
         value = clusters.value
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
-        self.done = _FOUND
         yield
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
         cells = yield from self._cells(clusters)
@@ -144,7 +138,6 @@ class SiteChooser:
         vertices, faces, area, wider = yield from in_background(partial(self._surfaces, places, rooms))
         points = float(np.clip(len(faces), *POINTS)) * self.detail.points
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
-        self.done = _CUT
         return (yield from in_background(partial(self._cut, vertices, faces, spacing, wider)))
 
     def _rooms(self, places: np.ndarray) -> Steps[np.ndarray]:

@@ -39,7 +39,6 @@ _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any 
 class _Steps:
     """The unfinished steps of a level."""
 
-    chooser: SiteChooser | None = None
     choosing: Steps[tuple[SiteLayout, Clusters]] | None = None
     survey: Survey | None = None
     drawing: Steps[Places] | None = None
@@ -88,13 +87,13 @@ class SiteLevel(Owner):
 
     @property
     def progress(self) -> float:
-        """The completed share of the values for the scene and settings, 0..1."""
+        """The completed share of the values for the scene and settings, 0..1; 0 while sites are chosen."""
         if self.complete:
             return 1.0
         if self.laid_out is None:
-            return 0.5 * self._steps.chooser.done if self._steps.chooser else 0.0
+            return 0.0
         records = self.laid_out.records
-        return 0.5 + 0.49 * (1.0 - len(records.stale) / max(records.count, 1))
+        return 0.99 * (1.0 - len(records.stale) / max(records.count, 1))
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 
@@ -244,13 +243,12 @@ class SiteLevel(Owner):
         """Return the sites once all are chosen; None if the budget ends before."""
         if self.laid_out is None:
             steps = self._steps
-            steps.chooser = steps.chooser or SiteChooser(self.world.scene, self._rays.reach, self.detail)
-            steps.choosing = steps.choosing or steps.chooser.layout()
+            steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
             chosen = budget.advance(steps.choosing)
             if chosen is None:
                 return None
             layout, clusters = chosen
-            self.laid_out, steps.chooser, steps.choosing = LaidOut(self.world.ctx, layout), None, None
+            self.laid_out, steps.choosing = LaidOut(self.world.ctx, layout), None
             if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
                 self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
         return self.laid_out

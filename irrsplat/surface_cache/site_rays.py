@@ -32,7 +32,6 @@ _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH_RAYS = 51_200  # rays traced at once, about
-_BATCH, _MOST_BATCH = 128, 1024  # sites gathered at once: the least capacity, and the greatest
 
 
 class SiteRays(Owner):
@@ -84,7 +83,7 @@ class SiteRays(Owner):
             lambda: TraceGather(
                 self.world,
                 side,
-                min(max(_BATCH_RAYS // side**2, _BATCH), _MOST_BATCH),
+                _BATCH_RAYS // side**2,
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,
