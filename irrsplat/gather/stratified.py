@@ -10,8 +10,6 @@ import numpy as np
 
 from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, SQUARE_STEPS
 
-_MIDDLES = 16  # from this side on (8 elevations), rays of sites go through the middles of strata
-
 
 def shape(side: int) -> tuple[int, int]:
     """Return the elevations M and azimuths N of side² rays: N = 4·M, near π·M, for strata about as wide as high (Ward and
@@ -47,16 +45,14 @@ def ray_directions(side: int) -> np.ndarray:
 
 
 def site_directions(side: int) -> np.ndarray:
-    """Return (M·N, 3) float64: directions as from `ray_directions`, but through the middle of each stratum in sin²θ and φ.
+    """Return (M·N, 3) float64: directions as from `ray_directions`, but through the middle of each stratum in φ.
 
-    Sites have many places, so that these directions do not alias. The strata around the normal and at the horizon span many
-    degrees: there the heights in sin²θ advance by the golden ratio. Else no ray would reach far along a corridor, whose dark end
-    lost a tenth of its light. With few elevations all heights advance.
+    Sites have many places, so that these directions do not alias. The heights in sin²θ advance by the golden ratio: through the
+    middles of strata at the horizon, no ray would reach far along a corridor, whose dark end lost a tenth of its light.
     """
     m, n = shape(side)
     row, column = np.indices((m, n))
-    spread = (side < _MIDDLES) | (row == 0) | (row == m - 1)
-    height = np.where(spread, np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
+    height = np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0]
     return _directions((row + height) / m, 2.0 * np.pi * (column + 0.5) / n).reshape(-1, 3)
 
 
