@@ -40,8 +40,8 @@ _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at 
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
-_SMALL_LIGHTS, _VOXELS = 128, 512  # greatest numbers of small lights with fine cells, and of voxels that are candidates
-_AROUND = 1.5  # of the spacing: radius of the ball whose emissive area is the size of a voxel's emitters
+_SMALL_LIGHTS = 128  # greatest number of lights and parts of emitters with fine cells around them
+_PART = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
@@ -173,11 +173,11 @@ class SiteChooser:
         """
         offset = offset_of(self.scene)
         mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
+        emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)[mesh[: len(faces)]]
         lights = None
         if self.detail.level >= 0:  # pixels show the cells of a coarse level, and patches of fine ones would stand out
-            emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)
-            lights = _small_lights(self.scene, vertices, faces[emits[mesh[: len(faces)]]], spacing)
-        tessellation = tessellate(vertices, faces, spacing * wider, offset, lights)
+            lights = _small_lights(self.scene, vertices, faces[emits], spacing)
+        tessellation = tessellate(vertices, faces, spacing * wider, offset, lights, ~emits)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
         inner = np.append(np.flatnonzero(~unlit), np.flatnonzero(unlit)[:1])  # one stands for all that no light reaches
@@ -319,23 +319,20 @@ def _interesting(scene: Scene) -> np.ndarray:
 
 
 def _small_lights(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
-    """Return (K, 4) the places of lights, and sizes in metres below half of the `spacing`. A point light has the size 0.
+    """Return (K, 4) the places of lights and of parts of emitters, and sizes in metres. A point light has the size 0.
 
-    emissive: (F, 3) the triangles of emitters. A voxel of `spacing` metres is one light. Its size is the width of a strip that
-    has the area around it, so that a part of a large panel is not small.
+    emissive: (F, 3) the triangles of emitters. Each voxel with emitters is one part. Light is steep near the rim of a panel, too,
+    so that the size of a part is limited.
     """
-    lights = np.array([[*light.position, 0.0] for light in scene.lights if not light.directional], float).reshape(-1, 4)
-    cells = tessellate(vertices, emissive, spacing, 0.0)
-    _, voxel = np.unique(np.floor(cells.position / spacing).astype(np.int64), axis=0, return_inverse=True)
+    lights = [[*light.position, 0.0] for light in scene.lights if not light.directional]
+    cells, width = tessellate(vertices, emissive, spacing, 0.0), VOXEL * spacing
+    _, voxel = np.unique(np.floor(cells.position / width).astype(np.int64), axis=0, return_inverse=True)
     weights = np.maximum(cells.area, 1e-30)
     area = np.bincount(voxel.ravel(), weights)
-    at = np.stack([np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T], axis=1)
-    some = at[area < spacing**2]
-    some = some[:: -(-len(some) // _VOXELS) or 1]
-    width = [area[((at - one) ** 2).sum(1) < (_AROUND * spacing) ** 2].sum() / (2.0 * _AROUND * spacing) for one in some]
-    lights = np.concatenate([lights, np.column_stack([some, width])])
-    lights = lights[lights[:, 3] < 0.5 * spacing]
-    return lights[:: -(-len(lights) // _SMALL_LIGHTS) or 1]
+    at = [np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T]
+    size = np.minimum(area / width, _PART * spacing)  # the width of a strip, or less
+    found = np.concatenate([np.reshape(lights, (-1, 4)), np.stack([*at, size], axis=1)])
+    return found[:: -(-len(found) // _SMALL_LIGHTS) or 1]
 
 
 def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -55,18 +55,24 @@ class Tessellation:
 
 
 def tessellate(
-    vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float, lights: np.ndarray | None = None
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    spacing: float | np.ndarray,
+    inset: float,
+    lights: np.ndarray | None = None,
+    lit: np.ndarray | bool = True,
 ) -> Tessellation:
     """Return the tessellation with steps of at most `spacing` metres, one number or (F,), or longer beyond _MAX_CELLS cells.
 
     vertices: (V, WIDTH), rows of core/vertex_layout.py; faces: (F, 3), see scene.flatten.flatten. lights: (K, 4) places and sizes
-    in metres of small lights. A step near one is at most about as long as the distance and the size together.
+    in metres of lights. A step near one is at most as long as the distance and the size together. lit: (F,) False for triangles
+    whose steps do not depend on lights.
     """
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
     spacing = np.broadcast_to(spacing, len(p))
     longest = _longest(p)
     n = steps(longest, spacing)
-    cut = np.flatnonzero(longest > _SMALL * spacing) if lights is not None and len(lights) else np.zeros(0, np.intp)
+    cut = np.flatnonzero(lit & (longest > _SMALL * spacing)) if lights is not None and len(lights) else np.zeros(0, np.intp)
     cut = cut[_halvings(p[cut], spacing[cut], lights) > 0]
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, n[cut] ** 2)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
@@ -128,7 +134,7 @@ def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> 
     step = spacing.copy()
     for *place, size in () if lights is None else lights:
         np.minimum(step, np.sqrt(squares_from_boxes(low, high, place)) + size, out=step)
-    halvings: np.ndarray = np.minimum(np.log2(spacing / np.maximum(step, 1e-30)), _FINEST).astype(np.intp)
+    halvings: np.ndarray = np.minimum(np.ceil(np.log2(spacing / np.maximum(step, 1e-30))), _FINEST).astype(np.intp)
     return halvings
 
 
