@@ -6,7 +6,8 @@ uniform mat4 clip_from_world;
 uniform vec2 size;    // size of the target, pixels
 uniform vec2 span;    // log of a·R_k in metres at the first colour; advance of the colours, 0..1, per unit of that log
 uniform float width;   // half the width of the strip, pixels
-uniform int segments;  // number of straight pieces of an ellipse
+uniform float pixel;   // size of a pixel at distance 1, in metres
+uniform int segments;  // the most straight pieces of an ellipse
 
 flat out vec3 v_color;
 out vec3 v_position;
@@ -14,6 +15,7 @@ out float v_side;
 flat out vec4 v_disc;
 
 const float TURN = 6.28318530717959;
+const float PIECES = 2.65;  // pieces of an ellipse per root of its radius in pixels: their error, r(1 - cos(π/n)), is 0.7 pixels
 
 vec3 record_color(ivec2 texel)
 {
@@ -37,8 +39,10 @@ void main()
 {
     ivec2 texel = table_texel(gl_InstanceID);
     vec3 p = record_position(texel), n = record_normal(texel);
-    float trust, angle = TURN * float(gl_VertexID >> 1) / float(segments);
-    Ellipse e = view_ellipse(texel, length(eye - p), trust);
+    float trust, distance = length(eye - p);
+    Ellipse e = view_ellipse(texel, distance, trust);
+    int pieces = clamp(int(PIECES * sqrt(e.along / (pixel * distance))), 6, segments);
+    float angle = TURN * float(min(gl_VertexID >> 1, pieces)) / float(pieces);  // further vertices repeat the last one
     vec3 u = e.along * e.axis, v = e.across * cross(n, e.axis);
     vec3 way = cos(angle) * v - sin(angle) * u;
     v_position = p + cos(angle) * u + sin(angle) * v;
