@@ -38,6 +38,7 @@ _PASSES, _INSTANT = 2, 1e-4  # passes of the interface directly after an event, 
 _AWAKE = 1.0  # seconds after an event in which frames continue: tooltips come late, and a window's size a frame late
 _LOOK = 0.5  # seconds between two checks for changes without an event, such as a traced reference
 _LEAST = 0.2  # the least share of the frame budget for the core, however slow all other work is
+_DARK = 2.0  # seconds: the longest wait for the indirect light of a new scene, since direct light alone may be almost black
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of the time of all other work
 
 
@@ -86,8 +87,7 @@ class Viewer(Owner):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
-        own = self.session, self.display, self.actions.film, self.backend
-        return (*own, self._pictures)
+        return (self.session, self.display, self.actions.film, self.backend, self._pictures)
 
     @property
     def canvas(self) -> Picture:
@@ -152,9 +152,8 @@ class Viewer(Owner):
     def _fit(self) -> None:
         """Resize the session to the picture's part of the window."""
         size = self._place[2:]
-        if self._minimised or size == self.session.size:
-            return
-        self.actions.attempt(lambda: self.session.resize(size))
+        if not self._minimised and size != self.session.size:
+            self.actions.attempt(lambda: self.session.resize(size))
 
     @property
     def _place(self) -> tuple[int, int, int, int]:
@@ -196,6 +195,9 @@ class Viewer(Owner):
         if not session.views:  # the scene or the size is new
             session.tick(0.0, seconds)
         if first:  # the first picture takes a while, and notices are invisible before it
+            end, gatherer = now() + _DARK, session.renderers[0].scheduler.gatherer
+            while gatherer.awaits_light and now() < end and not session.options.frozen:
+                session.tick(0.0, seconds)
             self.actions.messages.renew()
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:

@@ -45,8 +45,7 @@ class Display(Owner):
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
-            # drop the data of a scene that is no longer open
-            for known in (self.inspector, self.programs, self._memo):
+            for known in (self.inspector, self.programs, self._memo):  # they have data of a scene that is no longer open
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
         marks = options.discs, options.plane and Identity(session.plane.measured), options.inspect and cursor

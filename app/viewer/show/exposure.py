@@ -24,14 +24,14 @@ _ROWS = 24  # about: rows of pixels that are read for the brightest light
 class AutoExposure:
     """The exposure in stops, equal on both sides for comparison; NaN before the first picture.
 
-    The first lit picture sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. It stays in a view that is
-    black even with _MOST, while an incomplete view is within _SLACK, and while only the blend changes.
+    The first picture with indirect light sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. It stays
+    in a view that is black even with _MOST, while an incomplete view is within _SLACK, and while only the blend changes.
     """
 
     def __init__(self) -> None:
         self.stops = math.nan
         self._goal = 0.0
-        self._lit = False  # True after the first lit picture
+        self._lit = False  # True after the first picture with indirect light
         self._view: View | None = None  # the last metered view
         self._inputs: object = None  # the inputs of the last view, without its blend
         self._blend = math.nan  # the blend of the last view
@@ -52,8 +52,8 @@ class AutoExposure:
         before = self._lit
         if view is not self._view and not self._held:
             self._view = view
-            self._aim(renderer.automatic_stops(view))
-        if not before or self.settled:  # the first lit picture sets the exposure at once
+            self._aim(renderer.automatic_stops(view), renderer.scheduler.gatherer.awaits_light)
+        if not before or self.settled:  # the first light sets the exposure at once
             self.stops = self._goal
         if filling and abs(self._goal - self.stops) < _SLACK:
             return
@@ -70,10 +70,10 @@ class AutoExposure:
             self._held = self._lit
         self._inputs, self._blend = inputs, blend
 
-    def _aim(self, found: float) -> None:
-        """Set the goal to a measurement; 0 means an unlit picture. A picture that is black even with _MOST counts as unlit."""
+    def _aim(self, found: float, partly: bool) -> None:
+        """Set the goal to a measurement; 0 or more than _MOST means an unlit picture. partly: True before any indirect light."""
         if found != 0.0 and (found < _MOST or not self._lit):
-            self._goal, self._lit = min(max(found, -_MOST), _MOST), True
+            self._goal, self._lit = min(max(found, -_MOST), _MOST), not partly
 
 
 def brightest_light(renderer: Renderer, view: View) -> float:

@@ -1,7 +1,8 @@
 """Takes the viewer's first seconds, still and while the camera orbits: docs/images/viewer/first_SCENE.png, a contact sheet each.
 
-`python docs/programs/viewer/first_minute.py [SCENE …]` (cornell, door, atrium) opens a window in memory. Columns are TIMES in
-seconds after the window opened, on this machine with its present load; the upper row is still.
+`python docs/programs/viewer/first_minute.py [SCENE …]` (cornell, door, atrium, furnished) opens a window in memory. Columns
+are TIMES in seconds after the window opened, on this machine with its present load; the upper row is still. The furnished room
+is the one of `furnished.py`.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 import sys
 import time
 
+import furnished
 import numpy as np
 from PIL import Image, ImageDraw
 from screens import IMAGES, LIMIT
@@ -19,7 +21,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 
-SCENES = ("cornell", "door", "atrium")
+SCENES = ("cornell", "door", "atrium", "furnished")
 TIMES = (0.3, 1.0, 2.0, 4.0, 8.0)  # seconds
 SIZE, CELL = (960, 600), (400, 250)  # pixels
 ANGLE, TURN = math.radians(8.0), 1.5  # of the orbit to either side, and radians of its phase per second
@@ -28,8 +30,9 @@ ANGLE, TURN = math.radians(8.0), 1.5  # of the orbit to either side, and radians
 def pictures(scene: str, orbits: bool) -> list[Image.Image]:
     """Return the window at each of TIMES, or at the first frame after it."""
     wnd, found = open_window(SIZE, headless=True), list[Image.Image]()
+    made = furnished.room() if scene == "furnished" else irrsplat.load(scene)
     start = last = time.monotonic()
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences())
+    viewer = Viewer(wnd, made, scene, Preferences())
     camera = viewer.actions.session.free_camera
     while len(found) < len(TIMES):
         now = time.monotonic()
