@@ -11,9 +11,7 @@ import irrsplat
 from irrsplat.scene.model import Mesh, Scene
 
 Colour = tuple[float, float, float]
-WIDTH, HEIGHT, DEPTH = 5.0, 2.6, 4.0  # metres: x, y, z; the window is in the wall at x = WIDTH
 WOOD, FABRIC, WHITE, BRASS = (0.45, 0.28, 0.15), (0.16, 0.25, 0.33), (0.8, 0.78, 0.74), (0.5, 0.4, 0.2)
-UPRIGHT = rotation_matrix(np.pi / 2.0, (1, 0, 0))  # turns axes along z into axes along y
 
 
 def block(*bounds: float) -> trimesh.Trimesh:
@@ -31,7 +29,7 @@ def rounded(*bounds: float) -> trimesh.Trimesh:
 
 def upright(shape: trimesh.Trimesh, x: float, y: float, z: float) -> trimesh.Trimesh:
     """Return a shape with its axis upright and its middle at x, y, z."""
-    return shape.apply_transform(UPRIGHT).apply_translation((x, y, z))
+    return shape.apply_transform(rotation_matrix(np.pi / 2.0, (1, 0, 0))).apply_translation((x, y, z))
 
 
 def chair(x: float, z: float, back: float) -> list[trimesh.Trimesh]:
@@ -43,7 +41,7 @@ def chair(x: float, z: float, back: float) -> list[trimesh.Trimesh]:
 
 def parts() -> list[tuple[str, Colour, list[trimesh.Trimesh]]]:
     """Return the name, the reflectance and the shapes of each object."""
-    w, h, d, t = WIDTH, HEIGHT, DEPTH, 0.2  # t: thickness of the walls
+    w, h, d, t = 5.0, 2.6, 4.0, 0.2  # metres: x, y, z, and the thickness of the walls; the window is in the wall at x = w
     frame = [block(w, w + t, *yz) for yz in ((0, 0.9, 0, d), (2.2, h, 0, d), (0.9, 2.2, 0, 1.0), (0.9, 2.2, 3.0, d))]
     bars = [block(w, w + 0.05, 0.9, 2.2, z, z + 0.05) for z in (1.0, 1.975, 2.95)]
     walls = [block(-t, 0, 0, h, 0, d), block(0, w, 0, h, -t, 0), block(0, w, 0, h, d, d + t), *frame]
