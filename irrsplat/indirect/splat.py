@@ -57,14 +57,6 @@ class SplatPass(Owner):
         """Return the resources that `release` frees."""
         return (self.numbers, *self.programs.values(), *self.empty, *self.targets.values())
 
-    def free_all_but_sums(self) -> None:
-        """Free the weights, the depths and the smaller buffer; after that, this can only be released."""
-        self.ctx.detect_framebuffer(0).use()
-        whole, small = self.target(1), self.targets.get(2)
-        for thing in (whole.gl, *whole.textures[1:], whole.depth, small):
-            if thing is not None:
-                thing.release()
-
     def target(self, pixel_stride: int) -> Target:
         """Return the buffer of every `pixel_stride`-th pixel in both directions."""
         if pixel_stride not in self.targets:

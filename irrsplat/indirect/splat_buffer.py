@@ -94,10 +94,6 @@ class ViewSplats(Owner):
         """Splat all records again at the next update."""
         self._drawn = None
 
-    def free_all_but_sums(self) -> None:
-        """Free the weights, the depths and the buffer of every other pixel; after that, this can only be released."""
-        self.splat_pass.free_all_but_sums()
-
     def update(
         self,
         cache: RecordCache,

@@ -16,7 +16,7 @@ from irrsplat.lighting.luminaire_table import photometries, photometry_size
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
-LARGE = 1 << 22  # pixels, size from which a picture's memory is checked and saved
+LARGE = 1 << 22  # pixels, size from which a picture's memory is checked
 PICTURE = frozenset(("image", "alpha"))
 _BESIDE = 450_000_000  # bytes for gathers, surface cache, shadow maps and records, independent of the size
 _READING = 28  # bytes a pixel, while one more buffer is read
@@ -35,19 +35,14 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
-def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
-    """Return the bytes a pixel of a view during rendering: g-buffer, splat buffer, picture, samples.
-
-    picture_alone: only image and alpha are read.
-    """
+def view_bytes(scene: Scene, settings: Settings) -> int:
+    """Return the bytes a pixel of a view during rendering: g-buffer, splat buffer, picture, samples."""
     gbuffer, splats, image, direct, summed = 68, 35, 20, 20, 24  # summed: temporally filtered, or with holes filled
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     if settings.samples > 1:
         return 2 * (gbuffer + splats + direct) + summed + image + 68
     refined = 64 if settings.quality else 0  # two more splat buffers and their comparison
-    if picture_alone and not refined:
-        return max(gbuffer + splats + summed, gbuffer + summed + direct + image)
     return gbuffer + splats + refined + summed + direct + image
 
 
@@ -82,12 +77,12 @@ def shortage(
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
     alone = PICTURE.issuperset(names)
     arrays = 4 * sum(CHANNELS[name].components for name in names)
-    pixel = view_bytes(scene, settings, alone) if software else 0
+    pixel = view_bytes(scene, settings) if software else 0
     if tile:
         drawn = min(_AROUND * tile, max(size)) ** 2  # with the margin of a tile
         need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
-    else:  # a picture alone is read after most of the view is freed
-        need = size[0] * size[1] * (max(pixel, arrays) if alone else pixel + arrays + _READING)
+    else:
+        need = size[0] * size[1] * (pixel + arrays + (0 if alone else _READING))
     need += _BESIDE if software else 0
     free = memory.available()
     return Shortage(size, need, free, alone) if size[0] * size[1] >= LARGE and free is not None and need > free else None

@@ -346,11 +346,3 @@ class Frames(Owner):
         self.stages.forget(shadows=shadows)
         self.moving.stages.forget(shadows=shadows)
         self.state = replace(self.state, view=ViewState())
-
-    def free_buffers(self) -> None:
-        """Free the buffers of the last view except image and alpha; the next use makes them again."""
-        self.stages.free_buffers()
-        self.moving.stages.free_buffers()
-        self.leave_refinement()
-        self._passes.drop("refiner")
-        self.state = replace(self.state, view=ViewState(), shown=None)

@@ -376,17 +376,15 @@ class Renderer(Tenant):
         self,
         camera: Camera | str | None = None,
         progress: Callable[[Progress], None] | None = None,
-        sparing: bool = False,
     ) -> tuple[View, Statistics]:
         """Draw rounds until the examination finds no request, at most MOST_ROUNDS; return the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
-        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: True if only image and
-        alpha of the view are read, so that the memory of other buffers can be freed early.
+        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True.
         """
         self._use_whole()
         check_callback("progress", progress)
-        return self._whole.converge(self._seen_by(camera), progress, sparing)
+        return self._whole.converge(self._seen_by(camera), progress)
 
     def render(
         self,
@@ -402,8 +400,7 @@ class Renderer(Tenant):
         that the caller owns. Records of earlier views are used again: only missing records are gathered.
 
         progress: called after each round. figures: True fills Frame.figures with the paper's figures 1, 3 and 4 too.
-        buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
-        picture takes half as much memory.
+        buffers: names of those that the frame holds (default: all); the others are empty.
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
         not on earlier views; stats["uncovered"] counts the pixels that no record covers, which take the light around
         them unless the setting `fill_holes` is off.

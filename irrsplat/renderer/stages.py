@@ -176,8 +176,6 @@ class Stages(Owner):
             shown = self._accumulated(done, subject, surface) if accumulating or surface is not None else splats
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums
-            if done.sparing:
-                self._spare(state, shown if sums is splats.sums else None)
             direct = self._memo.get("direct", (gbuffer, lighting), lambda: self._direct(state, gbuffer, lighting))
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
@@ -223,14 +221,6 @@ class Stages(Owner):
         return self.splats(state).read(records, self.draw_gbuffer(state, camera), camera, state.settings)
 
     # ---- changes ---------------------------------------------------------------------------------------------------
-
-    def _spare(self, state: State, splats: SplatBuffer | None) -> None:
-        """Free all resources except those of the picture: the gathers, and the splat buffer except its sums (None: all of it)."""
-        self.scheduler.gatherer.free_passes()
-        if splats is not None:
-            self.splats(state).free_all_but_sums()
-        else:
-            self._passes.drop("splats")
 
     def free_buffers(self) -> None:
         """Free the buffers of a view except image and alpha; the next use makes them again."""

@@ -72,8 +72,8 @@ class State:
 class Round:
     """The result of one round of a view, from which its picture is made.
 
-    gbuffer, splats: None for a view in tiles, which draws both again for every tile. sparing: True if the splat buffer is freed
-    once the picture is drawn. frozen: True if pixels without a record take the light of records alone.
+    gbuffer, splats: None for a view in tiles, which draws both again for every tile. frozen: True if pixels without a record take
+    the light of records alone.
     """
 
     camera: Camera
@@ -81,5 +81,4 @@ class Round:
     gbuffer: GBuffer | None
     splats: SplatBuffer | None
     progress: Progress
-    sparing: bool = False
     frozen: bool = False

@@ -20,7 +20,6 @@ from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
-from irrsplat.lighting import gl_limits
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import Round
 from irrsplat.renderer.tiles import TiledPictures
@@ -50,11 +49,6 @@ class RenderRequest:
         if not self.gather and (self.figures or quality):
             raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
 
-    @property
-    def picture_alone(self) -> bool:
-        """True if only image and alpha are requested."""
-        return self.buffers is not None and not self.figures and gl_limits.PICTURE.issuperset(self.buffers)
-
 
 class WholeRenders:
     """Renders of whole views by a renderer's `frames`.
@@ -69,11 +63,11 @@ class WholeRenders:
 
     # ---- a view ----------------------------------------------------------------------------------------------------
 
-    def converge(self, camera: Camera, progress: OnRound | None, sparing: bool) -> tuple[View, Statistics]:
+    def converge(self, camera: Camera, progress: OnRound | None) -> tuple[View, Statistics]:
         """Return the complete view and its statistics, see Renderer.converge."""
         self.frames.leave_refinement()
         done, stats = self._filled(camera, progress)
-        return self.stages.draw_picture(self.frames.state, replace(done, sparing=sparing)), stats
+        return self.stages.draw_picture(self.frames.state, done), stats
 
     def coverage(self, camera: Camera) -> float:
         """Return the share of the pixels at which `camera` requests no record, see Renderer.coverage."""
@@ -153,7 +147,7 @@ class WholeRenders:
         """Return the frame of a view, see Renderer.render."""
         frames, settings = self.frames, self.frames.state.settings
         request.check(settings.quality)
-        buffers = gl_limits.PICTURE if request.picture_alone else request.buffers
+        buffers = None if request.figures else request.buffers
         tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
         frames.leave_refinement()
         if tiled.tile:
@@ -170,11 +164,8 @@ class WholeRenders:
         """Return the frame of a view that is drawn whole."""
         frames, settings = self.frames, self.frames.state.settings
         album = PaperFigures(self._splatted, request.progress)
-        refined = settings.quality or settings.samples > 1
-        width, height = frames.state.size
-        sparing = request.gather and request.picture_alone and not refined and width * height >= gl_limits.LARGE
         done, stats = self._rounds(request, album if request.figures else request.progress)
-        view = self.stages.draw_picture(frames.state, replace(done, sparing=sparing))
+        view = self.stages.draw_picture(frames.state, done)
         if not request.gather:
             stats["uncovered"] = uncovered(view) if settings.most_bounces > 0 else 0
         if settings.quality and stats["converged"]:
@@ -185,8 +176,6 @@ class WholeRenders:
             stats |= {"interrupted": True, "converged": False}
         stats |= self.described(view.samples, frames.stops(view))
         self._check_errors()
-        if sparing:
-            frames.free_buffers()
         frame = read(view, self.cache.read(), stats, request.buffers)
         return replace(frame, figures=album.figures(frame, view.camera, settings)) if request.figures else frame
 

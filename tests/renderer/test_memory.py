@@ -31,17 +31,16 @@ ALONE = ("image", "alpha")
 
 
 @pytest.fixture
-def sparing(monkeypatch: pytest.MonkeyPatch) -> None:
+def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Treat every picture as large."""
     monkeypatch.setattr(gl_limits, "LARGE", 0)
 
 
 @pytest.mark.few_sites
-def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None) -> None:
+def test_a_picture_alone_has_the_same_records_and_bytes(large: None) -> None:
     kind = {**CHEAP, "bounces": "all"}
     with Renderer(room(sky=0.5), SIZE, **kind) as renderer:
         alone = renderer.render(buffers=ALONE)
-        again = renderer.render()  # with all freed resources
         with pytest.raises(InputError, match="unknown buffer 'imag' \\(did you mean 'image'"):
             renderer.render(buffers=("imag",))
     whole = irrsplat.render(room(sky=0.5), SIZE, **kind)
@@ -49,8 +48,6 @@ def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None) -> None:
         assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes(), name
     assert alone.depth.shape == (0, 0) and alone.normal.shape == (0, 0, 3)
     assert alone.stats["records"] == whole.stats["records"] and alone.exposure == whole.exposure
-    assert again.stats["records"] == whole.stats["records"]
-    assert np.allclose(again.irradiance, whole.irradiance, rtol=1e-4, atol=1e-5)
 
 
 @pytest.fixture
@@ -85,18 +82,18 @@ def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
     ids=str,
 )
 def test_what_a_view_needs_is_known_beforehand(
-    sparing: None, peak: Callable[[], float], monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], alone: bool, rounds: int
+    large: None, peak: Callable[[], float], monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], alone: bool, rounds: int
 ) -> None:
     monkeypatch.setattr(whole_renders, "MOST_ROUNDS", rounds)
     kind = {**CHEAP, **settings}
     with Renderer(room(), SIZE, **kind) as renderer:
         renderer.render(buffers=ALONE if alone else None)
-    need = gl_limits.view_bytes(room(), preset("default", **kind), alone)
+    need = gl_limits.view_bytes(room(), preset("default", **kind))
     assert 0.7 * need <= peak() <= need, (peak(), need)
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_made(
-    sparing: None, software: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    large: None, software: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if not software:
         pytest.skip("hardware has memory of its own, of which OpenGL does not tell")
@@ -104,7 +101,7 @@ def test_what_does_not_fit_is_refused_before_anything_is_made(
     picture = str(tmp_path / "x.png")
     assert cli.main(["render", "--size", "8192", "8192", "-o", picture, "--tile-size", "0"]) == 2
     assert capsys.readouterr().err == (
-        "irrsplat: size 8192x8192 needs 9.3 GB of memory, and 4.0 GB are free here: take a smaller size\n"
+        "irrsplat: size 8192x8192 needs 12.7 GB of memory, and 4.0 GB are free here: take a smaller size\n"
     )
     monkeypatch.setattr(memory, "available", lambda: 2_000_000_000)
     assert cli.main(["render", "--size", "4096", "4096", "-o", picture, "-o", str(tmp_path / "x.exr")]) == 2

@@ -71,11 +71,6 @@ class RecordGatherer(Owner):
         """Return the resources that `release` frees."""
         return (self.gathers, self._made, self._difference)
 
-    def free_passes(self) -> None:
-        """Free the gather passes, which are rebuilt at the next use; the surface cache stays."""
-        self.atlas = None
-        self.gathers.clear()
-
     # ---- the passes -------------------------------------------------------------------------------------------------
 
     @property
