@@ -7,7 +7,7 @@ difference separates the tests' own noise, and shows whether records need more r
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -38,8 +38,8 @@ class Check:
 
     shown: (N, 3) E of the picture, W/m². drawn_by: (N,) estimated variance with which each pixel was drawn.
     uncertainty: (H, W) this variance at all pixels. mean_uncertainty, mean: means of variance and E over the error's pixels.
-    first: number of the first test's record. done: number of gathered tests. coarse: (N, 3) E of the tests, once all are
-    gathered; from then on done counts the tests that are gathered again.
+    coarse: (N, 3) E of the tests. fine: (K, 3) E of the tests that were gathered again, with four times as many rays. Both are
+    empty at first.
     """
 
     sites: Sites
@@ -48,9 +48,8 @@ class Check:
     uncertainty: np.ndarray
     mean_uncertainty: float
     mean: float
-    first: int = 0
-    done: int = 0
-    coarse: np.ndarray | None = None
+    coarse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    fine: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def again(self) -> np.ndarray:
@@ -73,13 +72,12 @@ class ErrorSums:
     rays: float = 0.0
     count_again: float = 0.0
 
-    def including(self, check: Check, true: np.ndarray) -> ErrorSums:
-        """Return the sums with further tests; true: (K, 3) E of the tests that were gathered again."""
-        assert check.coarse is not None
+    def including(self, check: Check) -> ErrorSums:
+        """Return the sums with further tests."""
         again, uncertainty = check.again, check.drawn_by[check.again]
         errors = squares(check.shown, check.coarse) / check.drawn_by
-        excess = errors[again] - squares(check.shown[again], true) / uncertainty
-        rays = squares(check.coarse[again], true) / uncertainty
+        excess = errors[again] - squares(check.shown[again], check.fine) / uncertainty
+        rays = squares(check.coarse[again], check.fine) / uncertainty
         sums = errors.sum(), len(errors), excess.sum(), rays.sum(), len(again)
         before = self.errors, self.count, self.excess, self.rays, self.count_again
         return ErrorSums(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))

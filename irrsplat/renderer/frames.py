@@ -306,9 +306,7 @@ class Frames(Owner):
         state, view, stages, cache = self.state, self.state.view, self.stages, self.scheduler.cache
         assert self._refiner is not None and self._refiner.state is not None
         refined, full = self._refiner.state, view.full or self.scheduler.room == 0
-        progress = Progress(
-            view.rounds, cache.count, 0, view.coverage, full=full, error=refined.last_error, refined=refined.ended
-        )
+        progress = Progress(view.rounds, cache.count, 0, view.coverage, full=full, error=refined.error, refined=refined.ended)
         done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
         return stages.draw_picture(state, done), progress
 
