@@ -9,40 +9,15 @@ import math
 
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, Sites
-from irrsplat.gather.hemisphere import Gather, gather_records
-from irrsplat.gather.reduce import ReducePass
-from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import WIDE
 
 SIDE = 16  # side² directions, a small part of a gather's, and at most so many samples of next-event estimation
-MAX_RECORDS = 4096  # probed at once, at most
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
 _MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
 _MOST_RATIO = 2.0  # times the surface cache: the most that a record is taken to be brighter
 _DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
 MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
-
-
-class ChangeProbe(Owner):
-    """Probes records with `gather`, made for SIDE, which it owns from then on. gradients: M and ∇E as well."""
-
-    def __init__(self, gather: Gather, gradients: bool) -> None:
-        self.gather = gather
-        self.reduce = ReducePass(gather.world.ctx, gradients)
-        self.records = RecordCache(gather.world.ctx)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.gather, self.reduce, self.records)
-
-    def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:
-        """Return (N, PROBED) float32 of records at `sites`: rough E in W/m², R in metres, M and ∇E."""
-        self.records.truncate(0)
-        numbers = self.records.append(sites) + np.arange(len(sites))
-        gather_records(self.gather, self.reduce, light, self.records, numbers, seed)
-        return columns_of(self.records, numbers)
 
 
 def columns_of(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:

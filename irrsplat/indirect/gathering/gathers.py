@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.gather import kinds
-from irrsplat.gather.hemisphere import Gather
+from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis
-from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangeProbe
 from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import SETTINGS, Settings
 
+_MOST = 4096  # records gathered at once along few rays, at most
 _FEW_RAYS = 1 << 18  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 
 
@@ -54,29 +59,26 @@ class Gathers(Owner):
         capacity = _batch(size) if size < present else None
         return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings, capacity))
 
-    def probes(self, basis: Basis) -> ChangeProbe:
-        """Return the pass that probes records with few rays to find the records that a change affects."""
-        return self._rough("probes", basis, SIDE, basis.settings.gradients)
-
-    def luminance_probes(self, basis: Basis, side: int) -> ChangeProbe:
-        """Return the pass that probes records along side² rays for E alone."""
-        return self._rough(f"luminance probes of {side}", basis, side, gradients=False)
-
-    def reduction(self, settings: Settings) -> ReducePass:
-        """Return the pass that reduces hemisphere samples to records' values."""
-        gradients = settings.gradients
-        return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
-
-    def _rough(self, name: str, basis: Basis, side: int, gradients: bool) -> ChangeProbe:
-        """Return a probe of side² rays and at most `side` next-event samples, by the gather of records."""
+    def probe(self, basis: Basis, side: int) -> Gather:
+        """Return the pass that gathers records roughly, along side² rays and at most `side` next-event samples."""
         samples = min(basis.settings.light_samples, side)
         settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
-        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients
+        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
+        return self._made.get(f"probe of {side}", way, lambda: kinds.gather_pass(self.world, settings, _batch(side)))
 
-        def make() -> ChangeProbe:
-            return ChangeProbe(kinds.gather_pass(self.world, settings, _batch(side)), gradients)
+    def reduction(self, gradients: bool) -> ReducePass:
+        """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
+        return self._made.get(f"reduction {gradients}", (), lambda: ReducePass(self.ctx, gradients))
 
-        return self._made.get(name, way, make)
+    def measure(
+        self, gather: Gather, light: HitLight, sites: Sites, settings: Settings, gradients: bool, timers: Timers | None = None
+    ) -> RecordCache:
+        """Return records at `sites` outside the cache. The next call removes them. timers: see `gather_records`."""
+        records = self._made.get("records", (), lambda: RecordCache(self.ctx))
+        records.truncate(0)
+        numbers = records.append(sites) + np.arange(len(sites))
+        gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed, timers)
+        return records
 
     def _emitters(self, settings: Settings) -> bool:
         """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
@@ -85,4 +87,4 @@ class Gathers(Owner):
 
 def _batch(side: int) -> int:
     """Return the greatest number of places from which side² rays each are gathered at once."""
-    return min(MAX_RECORDS, _FEW_RAYS // side**2)
+    return min(_MOST, _FEW_RAYS // side**2)

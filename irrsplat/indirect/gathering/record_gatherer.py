@@ -17,7 +17,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
-from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, ChangeProbe, apply_probes, scale_by_surface
+from irrsplat.indirect.gathering.change_probe import MAX_DRIFT, SIDE, apply_probes, columns_of, scale_by_surface
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.indirect.gathering.record_difference import RecordDifference
 from irrsplat.records.dimming import LINEAR, dim
@@ -84,11 +84,6 @@ class RecordGatherer(Owner):
         return self.gathers.of(self._basis)
 
     @property
-    def probes(self) -> ChangeProbe:
-        """The pass that probes records with few rays to find the records that a change affects."""
-        return self.gathers.probes(self._basis)
-
-    @property
     def may_probe(self) -> bool:
         """True if `probe_luminance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
         basis = self._basis
@@ -99,10 +94,11 @@ class RecordGatherer(Owner):
 
         side: of the square of probe rays.
         """
-        probe, light, found = self.gathers.luminance_probes(self._basis, side), self.light(shadows), [np.zeros(0)]
-        for some in probe.gather.batches(len(sites), budget):
+        gather, light, found = self.gathers.probe(self._basis, side), self.light(shadows), [np.zeros(0)]
+        for some in gather.batches(len(sites), budget):
             with self.timers("examine"):
-                found.append(probe(light, sites[some], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
+                records = self.gathers.measure(gather, light, sites[some], self.settings, gradients=False).records
+                found.append(records.read("irradiance")["irradiance"].astype(float) @ LUMINANCE)
         return np.concatenate(found)
 
     @property
@@ -302,11 +298,9 @@ class RecordGatherer(Owner):
 
     def _linear(self, gather: Gather, light: HitLight, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Return the columns LINEAR of records of these numbers by another `gather` and `light`, along their own directions."""
-        sites = self.cache.sites(numbers)
-        with RecordCache(self.ctx) as scratch:
-            rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(numbers))) + np.arange(len(numbers))
-            self._reduced(light, scratch)(gather, numbers=rows)
-            return scratch.records.read(*LINEAR)
+        sites, settings = self.cache.sites(numbers), self.settings
+        sites = replace(sites, frame_rotation=sites.frame_rotations(numbers))
+        return self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers).records.read(*LINEAR)
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
@@ -373,16 +367,18 @@ class RecordGatherer(Owner):
         due = cache.column("due")
         (numbers,) = np.nonzero(due)
         numbers, left = numbers[np.argsort(-due[numbers], kind="stable")], len(numbers)
-        for some in self.probes.gather.batches(len(numbers), budget):
+        for some in self.gathers.probe(self._basis, SIDE).batches(len(numbers), budget):
             chosen, left = numbers[some], len(numbers) - some.stop
             cache.invalidate(apply_probes(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
         if not left:
             self._basis = replace(self._basis, moved=False)
 
     def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
-        """Return (N, PROBED) the probes of the records of these numbers, see ChangeProbe."""
+        """Return (N, PROBED) rough values of the records of these numbers, see columns_of."""
+        gather, settings = self.gathers.probe(self._basis, SIDE), self.settings
         with self.timers("gather"):
-            return self.probes(light, self.cache.sites(numbers), self.settings.seed)
+            found = self.gathers.measure(gather, light, self.cache.sites(numbers), settings, settings.gradients)
+            return columns_of(found, np.arange(len(numbers)))
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
@@ -459,7 +455,9 @@ class RecordGatherer(Owner):
         near: (N,) True for records that try a quarter of the rays first; all rays follow where the noise is too great.
         """
         sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
-        gathered = self._reduced(self.light(shadows), self.cache)
+        reduction = self.gathers.reduction(self.settings.gradients)
+        light, seed = self.light(shadows), self.settings.seed
+        gathered = partial(gather_records, reduce=reduction, light=light, cache=self.cache, seed=seed, timers=self.timers)
         if few and near.any():
             (tried,) = np.nonzero(near)
             self.atlas = gathered(self.gathers.at(self._basis, few), numbers=numbers[tried])
@@ -487,12 +485,6 @@ class RecordGatherer(Owner):
         settings, side = self.settings, self.settings.gather_size // 2
         may = settings.gather_size < _NEAR_EXACT and settings.gradients and self._basis.kind in ("trace", "embree")
         return side if may and side >= _FEWEST else 0
-
-    def _reduced(self, light: HitLight, records: RecordCache) -> partial[Atlas | None]:
-        """Return gather_records for `records` by this light; the result takes a gather and the records' numbers."""
-        settings = self.settings
-        reduction = self.gathers.reduction(settings)
-        return partial(gather_records, reduce=reduction, light=light, cache=records, seed=settings.seed, timers=self.timers)
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
