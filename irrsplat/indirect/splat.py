@@ -16,7 +16,6 @@ from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-_LEAST = 128  # records of a batch: enough work for any GPU
 _BATCH = 1.2e8  # records times pixels: some 30 ms of a software renderer, which also spends a millisecond on each batch
 
 
@@ -25,7 +24,7 @@ def batches(numbers: np.ndarray, size: tuple[int, int]) -> Iterator[np.ndarray]:
 
     size: width and height of the splat buffer, pixels.
     """
-    count = max(int(_BATCH / (size[0] * size[1])), _LEAST)
+    count = max(int(_BATCH / (size[0] * size[1])), 1)
     return (numbers[first : first + count] for first in range(0, len(numbers), count))
 
 

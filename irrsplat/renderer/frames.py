@@ -16,7 +16,6 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
@@ -125,7 +124,7 @@ class Frames(Owner):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
-            progress = self._progress(view, NOTHING_REQUESTED, renewed)
+            progress = self.progress(view, NOTHING_REQUESTED, renewed)
             return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
 
         start = now()
@@ -149,18 +148,13 @@ class Frames(Owner):
         if requests.new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
-        progress = self._progress(view, requests, renewed)
+        progress = self.progress(view, requests, renewed)
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, camera: Camera) -> Round:
         """Return the round of a view by the present records: without a gather, and without temporal accumulation."""
-        state = self.state
-        shadows = self.follow_scene(state, self.stages)
-        gbuffer = None if state.tile else self.stages.draw_gbuffer(state, camera)
-        self.scheduler.limit_radii(ViewState(), last=True)  # the cache may have no limits yet, or limits by other settings
-        screen = self._screen(state, camera, 1, self.stages)
-        missing = self.scheduler.need(screen).missing if state.settings.most_bounces > 0 else 0.0
-        return Round(camera, shadows, gbuffer, screen.splats, Progress(0, self.cache.count, 0, 1.0 - missing), frozen=True)
+        state = replace(self.state, view=ViewState((camera, *self.state.view_subject)))  # the cache may lack limits of radii
+        return replace(self.round(state, camera, Budget(None), gather=False)[1], frozen=True)
 
     def view_state(self, state: State, camera: Camera) -> ViewState:
         """Return the progress of this view. It restarts if an input of its requests differs."""
@@ -208,7 +202,7 @@ class Frames(Owner):
             return view, replace(NOTHING_REQUESTED, complete=ready)
         return replace(view, pixel_stride=1), replace(NOTHING_REQUESTED, complete=view.pixel_stride == 1)
 
-    def _progress(self, view: ViewState, requests: RoundResult, renewed: int) -> Progress:
+    def progress(self, view: ViewState, requests: RoundResult = NOTHING_REQUESTED, renewed: int = 0) -> Progress:
         """Return the progress of a view by a round. renewed: the number of records that were gathered again."""
         gathers = self.state.settings.most_bounces > 0
         stale, made = (self.cache.waiting, self.scheduler.gatherer.surface_share) if gathers else (0, 1.0)
@@ -224,12 +218,6 @@ class Frames(Owner):
         costs, renewing = self.state.costs, len(self.scheduler.cache.stale) > 0
         least = costs.splat + costs.picture if renewing else 0.0  # gathering gets half of the time
         return shown.age < max(min(_PICTURE_SHARE * costs.picture, _OLDEST_PICTURE), least)
-
-    def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
-        """Return the view of the last frame with more samples, see Renderer.accumulate."""
-        if samples <= 1:
-            return view
-        return self.stages.accumulate(self.state, view, samples, Budget(seconds), on_progress)
 
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""
@@ -248,10 +236,6 @@ class Frames(Owner):
         """Return the automatic exposure of a view in stops."""
         unshadowed = unshadowed_luminance(self.state.scene)
         return self.composite_pass(view).exposure(view.image, view.gbuffer, unshadowed)
-
-    def progress(self) -> Progress:
-        """Return the progress of the present view."""
-        return self._progress(self.state.view, NOTHING_REQUESTED, 0)
 
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""

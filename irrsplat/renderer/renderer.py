@@ -21,6 +21,7 @@ from irrsplat.core.paths import named
 from irrsplat.gpu import self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
@@ -241,7 +242,7 @@ class Renderer(Tenant):
         self._frames.check_present(view)
         check_callback("on_progress", on_progress)
         samples = int(checked_number("samples", samples, 0.0))
-        return self._frames.accumulate(view, samples, seconds, on_progress)
+        return self.stages.accumulate(self._state, view, samples, Budget(seconds), on_progress)
 
     def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:
         """Draw the image of a `view` that `frame` gave last into a framebuffer of the same size, such as a window's: exposed,

@@ -208,12 +208,16 @@ class Stages(Owner):
                 stop_for_input(self.ctx)
         return direct
 
-    def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
+    def accumulate(
+        self, state: State, view: View, samples: int, budget: Budget | None = None, on_progress: OnProgress | None = None
+    ) -> View:
         """Return the last picture with more `samples` a pixel, see Renderer.accumulate."""
+        if samples <= 1:
+            return view
         passes = FramePasses(self._gbuffer_pass(state), self.splats(state).splat_pass, self._direct_pass(state))
         lit_by = self.draw_shadows(state), self._casting(state)
         inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings)
-        return self.antialiaser(view, samples, budget, passes, inputs, on_progress)
+        return self.antialiaser(view, samples, budget or Budget(None), passes, inputs, on_progress)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:
         """Return (H, W, 4) the sums of the first `count` records at every pixel of a view."""

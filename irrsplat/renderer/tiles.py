@@ -14,7 +14,6 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.gather.spot_check import MARGIN, Spots
-from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import View, reflectance, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
@@ -181,10 +180,9 @@ class TiledPictures:
         gbuffer = self.stages.draw_gbuffer(here, camera)
         splats = self.stages.splats(here).update(self.cache, gbuffer, camera, here.settings, 1, noted=False)
         view = self.stages.draw_picture(here, replace(done, camera=camera, gbuffer=gbuffer, splats=splats))
-        if samples > 1:
-            view = self.stages.accumulate(here, view, samples, Budget(None), None)
-            if view.samples < samples:
-                raise KeyboardInterrupt
+        view = self.stages.accumulate(here, view, samples)
+        if view.samples < samples:
+            raise KeyboardInterrupt
         return view
 
     @staticmethod

@@ -171,7 +171,7 @@ class WholeRenders:
         if settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, request.progress)
         samples = 1 if stats["interrupted"] else settings.samples
-        view = frames.accumulate(view, samples, on_progress=sample_progress(request.progress, stats))
+        view = self.stages.accumulate(frames.state, view, samples, on_progress=sample_progress(request.progress, stats))
         if view.samples < settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         stats |= self.described(view.samples, frames.stops(view))
@@ -183,7 +183,7 @@ class WholeRenders:
         """Return the frame of a view that `Frames.frame` returned last, see View.read."""
         frames = self.frames
         frames.check_present(view)
-        now = frames.progress()
+        now = frames.progress(frames.state.view)
         stats: Statistics = {"rounds": now.round, "converged": now.done, "full": now.full, "coverage": now.coverage}
         stats |= {"records": now.records, "error": now.error}
         stats |= self.described(view.samples, frames.stops(view))

@@ -12,10 +12,9 @@ import numpy as np
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import WIDE
 
-SIDE = 16  # side² directions, a small part of a gather's, and at most so many samples of next-event estimation
+SIDE = 16  # of the gather of a probe, and of any other with few rays: its own rays still measure its noise
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
-_MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
-_MOST_RATIO = 2.0  # times the surface cache: the most that a record is taken to be brighter
+_MOST = 2.0  # times the surface cache, the most that a record is taken to be brighter; and the most that its gradient grows
 _DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
 MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
@@ -85,8 +84,8 @@ def scale_by_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, 
     """
     numbers, floor = np.arange(cache.count), _DARK * float(before.mean()) + 1e-20
     x = columns_of(cache, numbers)
-    E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST_RATIO)
-    scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST_GROWTH)
+    E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST)
+    scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST)
     added = (E - scale * x[:, :3])[:, :, None] * cache.sites(numbers).normal[:, None]
     rows = x.copy()
     rows[:, :3] = E

@@ -18,7 +18,6 @@ from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import SETTINGS, Settings
 
-_MOST = 4096  # records gathered at once along few rays, at most
 _FEW_RAYS = 1 << 18  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 
 
@@ -87,4 +86,4 @@ class Gathers(Owner):
 
 def _batch(side: int) -> int:
     """Return the greatest number of places from which side² rays each are gathered at once."""
-    return min(_MOST, _FEW_RAYS // side**2)
+    return _FEW_RAYS // side**2

@@ -12,6 +12,7 @@ from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
+from irrsplat.gather.spot_check import SIDES
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -29,12 +30,9 @@ from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.light_difference import LightDifference, changed_lights
 from irrsplat.surface_cache.site_layout import FULL, detail_for
 
-_PROBES_FROM = 64  # least side of gathers that allow probes: the rays of a first probe are a small part of them
 _FIRST_LIGHT = 30.0  # ticks that the first values of the surface cache may take; input ends this one too
-_PROVISIONAL = 16  # side of gathers by coarse values of the surface cache
 _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have a quarter of the rays where noise is below it
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
-_FEWEST = 16  # least side of a gather whose own rays measure its noise well
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
 _RELIT = 0.1  # of E: greater differences of the light make a spot check of the surroundings necessary again
@@ -85,9 +83,9 @@ class RecordGatherer(Owner):
 
     @property
     def may_probe(self) -> bool:
-        """True if `probe_luminance` takes far less time than a gather: it traces rays, and gathers have many more of them."""
+        """True if `probe_luminance` takes less time than a gather: both trace rays, and a gather at least four times as many."""
         basis = self._basis
-        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _PROBES_FROM
+        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= 2 * SIDES[-1]
 
     def probe_luminance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """Return (K,) float64 W/m², a rough luminance of E at the first K of the `sites` within the budget.
@@ -280,7 +278,7 @@ class RecordGatherer(Owner):
         Return (K, 3) W/m², the change of E of the first K. The difference is small: a quarter of the rays measures it, along
         equal directions by the light before and after.
         """
-        surface, side = self.surface_now, max(self.settings.gather_size // 2, _FEWEST)
+        surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
         gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
@@ -328,7 +326,7 @@ class RecordGatherer(Owner):
         if change is not None and basis.from_file is None:
             self._follow_values(surface, change, first, before, sites)
             if surface.complete:  # a moving light may have left provisional records behind
-                cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == _PROVISIONAL)))
+                cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, from_file=None)
         ready = surface.result is not None and (surface.complete if self._difference else made or surface.current)
@@ -427,7 +425,7 @@ class RecordGatherer(Owner):
         stays stale.
         """
         done, cache, side = 0, self.cache, self.settings.gather_size
-        parts = difference.gathers(min(side, max(side // 2, _FEWEST)))
+        parts = difference.gathers(min(side, max(side // 2, SIDE)))
         for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
             chosen = numbers[some]
             found = [self._linear(gather, light, chosen) for gather, light, _ in parts]
@@ -477,14 +475,14 @@ class RecordGatherer(Owner):
     @property
     def _provisional_side(self) -> int:
         """The side of provisional records' gathers; 0: the settings' side."""
-        return _PROVISIONAL if self.provisional and self.settings.gather_size > _PROVISIONAL else 0
+        return SIDE if self.provisional and self.settings.gather_size > SIDE else 0
 
     @property
     def _fewer(self) -> int:
         """The side of a gather along a quarter of the rays; 0 where records need all rays."""
         settings, side = self.settings, self.settings.gather_size // 2
         may = settings.gather_size < _NEAR_EXACT and settings.gradients and self._basis.kind in ("trace", "embree")
-        return side if may and side >= _FEWEST else 0
+        return side if may and side >= SIDE else 0
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
