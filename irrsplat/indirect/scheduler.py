@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import cast
 
 import numpy as np
@@ -21,7 +20,7 @@ from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
-from irrsplat.indirect.site_selection import FEWER, chessboard, choose
+from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
@@ -151,7 +150,6 @@ class RecordScheduler(Owner):
         side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
         """
         scan = self.settings.placement == "scan" and not side
-        close = partial(self._close, screen=screen, shadows=shadows, budget=budget, spots=not (scan or side))
         result = NOTHING_REQUESTED
         if scan:
             view, result = self._scan(view, screen, shadows, camera, budget)
@@ -161,9 +159,6 @@ class RecordScheduler(Owner):
                 view = replace(view, check=None)
             elif view.check is not None:
                 return self._check(view, screen, shadows, budget, True), replace(NOTHING_REQUESTED, complete=False)
-            if view.phase is Phase.CLOSE:
-                view, ended, _ = close(view)
-                return replace(view, rounds=view.rounds + ended), replace(NOTHING_REQUESTED, complete=False)
             view = self._requested(view, screen, camera, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
@@ -174,17 +169,15 @@ class RecordScheduler(Owner):
 
         if not result.complete:
             return view, result
-        fewer = view.need.requests < FEWER <= view.before.requests
-        view = replace(view, phase=Phase.CLOSE if fewer or view.phase is Phase.CLOSE else Phase.FILL)
         settled = False
         if not result.new:
-            view, ended, settled = close(view)
+            view, ended, settled = self._close(view, screen, shadows, budget, not (scan or side))
             if not ended:
                 return view, replace(result, complete=False)
         gained = view.need.less_than(view.before)
         view = replace(
             view,
-            phase=Phase.SETTLED if settled else view.phase,
+            phase=Phase.SETTLED if settled else Phase.FILL,
             rounds=view.rounds + 1,
             stalled_rounds=0 if gained else view.stalled_rounds + 1,
             before=view.need,
@@ -201,21 +194,21 @@ class RecordScheduler(Owner):
     def _close(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool
     ) -> tuple[ViewState, bool, bool]:
-        """Continue the work that waits until hardly any tile requests records: the spot check, then the reach of old records.
+        """Continue the work that waits until no tile requests records: the spot check, then the reach of old records.
 
-        Both make many tiles request records again, so that they do not wait for the last few tiles. Return the view, True if one
-        part is done, and True if that was the last part and changed nothing.
+        Both may make tiles request records again. Return the view, True if one part is done, and True if that was the last part
+        and changed nothing.
         """
         if self._changing:  # every pixel is splatted meanwhile, and the other work waits
             coarse = view.pixel_stride > 1
-            return (replace(view, pixel_stride=1, phase=Phase.FILL) if coarse else view), coarse, False
+            return (replace(view, pixel_stride=1) if coarse else view), coarse, False
         if not (view.checked or view.pixel_stride > 1):
             view = self._check(view, screen, shadows, budget, spots)
             if not view.checked or view.queue is not None:
                 return view, view.checked, False
         view, limited = self.limit_radii(view, last=True)
         unchanged = not limited and view.pixel_stride == 1  # else others may be missing
-        return replace(view, pixel_stride=1, phase=Phase.FILL), True, unchanged
+        return replace(view, pixel_stride=1), True, unchanged
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws, for a spot check, see SpotPass."""

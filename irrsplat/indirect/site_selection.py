@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_FEW = 256  # tiles that request a record: so few get one at once, without going from coarse to fine
-FEWER = 64  # tiles that request a record: so few get one each; among more, neighbours share one
+_FEW = 64  # tiles that request a record: so few get one each at once, without going from coarse to fine
 
 
 class Chessboard(NamedTuple):
@@ -35,7 +34,7 @@ def chessboard(step: int, reach: float, requests: int) -> Chessboard:
         return Chessboard(2 ** (levels - step // 2), step % 2, False)
     if requests < _FEW and step == 0:
         return Chessboard(2, -1, False)
-    return Chessboard(1 if requests < FEWER else 2, -1, True)
+    return Chessboard(1 if requests < _FEW else 2, -1, True)
 
 
 def choose(requests: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:

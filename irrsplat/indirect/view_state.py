@@ -17,14 +17,13 @@ GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requ
 class Phase(Enum):
     """The work that a view does next.
 
-    START: its old records are to be compared with each other. FILL: rounds of new records, coarse to fine. CLOSE: few tiles
-    request records, so that the spot check and the radii of old records are due. SETTLED: no pixel requests a record.
+    START: its old records are to be compared with each other. FILL: rounds of new records, coarse to fine; where none is
+    requested, the spot check, and the radii of old records. SETTLED: no pixel requests a record.
     """
 
     START = 0
     FILL = 1
-    CLOSE = 2
-    SETTLED = 3
+    SETTLED = 2
 
 
 class Need(NamedTuple):
