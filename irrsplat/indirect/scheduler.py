@@ -299,7 +299,7 @@ class RecordScheduler(Owner):
                 board = chessboard(step, reach, requests)
                 tiles = choose(found.requests, board, settings.seed + step)
             step += requests > 0  # an examination without requests is no step: small ticks may have any number of them
-            return replace(view, need=need, step=step), Queue(found.at(tiles), board.last)
+            return replace(view, need=need, step=step), Queue(found.at(tiles), board.colour < 0)
 
     def _scan(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget

@@ -13,28 +13,25 @@ _FEW = 64  # tiles that request a record: so few get one each at once, without g
 class Chessboard(NamedTuple):
     """Squares of the screen that get a record each in a round.
 
-    width: of a square, in tiles. colour: of the squares that are used, 0 or 1 (-1: both). last: True if only rounds of this width
-    follow, so that each site has records around it.
+    width: of a square, in tiles. colour: of the squares that are used, 0 or 1; -1 for both, in the last rounds, where each site
+    has records around it.
     """
 
     width: int
     colour: int
-    last: bool
 
 
 def chessboard(step: int, reach: float, requests: int) -> Chessboard:
     """Return the chessboard for step 0, 1, 2, … of a view with so many tiles that request a record (`requests`).
 
     The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with two steps for each width; then
-    come those of two tiles of both colours, and single tiles where few request a record. A view with few requests from the start,
+    come those of two tiles of both colours, or single tiles where few request a record. A view with few requests from the start,
     for example after a small move of the camera, begins with these.
     """
     levels = 0 if requests < _FEW else max(int(math.log2(max(reach, 1.0))), 0)
     if step < 2 * levels:
-        return Chessboard(2 ** (levels - step // 2), step % 2, False)
-    if requests < _FEW and step == 0:
-        return Chessboard(2, -1, False)
-    return Chessboard(1 if requests < _FEW else 2, -1, True)
+        return Chessboard(2 ** (levels - step // 2), step % 2)
+    return Chessboard(1 if requests < _FEW else 2, -1)
 
 
 def choose(requests: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:
