@@ -271,7 +271,7 @@ def test_as_many_bounces_as_are_asked_for() -> None:
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Use a surface cache of few points and rays, whose cells do not depend on lights: exact enough for comparisons with itself."""
+    """Use a surface cache of few points and rays, to compare it with itself. Its cells do not depend on lights."""
     monkeypatch.setattr(site_layout, "POINTS", (300, 300))
     monkeypatch.setattr(tessellation, "_FINEST", 0)
     monkeypatch.setattr(site_rays, "SIDES", (8, 8))
