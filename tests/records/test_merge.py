@@ -49,18 +49,22 @@ def flights() -> Flights:
 
 
 def error(state: CacheState, path: Path) -> float:
-    """Return the relative RMSE of the reference's view with these records alone, against the path tracer."""
+    """Return the relative RMSE of the reference's view with these records alone, against the path tracer.
+
+    A hundredth of the pixels, those of the greatest errors, does not count: one pixel at an edge decides a third of the sum.
+    """
     scene, truth = irrsplat.load("cornell"), load_reference("cornell")
     cache_file.write(path, cache_file.key(scene, preset(**MADE)), state, stamp(scene))
     with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
         renderer.load_cache(path)
         E = renderer.render(gather=False, buffers=["irradiance"]).irradiance[tuple(truth.pixels.T)]
     E_ref = truth.irradiance
-    return float(np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean())
+    squares = np.sort(((E - E_ref) ** 2).mean(-1))
+    return float(np.sqrt(squares[: int(0.99 * len(squares))].mean()) / E_ref.mean())
 
 
 def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_path: Path) -> None:
-    """Merged halves are within 0.6 % of the whole's error, as two seeds are, with at most 1.15 times its records.
+    """Merged halves are within 0.2 % of the whole's error, as two seeds are, with at most 1.15 times its records.
 
     The halves have a fifth more records, so that merging has an effect.
     """
@@ -69,7 +73,7 @@ def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_
     both = sum(len(half.records["id"]) for half in flights.halves)
     assert both > 1.2 * count and len(merged.records["id"]) <= 1.15 * count
     once, apart = (error(state, tmp_path / "a.cache") for state in (flights.whole, merged))
-    assert abs(apart - once) <= 0.006
+    assert abs(apart - once) <= 0.002
 
 
 def test_a_cache_merged_with_itself_is_itself(flights: Flights) -> None:
