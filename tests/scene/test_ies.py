@@ -24,10 +24,10 @@ V, V2 = steps(0, 180, 73), steps(0, 90, 37)
 def read(tmp_path: Path) -> Callable[..., Photometry]:
     """Read the text of a file."""
 
-    def read(text: str | bytes) -> Photometry:
+    def read(text: str | bytes, notices: list[str] | None = None, files: list[Path] | None = None) -> Photometry:
         path = tmp_path / "a.ies"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return load_ies(path)
+        return load_ies(path, [] if notices is None else notices, [] if files is None else files)
 
     return read
 
@@ -119,6 +119,21 @@ def test_line_breaks_commas_encodings_and_what_ends_old_files(read: Callable[...
     assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd_primitive).candela, expected)
 
 
+def test_a_tilt_table_counts_as_it_is_at_0(read: Callable[..., Photometry], tmp_path: Path) -> None:
+    """It is interpolated there, with a notice; the table may be in a separate file."""
+    table = "1\n3\n-30 30, 90\n0.8 1.0 0.5\n"
+    (tmp_path / "lamp tilt.tlt").write_text(table)
+    notices: list[str] = []
+    files: list[Path] = []
+    for tilt in ("TILT=INCLUDE\n" + table, "TILT=lamp tilt.tlt"):
+        assert read(ies_text([0, 90], [0], isotropic, tilt=tilt), notices, files).peak == pytest.approx(90.0)
+    assert ["a factor of 0.9" in n and "0.5 to 1" in n for n in notices] == [True, True], "how far it may be off"
+    same = "TILT=INCLUDE\n3\n2\n-90 90\n0.8 0.8\n"
+    assert read(ies_text([0, 90], [0], isotropic, tilt=same), notices).peak == pytest.approx(80.0)
+    assert len(notices) == 2, "where every angle has one factor, nothing is left out"
+    assert files == [tmp_path / "lamp tilt.tlt"]
+
+
 GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90\n1 2 3\n4 5 6\n"
 
 
@@ -126,7 +141,12 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
     ("old", "new", "line", "message"),
     [
         ("TILT=NONE\n", "", None, "no line TILT="),
-        ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 1", 2, "TILT=INCLUDE: tables of tilted lamps are not read"),
+        ("TILT=NONE", "TILT=", 2, "TILT= has no value"),
+        ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 -1", 6, "TILT factor is negative"),
+        ("TILT=NONE", "TILT=no.tlt", 2, "no TILT file 'no.tlt'"),
+        ("TILT=NONE", "TILT=INCLUDE\n4\n1\n0\n1", 3, "geometry is 4; expected 1, 2 or 3"),
+        ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 0\n1 1", 5, "expected angles that rise"),
+        ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n0 1", 6, "TILT factor at 0 degrees is 0"),
         ("1 -1 1 3", "0 -1 1 3", 3, "number of lamps is 0; expected a number above 0"),
         ("1 3 2 1 2", "1 1 2 1 2", 3, "number of vertical angles is 1; expected a whole number of at least 2"),
         ("1 3 2 1 2", "1 3 2 1 0", 3, "units of lengths is 0; expected 1 or 2"),

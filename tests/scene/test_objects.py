@@ -90,15 +90,16 @@ def test_a_sky_that_stands_in_is_not_written_and_a_map_by_its_mean(tmp_path: Pat
     assert load(tmp_path / "b.scene").sky == pytest.approx((1.0, 2.0, 3.0))
 
 
-def test_a_luminaire_is_written_with_its_photometry(write: Callable[..., Scene], tmp_path: Path) -> None:
+def test_a_luminaire_is_written_with_its_tilt_file(write: Callable[..., Scene], tmp_path: Path) -> None:
     """Read again it has the same flux, mirrored or not; a light without photometry has none."""
     light = "ies b.ies\nposition 0 3 0 1\nspotDirection 0 0 0\nintensity 2 2 2\n"
     text = "obj t.obj\ncam 0 0 5  0 0 0  0 1 0\nlight a.light\nscale -1 1 1\nlight b.ies\n"
-    made = write(text, a_light=light, b_ies=ies_text([0, 90], [0, 90, 180], isotropic))
+    made = write(text, a_light=light, b_ies=ies_text([0, 90], [0, 90, 180], isotropic, tilt="TILT=t.tlt"), t_tlt="1 2 0 90 1 0.8")
     assert write_scene(made, tmp_path / "c.scene") == "c.scene: a .scene does not hold mirrored luminaires (1)"
     again = load(tmp_path / "c.scene")
     assert [one.output for one in again.lights] == [pytest.approx(one.output) for one in made.lights]
     assert made.lights[0].output[1] == pytest.approx(200.0) and point_light((0, 0, 0)).output == (0.0, 0.0)
+    assert sorted(file.name for file in (tmp_path / "c-files").glob("*.tlt")) == ["t.tlt"]
 
 
 def test_empty_geometry() -> None:

@@ -23,6 +23,7 @@ def ies_text(
     candela: Intensity,
     kind: int = 1,
     header: str = "IESNA:LM-63-2002\n[TEST] made for a test",
+    tilt: str = "TILT=NONE",
     multiplier: float = 1.0,
     units: int = 2,
     factors: str = "1 1 100",
@@ -31,7 +32,7 @@ def ies_text(
     v, h = np.meshgrid(np.radians(vertical), np.radians(horizontal))
     counts = f"{len(vertical)} {len(horizontal)}"
     rows = [" ".join(f"{x:.9g}" for x in row) for row in (vertical, horizontal, *candela(v, h))]
-    lines = [header, "TILT=NONE", f"1 -1 {multiplier:g} {counts} {kind} {units} 0.5 -0.5 0", factors, *rows]
+    lines = [header, tilt, f"1 -1 {multiplier:g} {counts} {kind} {units} 0.5 -0.5 0", factors, *rows]
     return "\n".join(lines) + "\n"
 
 

@@ -199,7 +199,7 @@ READERS: dict[str, Callable[[Path, bytes], None]] = {
     "ply": _file(".ply", _asset),
     "stl": _file(".stl", _asset),
     "path": _file(".path", lambda path: list(load_path(path))),
-    "ies": _file(".ies", lambda path: load_ies(path).candela),
+    "ies": _file(".ies", lambda path: load_ies(path, [], []).candela),
     "hdr": _file(".hdr", lambda path: read_map(path)[0]),
     "exr": _file(".exr", lambda path: read_map(path)[0]),
     "image": lambda folder, data: _check(read_image(data, "case").pixels),

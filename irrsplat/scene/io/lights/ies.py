@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.words import GREATEST, number
+from irrsplat.core.paths import may_read, refusal
+from irrsplat.core.words import GREATEST, number, quote
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.model import Photometry
 
 _HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.IGNORECASE)
 _TILT = re.compile(r"\s*TILT\s*=", re.IGNORECASE)
 _FOOT = 0.3048  # metres
+_LAMPS = {1: "of a lamp that is upright", 2: "of a lamp that stays level", 3: "of a level lamp that tilts with the luminaire"}
 _ANGLE_TOLERANCE = 0.01  # degrees; tolerance for the angles 0, 90, 180, 270 and 360
 
 # Directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry, for photometry of types C, B and A.
@@ -27,20 +30,21 @@ _AXES = {
 }
 
 
-def load_ies(path: Path) -> Photometry:
+def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
     """Read the photometry in the file at `path`; raise InputError with file and line for an invalid file.
 
     Candela are multiplied by the file's multiplier and its ballast factor; until 1991 also by a further photometric factor, whose
-    field has another meaning in later versions. Symmetric parts are completed.
+    field has another meaning in later versions. Symmetric parts are completed. Appends to `notices` for a TILT table that varies
+    with the angle, and to `files` the table's own file, if any.
     """
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
     if tilt is None:
         raise InputError("there is no line TILT=; expected a photometric file of luminaires (ANSI/IES LM-63)", path)
-    if (word := text[tilt].partition("=")[2].strip()).upper() != "NONE":
-        raise InputError(f"TILT={word[:40]}: tables of tilted lamps are not read; expected TILT=NONE", path, tilt + 1)
     header = next((found for line in text[:tilt] if (found := _HEADER.match(line))), None)
-    return _photometry(_Numbers(path, text, tilt + 1), old=header is None or header[1] in ("86", "91", "1986", "1991"))
+    numbers = _Numbers(path, text, tilt + 1)
+    factor = _tilt(text[tilt].partition("=")[2].strip(), numbers, tilt + 1, notices, files)
+    return _photometry(numbers, factor, old=header is None or header[1] in ("86", "91", "1986", "1991"))
 
 
 class _Numbers:
@@ -127,11 +131,44 @@ def _range(low: int, high: int) -> str:
     return ", ".join(map(str, range(low, high))) + f" or {high}" if high - low < 4 else f"a whole number of at least {low}"
 
 
-def _photometry(numbers: _Numbers, old: bool) -> Photometry:
-    """Return the photometry in the numbers after TILT. old: the file is of 1986 or 1991."""
+def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: list[Path]) -> float:
+    """Return the factor for the tilt of the light, from the word after TILT=: NONE, INCLUDE, or the name of a file."""
+    path = numbers.path
+    if word.upper() == "NONE":
+        return 1.0
+    if not word:
+        raise InputError("TILT= has no value; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
+    if word.upper() != "INCLUDE":
+        file = path.parent / word
+        if not may_read(file):
+            raise InputError(f"the TILT file {quote(word)} is not read: {refusal(file)}", path, line)
+        if not os.path.isfile(file):
+            raise InputError(f"there is no TILT file {quote(word)} in its folder; put it there, or write TILT=NONE", path, line)
+        files.append(file)
+        text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")
+        numbers = _Numbers(file, text, 0)
+    geometry = numbers.whole("the lamp-to-luminaire geometry", 1, 3)
+    count = numbers.whole("the number of TILT angles", 1, 10_000)
+    angles = numbers.angles("the TILT angles", count, -180.0, 180.0)
+    factors = numbers.take("the TILT factors", count)
+    if factors.min() < 0.0:
+        raise numbers.error("a TILT factor is negative; expected factors of 0 or more")
+    factor = float(np.interp(0.0, angles, factors))
+    if not factor > 0.0:
+        raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
+    if factors.min() < factors.max():  # a scene does not define the tilt of the light
+        notices.append(
+            f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the "
+            f"luminaire is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"
+        )
+    return factor
+
+
+def _photometry(numbers: _Numbers, factor: float, old: bool) -> Photometry:
+    """Return the photometry in the numbers after TILT, with candela times `factor`. old: the file is of 1986 or 1991."""
     numbers.positive("the number of lamps")
     numbers.one("the lumens per lamp")  # -1: absolute photometry; candela are those of the luminaire in either case
-    factor = numbers.positive("the candela multiplier")
+    factor *= numbers.positive("the candela multiplier")
     counts = [numbers.whole(f"the number of {which} angles", low, 100_000) for which, low in (("vertical", 2), ("horizontal", 1))]
     kind = numbers.whole("the photometric type", 1, 3)
     metres = _FOOT if numbers.whole("the units of lengths", 1, 2) == 1 else 1.0

@@ -38,9 +38,13 @@ _ATTENUATION = ("constantAttenuation", "linearAttenuation", "quadraticAttenuatio
 
 @dataclass
 class LightReader:
-    """Lights of one scene; each file is read once. files: all files read."""
+    """Lights of one scene; each file is read once.
+
+    files: all files read. notices: remarks for users.
+    """
 
     files: list[Path] = field(default_factory=list)
+    notices: list[str] = field(default_factory=list)
     _photometries: dict[Path, Photometry] = field(default_factory=dict)
     _lights: dict[tuple[Path, float], Light] = field(default_factory=dict)
 
@@ -77,7 +81,7 @@ class LightReader:
         """Read the photometry in the `.ies` file at `path`; raise InputError as `load_ies`."""
         if path not in self._photometries:
             self.files.append(path)
-            self._photometries[path] = load_ies(path)
+            self._photometries[path] = load_ies(path, self.notices, self.files)
         return self._photometries[path]
 
 

@@ -101,7 +101,7 @@ class _Reader:
             meshes.append(built.mesh)
             dropped[str(built.part.files[0])] += built.dropped
         files, sky = [*self.files, *self.light_reader.files], self.other_sky or self.sky
-        return finish(path, meshes, self.lights, cameras, sky, dropped, (), files, None, self.origin)
+        return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, self.origin)
 
     def _once(self, key: str, line: Line) -> None:
         if key in self.once:

@@ -137,11 +137,13 @@ class _Writer:
 
     def _luminaire(self, light: Light, photometry: Photometry, path: Path) -> str:
         """Write a luminaire with a copy of its photometric file."""
-        source = Path(photometry.path)
-        if not np.array_equal(load_ies(source).axes, photometry.axes):
+        source, tilt_files = Path(photometry.path), list[Path]()
+        if not np.array_equal(load_ies(source, [], tilt_files).axes, photometry.axes):
             self._lose("mirrored luminaires")
         copy = self._file(source.stem, "luminaire", ".ies")
         write_bytes(copy, read_bytes(source))
+        for tilt in tilt_files:  # the file refers to these by name
+            write_bytes(self.folder / tilt.name, read_bytes(tilt))
         x, y, z = light.position
         lines = [f"ies {copy.name}", f"position {_numbers((*light.position, 1.0))}", f"intensity {_numbers(light.color)}"]
         lines += [f"spotDirection {_numbers(light.spot_target or (x, y, z - 1.0))}", f"zeroDirection {_numbers(light.across)}"]
