@@ -53,7 +53,7 @@ def _lines(path: str, content: Content) -> list[str]:
 def _merge(args: argparse.Namespace) -> int:
     contents = read_alike(args.files)
     return _write(
-        args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "served by others"
+        args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "covered by others"
     )
 
 
@@ -68,7 +68,7 @@ def read_alike(paths: Sequence[str]) -> list[Content]:
 
 def _prune(args: argparse.Namespace) -> int:
     content = cache_file.read_any(args.file)
-    words = "served by others" if args.most is None else "least useful"
+    words = "covered by others" if args.most is None else "least useful"
     return _write(args.output, content, prune(content.state, content.settings(), args.most), words)
 
 
