@@ -40,7 +40,7 @@ _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: sites of the first round, about and at 
 _MERGED = 0.25  # of the spacing: distance of points of very small triangles that form one member
 VOXEL = 0.7  # of the spacing: width of the voxels of clusters
 _PLACES = 32  # greatest number of lights and cameras with fine cells around them
-_SMALL_LIGHTS = 128  # greatest number of lights and parts of emitters with fine cells around them
+_STEEP_PLACES = 128  # greatest number of lights and parts of emitters with fine cells around them
 _PART = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
@@ -176,7 +176,7 @@ class SiteChooser:
         emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)[mesh[: len(faces)]]
         lights = None
         if self.detail.level >= 0:  # pixels show the cells of a coarse level, and patches of fine ones would stand out
-            lights = _small_lights(self.scene, vertices, faces[emits], spacing)
+            lights = _steep_places(self.scene, vertices, faces[emits], spacing)
         tessellation = tessellate(vertices, faces, spacing * wider, offset, lights, ~emits)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
@@ -318,8 +318,8 @@ def _interesting(scene: Scene) -> np.ndarray:
     return places[:: -(-len(places) // _PLACES) or 1]
 
 
-def _small_lights(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
-    """Return (K, 4) the places of lights and of parts of emitters, and sizes in metres. A point light has the size 0.
+def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spacing: float) -> np.ndarray:
+    """Return (K, 4) places where light is steep: of lights and of parts of emitters, and sizes in metres, 0 for a point light.
 
     emissive: (F, 3) the triangles of emitters. Each voxel with emitters is one part. Light is steep near the rim of a panel, too,
     so that the size of a part is limited.
@@ -332,7 +332,7 @@ def _small_lights(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spac
     at = [np.bincount(voxel.ravel(), weights * x) / area for x in cells.position.T]
     size = np.minimum(area / width, _PART * spacing)  # the width of a strip, or less
     found = np.concatenate([np.reshape(lights, (-1, 4)), np.stack([*at, size], axis=1)])
-    return found[:: -(-len(found) // _SMALL_LIGHTS) or 1]
+    return found[:: -(-len(found) // _STEEP_PLACES) or 1]
 
 
 def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """A scene's surfaces cut into small triangular cells, so that values at their corners are found at any point.
 
 A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
-triangle is one. Light is steep close to small lights: a triangle there is cut into parts first, and each part into its own cells.
+triangle is one. Light is steep close to lights: a triangle there is cut into parts first, and each part into its own cells.
 """
 
 from __future__ import annotations

@@ -281,24 +281,35 @@ class RecordGatherer(Owner):
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
         gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
-        lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
+        signed = ((surface.lookup, 1.0), (surface.before, -1.0))
+        parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
         for some in gather.batches(len(numbers), budget, times=2):
-            chosen = numbers[some]
-            found = [self._linear(gather, light, chosen) for light in lights]
-            held = self.cache.records.read(*LINEAR)
-            after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
-            after["irradiance"] = np.maximum(after["irradiance"], 0.0)
-            self.cache.correct(after, chosen)
-            self.cache.column("probe")[chosen] = 0.0
-            changes.append(after["irradiance"].astype(float) - held["irradiance"][chosen])
+            chosen, held = numbers[some], self.cache.records.read(*LINEAR)
+            E, _ = self._correct(chosen, held, parts)
+            changes.append(E.astype(float) - held["irradiance"][chosen])
         self.cache.refresh_count += 1
         return np.concatenate(changes)
 
-    def _linear(self, gather: Gather, light: HitLight, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the columns LINEAR of records of these numbers by another `gather` and `light`, along their own directions."""
+    def _correct(
+        self, numbers: np.ndarray, held: dict[str, np.ndarray], parts: list[tuple[Gather, HitLight, float]]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Set records of these numbers to their columns LINEAR in `held` plus the signed light of all `parts`.
+
+        parts: gathers along the records' own directions, their light, and its sign. Return (N, 3) W/m², E of the records and the
+        unsigned sum of E of all parts.
+        """
         sites, settings = self.cache.sites(numbers), self.settings
         sites = replace(sites, frame_rotation=sites.frame_rotations(numbers))
-        return self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers).records.read(*LINEAR)
+        after, unsigned = {name: held[name][numbers] for name in LINEAR}, np.zeros((len(numbers), 3), np.float32)
+        for gather, light, sign in parts:
+            made = self.gathers.measure(gather, light, sites, settings, settings.gradients, self.timers)
+            found = made.records.read(*LINEAR)
+            after = {name: after[name] + sign * found[name] for name in LINEAR}
+            unsigned += found["irradiance"]
+        E = after["irradiance"] = np.maximum(after["irradiance"], 0.0)
+        self.cache.correct(after, numbers)
+        self.cache.column("probe")[numbers] = 0.0
+        return E, unsigned
 
     def restore_surface(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache if the records come from a file without one, since further records are to be gathered."""
@@ -428,21 +439,14 @@ class RecordGatherer(Owner):
         parts = difference.gathers(min(side, max(side // 2, SIDE)))
         for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
             chosen = numbers[some]
-            found = [self._linear(gather, light, chosen) for gather, light, _ in parts]
-            signs = [sign for *_, sign in parts]
-            after = {
-                name: difference.held[name][chosen] + sum(sign * one[name] for sign, one in zip(signs, found, strict=True))
-                for name in LINEAR
-            }
-            E = after["irradiance"] = np.maximum(after["irradiance"], 0.0)
-            cache.correct(after, chosen)
+            E, unsigned = self._correct(chosen, difference.held, parts)
             least = np.maximum(E @ LUMINANCE, cache.luminance_floor)
             net, drift = np.abs(E - difference.held["irradiance"][chosen]) @ LUMINANCE, cache.column("drift")[chosen]
             cache.column("relit")[chosen] |= net > _RELIT * least
-            drift += MAX_DRIFT / _WHOLE * (sum(one["irradiance"] for one in found) @ LUMINANCE) / least
+            drift += MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
             complete = drift <= MAX_DRIFT
             cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
-            cache.column("drift")[chosen], cache.column("probe")[chosen] = np.minimum(drift, 1.0), 0.0
+            cache.column("drift")[chosen] = np.minimum(drift, 1.0)
             difference.mark(chosen)
             done += int(np.count_nonzero(complete))
         return done
