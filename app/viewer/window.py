@@ -69,7 +69,7 @@ class Desktop:
     def __init__(self, wnd: BaseWindow) -> None:
         # the waiting events, oldest first: True if the event comes many times a second, and a call of its handler
         self._events: deque[tuple[bool, Callable[[], None]]] = deque()
-        self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
+        self._wnd, self._window = wnd, None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def listen(self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None]) -> None:
         """Set the calls for dropped files and the keyboard focus, and keep every event until `take`.
@@ -92,7 +92,7 @@ class Desktop:
         """The monitor's scale of text and widgets, in window coordinates."""
         if self._window is None:
             return 1.0
-        width, pixels = glfw.get_window_size(self._window)[0], glfw.get_framebuffer_size(self._window)[0]
+        width, pixels = self._wnd.width, self._wnd.buffer_width  # glfw's own functions wait for the X server
         return max(1.0, float(glfw.get_window_content_scale(self._window)[0])) * max(width, 1) / max(pixels, 1)
 
     def wait(self, seconds: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -71,6 +72,7 @@ def blackbody(kelvin: float | np.ndarray) -> np.ndarray:
 _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colours of all whole kelvins of the slider
 
 
+@lru_cache  # the interface calls it several times in every frame
 def kelvin_of(color: Point) -> float:
     """Return the temperature of the black body whose colour is nearest to a light's colour."""
     luminance = float(LUMINANCE @ np.asarray(color))

@@ -21,7 +21,7 @@ from irrsplat.settings import Settings
 
 _OVER = DrawState(blend="over", depth_clamp=True)
 _WIDTH = 1.75  # pixels: half the width of a line
-_SEGMENTS = 32  # the most straight pieces of a disc: at a radius of 150 pixels their error is 0.7 pixels
+_SEGMENTS = 24  # the most straight pieces of a disc: at a radius of 80 pixels their error is 0.7 pixels
 _TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
 _OPACITY = 0.8  # opacity of the measuring plane
 _SPAN = 0.01, 0.5  # share of a·diagonal: the radii at the ends of the colour scale

@@ -122,7 +122,9 @@ class Run:
         self.measure("click", lambda: self.click(*LINK), lambda a, b: a["lights"] != b["lights"])
 
     def fly(self, count: int) -> None:
-        """Measure flight to the right and to the left while the camera flies ahead and back."""
+        """Measure flight to the right and to the left while the camera flies ahead and back, without discs."""
+        if self.last["discs"]:
+            self.key("x")
         for number in range(count):
             along, across = ("w", "d") if number % 2 else ("s", "a")
             self.hand.key(along, True)

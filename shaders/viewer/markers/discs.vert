@@ -3,16 +3,16 @@
 #include "viewer/colours.glsl"
 
 uniform mat4 clip_from_world;
-uniform vec2 size;    // size of the target, pixels
-uniform vec2 span;    // log of a·R_k in metres at the first colour; advance of the colours, 0..1, per unit of that log
-uniform float width;   // half the width of the strip, pixels
-uniform float pixel;   // size of a pixel at distance 1, in metres
-uniform int segments;  // the most straight pieces of an ellipse
+uniform vec2 size;           // size of the target, pixels
+uniform vec2 span;           // log of a·R_k in metres at the first colour; advance of the colours, 0..1, per unit of that log
+uniform float width;         // half the width of the strip, pixels
+uniform float pixel;         // size of a pixel at distance 1, in metres
+uniform int segments;        // the most straight pieces of an ellipse
+uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
 
 flat out vec3 v_color;
-out vec3 v_position;
 out float v_side;
-flat out vec4 v_disc;
+out float v_hidden;
 
 const float TURN = 6.28318530717959;
 const float PIECES = 2.65;  // pieces of an ellipse per root of its radius in pixels: their error, r(1 - cos(π/n)), is 0.7 pixels
@@ -26,6 +26,20 @@ vec3 record_color(ivec2 texel)
 vec4 moved(vec4 clip, vec2 pixels)
 {
     return vec4(clip.xy + pixels * 2.0 / size * clip.w, clip.zw);
+}
+
+// Share of a disc's radius that may lie behind the visible surface, since a tangent disc dips into a curved surface.
+const float DIP = 0.05;
+
+// The distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the disc's
+// plane hides the disc, and so does a surface nearer to the eye by more than the disc's radius. A test of depths alone is not
+// enough, see hidden.glsl. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
+float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
+{
+    vec2 place = (0.5 + 0.5 * clip.xy / clip.w) * vec2(textureSize(position, 0));
+    vec4 q = texelFetch(position, ivec2(clamp(place, vec2(0.0), vec2(textureSize(position, 0) - 1))), 0);
+    if (q.w <= 0.0) return -1.0;
+    return max(dot(q.xyz - point, facing), clip.w - q.w - radius) - pixel * q.w - DIP * radius;
 }
 
 // The unit direction on screen, in pixels, of a point's motion by `clip_step` in clip space.
@@ -45,11 +59,11 @@ void main()
     float angle = TURN * float(min(gl_VertexID >> 1, pieces)) / float(pieces);  // further vertices repeat the last one
     vec3 u = e.along * e.axis, v = e.across * cross(n, e.axis);
     vec3 way = cos(angle) * v - sin(angle) * u;
-    v_position = p + cos(angle) * u + sin(angle) * v;
+    vec3 point = p + cos(angle) * u + sin(angle) * v;
     v_color = record_color(texel);
     v_side = gl_VertexID % 2 == 0 ? -width : width;
-    v_disc = vec4(dot(n, eye - p) < 0.0 ? -n : n, e.along);
-    vec4 clip = clip_from_world * vec4(v_position, 1.0);
+    vec4 clip = clip_from_world * vec4(point, 1.0);
+    v_hidden = hidden_by(clip, point, dot(n, eye - p) < 0.0 ? -n : n, e.along);
     vec2 along = heading(clip, clip_from_world * vec4(way, 0.0));
     gl_Position = moved(clip, v_side * vec2(-along.y, along.x));
 }
