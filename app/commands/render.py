@@ -172,7 +172,9 @@ def run(args: argparse.Namespace) -> int:
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         pngs = [path for path in args.output if path.lower().endswith(".png")]
-        if arrays and pngs and pictures_sampled:
+        if arrays and pngs and pictures_sampled and renderer.settings.quality:  # a further render ends the refinement
+            picture = renderer.accumulate(renderer.frame(camera)[0], SAMPLES).read()
+        elif arrays and pngs and pictures_sampled:
             renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
             picture = renderer.render(camera, buffers=needed(pngs, buffers), gather=False)
         elif flight is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from irrsplat.app import cli
 from irrsplat.app.common.kept_cache import KeptCache
@@ -59,6 +60,15 @@ def settle(shown: viewer.Viewer) -> None:
 
 def stats(name: str) -> dict[str, Any]:
     return dict(json.loads(Path(name).read_text()))
+
+
+def test_a_picture_beside_arrays_is_refined(place: Path) -> None:
+    """A PNG has samples per pixel, and arrays have none: both show the refined records of `--quality`, as a PNG alone does."""
+    refined = [*RENDER[:-2], "--quality", "5", "-o", "a.png"]
+    assert cli.main(refined) == 0
+    alone = np.asarray(Image.open("a.png"), int)
+    assert cli.main([*refined, "-o", "a.npz"]) == 0
+    assert np.abs(np.asarray(Image.open("a.png"), int) - alone).max() <= 1, "sums of rays may differ in their last digit"
 
 
 @pytest.mark.few_sites
