@@ -75,8 +75,7 @@ _BLACKBODIES = blackbody(np.arange(COLDEST, HOTTEST + 1.0))  # (N, 3) the colour
 @lru_cache  # the interface calls it several times in every frame
 def kelvin_of(color: Point) -> float:
     """Return the temperature of the black body whose colour is nearest to a light's colour."""
-    luminance = float(LUMINANCE @ np.asarray(color))
-    off = np.abs(_BLACKBODIES - np.asarray(color) / (luminance or 1.0)).max(axis=1)
+    off = np.abs(_BLACKBODIES - np.asarray(color) / (float(LUMINANCE @ color) or 1.0)).max(axis=1)
     return COLDEST + int(off.argmin())
 
 

@@ -99,8 +99,7 @@ class Markers(Owner):
 
 def radius_legend(settings: Settings, scene: Scene) -> Legend:
     low, high = radius_range(settings, scene)
-    text = "radius a·R_k before the view limits it, logarithmic"
-    return Legend(text, f"{low:.2g}", f"{high:.2g}", "m", colour_map())
+    return Legend("radius a·R_k before the view limits it, logarithmic", f"{low:.2g}", f"{high:.2g}", "m", colour_map())
 
 
 def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
