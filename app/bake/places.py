@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 
 from irrsplat.gather.record_frame import offset_of
+from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.light_meter import LightMeter, touching_distance
 from irrsplat.meter.readings import Status
-from irrsplat.meter.solids import inside_solids
 from irrsplat.reference.surfaces import Points, Surfaces
 from irrsplat.scene import ray_caster
 from irrsplat.scene.appearance import in_order

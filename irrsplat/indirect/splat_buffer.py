@@ -16,6 +16,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
+from irrsplat.lighting.solids import in_the_dark
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import in_order
@@ -34,10 +35,10 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
     return 2 if requested and size[1] >= _LEAST_HEIGHT else 1
 
 
-def unlit_sides(world: World) -> Uniforms:
+def unlit_sides(world: World, camera: Camera) -> Uniforms:
     """Return the uniforms of the triangles whose inner side no light reaches; none for a scene without such triangles.
 
-    A camera within a wall sees such sides alone, and each of its black records would cover a single pixel.
+    A camera within a wall or a dark closed room sees no light, and each of its black records would cover a single pixel.
     """
     if not any(world.unlit_interiors):
         return {}
@@ -50,7 +51,9 @@ def unlit_sides(world: World) -> Uniforms:
         texture.filter = moderngl.NEAREST, moderngl.NEAREST
         return texture
 
-    return {**world.geometry.uniforms, "unlit_sides": world.derived.get("unlit sides", world.unlit_interiors, made)}
+    table = world.derived.get("unlit sides", world.unlit_interiors, made)
+    dark = in_the_dark(world.scene, world.unlit_interiors, camera.eye)
+    return {**world.geometry.uniforms, "unlit_sides": table, "all_unlit": dark}
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,7 @@ class ViewSplats(Owner):
         records while input waits; the next call draws the remaining batches.
         """
         count = cache.count if settings.most_bounces > 0 else 0
-        unlit = unlit_sides(self.world)
+        unlit = unlit_sides(self.world, camera)
         inputs = (
             gbuffer,
             settings.of("splat"),
@@ -119,6 +122,7 @@ class ViewSplats(Owner):
             pixel_stride,
             reach,
             unlit.get("unlit_sides"),
+            unlit.get("all_unlit"),
         )
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
@@ -155,7 +159,7 @@ class ViewSplats(Owner):
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
         self.forget()
-        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world))
+        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world, camera))
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
         return self.splat_pass.target(1).read(0)

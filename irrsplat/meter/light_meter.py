@@ -24,9 +24,9 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
+from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.lit_scene import LitScene
 from irrsplat.meter.readings import Readings, Status
-from irrsplat.meter.solids import inside_solids
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_callback, check_type
 from irrsplat.settings import Settings, SettingValues, preset

@@ -16,7 +16,8 @@ uniform int first_triangle;  // number of the first triangle of this draw
 // MASK, BLEND: 1 where the surface is there only where its opacity reaches the cutoff. MAPPED_NORMALS: 1 where any surface of the
 // scene has a normal map. EMISSIVE: 1 where any emits.
 
-const float BACK = 1e-3;  // how far inner sides of closed meshes are moved back, as a share of the far distance
+const float BACK = 1.0 / 32.0;  // of the change of depth across a pixel: how far inner sides of closed meshes are moved back
+const float MOST_BACK = 1e-3;   // of the far distance: the most of it
 
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
@@ -28,7 +29,7 @@ layout(location = 4) out vec4 out_mapped_normal;  // shading normal bent by the 
 
 void main()
 {
-    float depth = dot(v_position - eye, forward);
+    float depth = dot(v_position - eye, forward), slope = fwidth(depth);
     int triangle = first_triangle + gl_PrimitiveID;
     vec4 plane = face_plane(triangle);
     vec3 g = plane.xyz;
@@ -65,6 +66,6 @@ void main()
     out_albedo = vec4(material.albedo, octahedral.y);
     out_emission = vec4(material.emission, float(triangle));
     // Linear depth is equally fine near and far, whatever the scene's size. From outside, the inner side of a closed mesh is never
-    // visible, but at a silhouette depth is noise: moved back, it loses to the outer side.
-    gl_FragDepth = depth / far + (!gl_FrontFacing && triangle < closed ? BACK : 0.0);
+    // visible. At a silhouette the rasteriser's rounding of corners makes depth noise: moved back, that side loses to the outer one.
+    gl_FragDepth = depth / far + (!gl_FrontFacing && triangle < closed ? min(BACK * slope / far, MOST_BACK) : 0.0);
 }

@@ -14,15 +14,17 @@ uniform sampler2D normal;    // g-buffer
 uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D unlit_sides;  // table of triangles: 1 where no light reaches the inner side
+uniform bool all_unlit;         // true if the camera lies within such a mesh
 #endif
 
 layout(location = 0) out vec4 out_sums;
 layout(location = 1) out vec2 out_weight;
 
-// True if a record at the pixel would be black: it lies on the inner side of a closed mesh without a light in it.
+// True if a record at the pixel would be black: it lies in a closed mesh without a light, or on the inner side of one.
 bool unlit(ivec2 pixel)
 {
 #if UNLIT_SIDES
+    if (all_unlit) return true;
     int triangle = int(texel_at(emission, pixel).w);
     vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
     return texel_at(unlit_sides, table_texel(triangle)).r > 0.0 && dot(g, face_plane(triangle).xyz) < 0.0;

@@ -37,3 +37,16 @@ def test_the_g_buffer_lacks_nothing(ctx: moderngl.Context, view: str, monkeypatc
 
     whole = replace(WORLD, meshes=tuple(replace(mesh, closed=False) for mesh in WORLD.meshes))
     assert all(np.array_equal(*pair) for pair in zip(drawn(WORLD), drawn(whole), strict=True))
+
+
+def test_thin_walls_hide_the_ground_behind_them(ctx: moderngl.Context) -> None:
+    """An eye in a closed box without thickness, which stands in the ground, sees no ground outside of it.
+
+    The rounding of corners, some 1/256 of a pixel, may show a pixel of each edge by less than a tenth of its size.
+    """
+    world = scene(floor(5.0), box((-1, -0.3, -1), (1, 1.7, 1)))
+    camera = Camera((0.9, 1.2, 0.9), (-0.6, 0.3, -0.6))
+    with World(ctx, world) as placed, GBufferPass(ctx, SIZE) as gbuffer_pass:
+        seen = pixels(gbuffer_pass(placed, camera).position)
+    beyond = np.abs(seen[..., [0, 2]]).max(-1)[seen[..., 3] > 0.0] - 1.0
+    assert len(beyond) == SIZE[0] * SIZE[1] and beyond.max() < 0.1 * camera.pixel(SIZE) * 3.0

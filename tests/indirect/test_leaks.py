@@ -34,7 +34,7 @@ from tests.support.leaky import (
     table,
     truth,
 )
-from tests.support.worlds import box, point_light, scene
+from tests.support.worlds import box, floor, point_light, scene
 
 SMALL = (100, 75)
 LIT = (camera((-0.3, 1.2, 1.6), (-3.5, 0.8, -1)), camera((-3.6, 1.6, 1.6), (0, 0.4, -0.5)))
@@ -174,3 +174,13 @@ def test_a_sealed_room_is_dark_by_day(ctx: moderngl.Context, light: Light) -> No
     share = float((frame.irradiance @ LUMINANCE).mean()) / (np.pi * unshadowed_luminance(world))
     assert share < 2e-4, f"{share:.1e} of the light leaks"
     assert np.quantile(frame.picture[..., :3], 0.8) < 0.02
+
+
+def test_a_closed_room_without_a_light_requests_no_record(ctx: moderngl.Context) -> None:
+    """From within a closed mesh that stands in sunlit ground, no surface is lit. Each black record would cover one pixel."""
+    world = scene(floor(5.0), box((-1, -0.3, -1), (1, 1.7, 1)), sky=10.0)
+    with irrsplat.Renderer(world, SMALL, ctx=ctx) as renderer:
+        frame = renderer.render(camera((0.9, 1.2, 0.9), (-0.6, 0.3, -0.6)))
+        outside = renderer.render(camera((0.0, 3.0, 6.0), (0.0, 0.5, 0.0)))
+    assert not frame.irradiance.any() and frame.stats["records"] == 0 and frame.stats["converged"]
+    assert outside.irradiance.max() > 10.0, "the light of the ground outside is as before"

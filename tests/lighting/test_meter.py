@@ -13,12 +13,12 @@ import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.vectors import check_finite
+from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.meter.line import Line
 from irrsplat.meter.plane import Plane, horizontal
 from irrsplat.meter.readings import Readings, Status
-from irrsplat.meter.solids import inside_solids
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from tests.support import worlds
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from irrsplat.core.vectors import sphere
+from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
 
@@ -34,6 +35,13 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
             if len(near) and not enclosed(held, np.broadcast_to(normals[near[0]], held.shape), mesh).any():
                 found[near] = True
     return found
+
+
+def in_the_dark(scene: Scene, unlit: Sequence[bool], eye: tuple[float, float, float]) -> bool:
+    """Return True if `eye` lies within a closed mesh whose inner side no light reaches. unlit: from `unlit_interiors`."""
+    place, up = np.array([eye], float), np.array([[0.0, 0.0, 1.0]])
+    meshes = (mesh for mesh, dark in zip(in_order(scene), unlit, strict=True) if dark)
+    return any(_in_box(place, mesh)[0] and bool(enclosed(place, up, mesh)[0]) for mesh in meshes)
 
 
 def _in_box(points: np.ndarray, mesh: Mesh) -> np.ndarray:
