@@ -59,6 +59,7 @@ class Actions:
         self.prompt: prompts.Prompt | None = None  # the open question to the user
         self.saved_as = ""  # the .scene file that Save writes; "" before the first save
         self.film = FilmInBackground()
+        self.announce: Callable[[str], object] = lambda words: None  # shows words at once, before work that takes seconds
         preferences.opened(source)
 
     def press(self, command: Command) -> None:
@@ -210,12 +211,13 @@ class Actions:
     # ---- saving ------------------------------------------------------------------------------------------------------
 
     def save_as(self, then: Callable[[], object] | None = None) -> None:
-        """Request a file name, and save the scene there. Without a dialog of the desktop, save it under a new name."""
+        """Request a file name by the dialog of the desktop, or else by a prompt, and save the scene there."""
+        new = os.path.join(prompts.folder(self), f"{self.name}-2.scene")
+        name, take = self.saved_as or new, lambda path: self.save(path, then)
         if self.dialog.native:
-            name = self.saved_as or os.path.join(prompts.folder(self), self._free_name())
-            self.dialog.request(name, lambda path: self.save(path, then), save=True)
+            self.dialog.request(name, take, save=True)
         else:
-            self.save(self._free_name(), then)
+            self.prompt = prompts.file_name(name, take)
 
     def save_again(self, then: Callable[[], object] | None = None) -> None:
         """Save the scene in its last saved file; the first time, in a new file."""
@@ -224,17 +226,12 @@ class Actions:
         else:
             self.save_as(then)
 
-    def _free_name(self) -> str:
-        """Return an unused file name for the scene in the folder where the program runs."""
-        names = (f"{self.name}-{i}.scene" for i in range(2, 10_000))
-        return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
-
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
         """Save the present scene as a `.scene` of this name and a folder of its parts, and call `then`.
 
         An existing file and folder are replaced.
         """
-        path = Path(name if name.endswith(".scene") else f"{name}.scene")
+        path = Path(name if name.endswith(".scene") else f"{name}.scene").expanduser().absolute()
         lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
         self.editor.saved = self.editor.scene
         self.saved_as = str(path)
@@ -327,6 +324,7 @@ class Actions:
         self._unless_unsaved(lambda: self._open(source))
 
     def _open(self, source: str) -> None:
+        self.announce(f"opening {os.path.basename(source)}")
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene)
         trim()

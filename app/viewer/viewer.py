@@ -76,6 +76,7 @@ class Viewer(Owner):
         self._unspent = 0.0  # seconds since the last tick
         self._cut = False  # True if input ended the last tick
         self._overhead = 0.0  # seconds per frame of all work without the core's tick, a running mean
+        self.actions.announce = lambda words: setattr(wnd, "title", f"{words} – {TITLE}")
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         self.desktop.listen(self.controls.files_dropped, self.controls.focus_changed)
         self.wake()
@@ -117,8 +118,7 @@ class Viewer(Owner):
             self._tick(hurried=answers and self.controls.flies)
         if self._minimised:
             return
-        core = now() - before
-        cursor = self.controls.pointer
+        core, cursor = now() - before, self.controls.pointer
         self.inspected = self.display.update(self.canvas, cursor)
         self._present(dt, cursor)
         if session.renderers[0].about["software"]:

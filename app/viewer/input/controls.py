@@ -125,7 +125,7 @@ class Controls:
             return
         if key == names.ESCAPE:
             self._capture(False)
-        elif self.backend.io.want_capture_keyboard:
+        elif self.backend.io.want_capture_keyboard or self.actions.prompt is not None:
             return
         flying = self.looking or self.flies
         found = commands.of_key(names, key, bool(ctrl), bool(shift))

@@ -83,6 +83,15 @@ def unsaved(actions: Actions, act: Act) -> Prompt:
     return Prompt(f"{actions.title} has changes that no file has", lambda text: answers, None)
 
 
+def file_name(name: str, take: Callable[[str], object]) -> Prompt:
+    """Return the prompt for the name of a scene to save, first `name`. `take` receives the answer."""
+
+    def entries(text: str) -> dict[str, Act]:
+        return {f"{'replace' if os.path.exists(text) else 'save'} {text}": partial(take, text)} if text.strip() else {}
+
+    return Prompt("the name of the file", entries, name)
+
+
 def folder(actions: Actions) -> str:
     """Return the folder of the scene on show; for a bundled scene, the folder where the program runs."""
     source = actions.source
@@ -118,6 +127,7 @@ class DesktopDialog:
 
 _WIDTH, _ROWS = 560.0, 12  # the greatest width (window coordinates at scale 1) and the most visible entries
 _STEPS = {imgui.Key.up_arrow: -1, imgui.Key.down_arrow: 1, imgui.Key.page_up: -_ROWS, imgui.Key.page_down: _ROWS}  # rows by key
+_ENTER = imgui.Key.enter, imgui.Key.keypad_enter
 _FLAGS = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
 
 
@@ -155,7 +165,8 @@ class PromptView:
 
         most: the greatest height of the entries, window coordinates.
         """
-        entered = False
+        # a question without an input line takes Enter itself, but not the Enter that opened it
+        entered = prompt.text is None and not opened and any(map(imgui.is_key_pressed, _ENTER))
         if opened:
             imgui.set_keyboard_focus_here() if prompt.text is not None else imgui.set_window_focus()
         if prompt.text is not None:

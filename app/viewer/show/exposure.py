@@ -25,7 +25,8 @@ class AutoExposure:
     """The exposure in stops, equal on both sides for comparison; NaN before the first picture.
 
     The first picture with indirect light sets the exposure at once. Afterwards the exposure moves by at most _FASTEST. It stays
-    in a view that is black even with _MOST, while an incomplete view is within _SLACK, and while only the blend changes.
+    in a view that is black even with _MOST, within _SLACK of an incomplete view, and in a complete view until another input than
+    lights and blend changes: less light makes a view darker.
     """
 
     def __init__(self) -> None:
@@ -33,9 +34,8 @@ class AutoExposure:
         self._goal = 0.0
         self._lit = False  # True after the first picture with indirect light
         self._view: View | None = None  # the last metered view
-        self._inputs: object = None  # the inputs of the last view, without its blend
-        self._blend = math.nan  # the blend of the last view
-        self._held = False  # True while only the blend has changed
+        self._inputs: object = None  # the inputs of the last view, without its lights and its blend
+        self._metered = False  # True once a complete view of these inputs has been metered
 
     @property
     def settled(self) -> bool:
@@ -48,27 +48,18 @@ class AutoExposure:
             self.stops = self._goal = float(renderer.settings.exposure)
             self._view, self._lit = None, True
             return
-        self._hold(renderer, view)
-        before = self._lit
-        if view is not self._view and not self._held:
+        inputs = view.camera, Identity(renderer.scene.meshes), replace(renderer.settings, blend=0.0)
+        self._metered, self._inputs, before = self._metered and inputs == self._inputs, inputs, self._lit
+        if view is not self._view and not self._metered:
             self._view = view
             self._aim(renderer.automatic_stops(view), renderer.scheduler.gatherer.awaits_light)
+            self._metered = self._lit and not filling
         if not before or self.settled:  # the first light sets the exposure at once
             self.stops = self._goal
         if filling and abs(self._goal - self.stops) < _SLACK:
             return
         step = (self._goal - self.stops) * (1.0 - math.exp(-dt / _TIME))
         self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
-
-    def _hold(self, renderer: Renderer, view: View) -> None:
-        """Hold the exposure after a change of the blend until another input changes. A view with less light is then darker."""
-        blend = renderer.settings.blend
-        inputs = view.camera, Identity(renderer.scene), replace(renderer.settings, blend=0.0)
-        if inputs != self._inputs:
-            self._held = False
-        elif blend != self._blend:
-            self._held = self._lit
-        self._inputs, self._blend = inputs, blend
 
     def _aim(self, found: float, partly: bool) -> None:
         """Set the goal to a measurement; 0 or more than _MOST means an unlit picture. partly: True before any indirect light."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,18 +87,23 @@ def test_undo_and_redo_return_each_edit(driver: Driver, editor: Editor) -> None:
     assert driver.session.tracing.traced is None, "Ctrl+Y is not Y"
 
 
-def test_a_scene_is_saved_under_a_free_name(driver: Driver, editor: Editor) -> None:
-    """Without a file dialog, the scene is saved under a free name and is the newest of the recent scenes."""
+def test_a_scene_is_saved_under_the_name_of_a_prompt(driver: Driver, editor: Editor) -> None:
+    """Without a dialog of the desktop, a prompt suggests a name in the scene's folder. The file is the newest recent scene."""
     push(driver, "Ctrl+S")
-    assert "room-2.scene is written" in driver.said
+    driver.frame(2)
+    driver.press("ENTER")
+    driver.frame(2)
+    saved = os.path.join(os.path.dirname(driver.source), "room-2.scene")
+    assert f"{saved} is written" in driver.said
     editor.set_light(0, brighter(editor.scene.lights[0]))
     bright = driver.session.scene.lights
     push(driver, "Ctrl+S")
     assert driver.actions.prompt is None, "the second save replaces the first file without a prompt"
-    assert irrsplat.load("room-2.scene").lights == bright and driver.actions.title == "room-2"
-    assert driver.actions.preferences.recent[0] == os.path.abspath("room-2.scene")
+    assert irrsplat.load(saved).lights == bright and driver.actions.title == "room-2"
+    assert driver.actions.preferences.recent[0] == saved
     push(driver, "Ctrl+Shift+S")
-    assert driver.actions.saved_as == "room-3.scene"
+    assert driver.actions.prompt is not None and driver.actions.prompt.text == saved
+    push(driver, "Esc")
 
 
 def test_a_click_selects_and_outlines_the_visible_object(driver: Driver, editor: Editor) -> None:
@@ -217,7 +221,7 @@ def _third(field: Widget) -> tuple[float, float, float, float]:
     return left, top, left + 0.2 * (right - left), bottom
 
 
-def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
     """Quitting and opening another scene prompt for unsaved changes, with the answers cancel, discard and save.
 
     Quitting during a film gives a warning, and the film's progress messages do not replace the warning.
@@ -236,8 +240,11 @@ def test_unsaved_changes_give_a_prompt(driver: Driver, editor: Editor, tmp_path:
     assert driver.actions.prompt is None and editor.unsaved
     push(driver, "Ctrl+Q")
     driver.frame(2)
-    driver.choose("save")
-    assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
+    driver.press("ENTER")  # the first answer, save
+    driver.frame(4)
+    driver.press("ENTER")  # the suggested name
+    driver.frame(2)
+    assert driver.actions.quitting and not editor.unsaved and os.path.exists(driver.actions.saved_as)
     driver.actions.quitting = driver.wnd.is_closing = False
     driver.actions.editor.set_light(0, brighter(editor.scene.lights[0]))
     driver.actions.open("furnace")

@@ -1,4 +1,4 @@
-"""Automatic exposure is correct for the converged view, and held while the blend changes or the view is black."""
+"""Automatic exposure is correct for the converged view, and held while lights or the blend change or the view is black."""
 
 from __future__ import annotations
 
@@ -28,8 +28,10 @@ def test_a_dark_scene_is_exposed_as_a_bright_one() -> None:
         assert len(filling) > 1 and max(filling) - min(filling) < 0.05
         stops = session.auto_exposure.stops
         assert stops == pytest.approx(session.renderers[0].automatic_stops(session.views[0]), abs=0.011)
+        dimmed = [replace(light, color=cast(Any, tuple(0.1 * c for c in light.color))) for light in dark]
         darker = [replace(light, color=cast(Any, tuple(2.0**-20 * c for c in light.color))) for light in dark]
         for change in (
+            lambda: session.pose(replace(session.scene, lights=tuple(dimmed))),  # a dimmed light makes the picture darker
             lambda: session.change(0, blend=1.0),  # without direct light the picture is darker, and is exposed as before
             lambda: session.pose(replace(session.scene, lights=tuple(darker))),  # black also with 20 stops
         ):
