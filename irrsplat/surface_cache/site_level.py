@@ -31,6 +31,8 @@ from irrsplat.surface_cache.site_places import Places, Survey, members_places
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
+_UNLIT, _NARROW = 0.03, 0.5  # of the mean light, and of a site's extent: darker sites with nearer surroundings lie in a gap
+_ALIKE = 0.7  # least cosine between the normals of two sites that face alike
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
 
@@ -323,7 +325,9 @@ class SiteLevel(Owner):
 
     def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
         """Let lookups find the values `made` at the sites `laid_out`."""
-        laid_out.table.write(made.irradiance, laid_out.area)
+        coarse = self.detail.level < 0  # pixels show its values
+        E = _without_dark_gaps(made.irradiance, laid_out) if coarse else made.irradiance
+        laid_out.table.write(E, laid_out.area)
         before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
         if laid_out.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
@@ -332,3 +336,21 @@ class SiteLevel(Owner):
             before.table.release()
         elif before.laid_out is not laid_out:
             before.laid_out.release()
+
+
+def _without_dark_gaps(E: np.ndarray, laid_out: LaidOut) -> np.ndarray:
+    """Return E (S, 3), where dark sites within and below objects have the light of the nearest lit site that faces alike.
+
+    The corners of cells at such sites would leave a black patch around each object.
+    """
+    read, area, light = laid_out.records.read(), laid_out.area, E.sum(1)
+    lit = light > _UNLIT * np.average(light, weights=np.maximum(area, 1e-30))
+    dark = ~lit & (read["radius"] < _NARROW * np.sqrt(area))
+    to, of = (FIRST_SITE + np.flatnonzero(which[FIRST_SITE:]) for which in (dark, lit))
+    if len(to) and len(of):
+        p, n = read["position"], read["normal"]
+        apart = (p[of] ** 2).sum(1) - 2.0 * np.einsum("ik,jk->ij", p[to], p[of])  # squares of the distances, but for a constant
+        apart[np.einsum("ik,jk->ij", n[to], n[of]) < _ALIKE] = np.inf
+        E = E.copy()
+        E[to] = E[of[apart.argmin(1)]]
+    return E
