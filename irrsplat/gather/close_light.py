@@ -11,13 +11,12 @@ from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.glsl import TWELVE_BITS
 from irrsplat.gather.hemisphere import Gather, gather_records
-from irrsplat.gather.record_frame import rows_of_places
+from irrsplat.gather.record_frame import PLACES, rows_of_places
 from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
-PLACES = 8  # hits that share a gather
-SIDE = 4  # side² rays of a gather, as many from each of its hits
 BATCH = 1024  # gathers at once
 _RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
 LEAST = 20.0  # weighted number of close hits below which a record keeps the values of the surface cache
@@ -25,7 +24,7 @@ _STEP = TWELVE_BITS + 1.0  # factor of the first one of a pair of numbers
 
 
 class CloseLight(Owner):
-    """Passes that compute light at close hits. gather: of SIDE² rays from PLACES eye positions, by the surface cache."""
+    """Passes that compute light at close hits. gather: of LEAST_SIDE² rays from PLACES hits, by the surface cache."""
 
     def __init__(self, gather: Gather) -> None:
         ctx = gather.world.ctx
@@ -55,7 +54,7 @@ class CloseLight(Owner):
         pair = np.maximum(planes[..., 3], 0.0)
         reflected = (pair - _STEP * np.floor(pair / _STEP)) * (rays[3] / (np.pi * TWELVE_BITS)) * above
         close = reflected.sum(1) * rays.shape[1]
-        gathers = np.where(close > LEAST, np.ceil(close * _RAYS / SIDE**2), 0.0).astype(np.intp)
+        gathers = np.where(close > LEAST, np.ceil(close * _RAYS / LEAST_SIDE**2), 0.0).astype(np.intp)
         values = np.tile(np.array([0.0, -1.0], np.float32), (len(gathers), 1))
         some = np.flatnonzero(gathers)
         if len(some):

@@ -12,6 +12,7 @@ from irrsplat.scene.model import Scene
 
 _OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
 _LEAST = 1e-6  # of the diagonal: least height, ten times the rounding of float32
+PLACES = 8  # eye positions of a gather that has several
 _TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 MiB for a depth buffer
 
 

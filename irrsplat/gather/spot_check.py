@@ -27,7 +27,7 @@ _ROWS = 125  # rows of squares with one probed pixel each; below 1.5 times as ma
 _FLOOR = 0.1  # of the mean cached luminance: lower bound of the luminance in relative differences
 _CELLS = 4.0  # greatest width of the cells of probed places, in distances of probed pixels
 _COARSER = 3  # doublings of a cell's width within which a place counts as probed from a greater distance
-MARGIN = 2  # pixels around each part of a view that are drawn to find creases
+MARGIN = 2  # pixels around each part of a view that its picture and the search for creases need
 _MOST = 2_000_000  # greatest number of stored places
 
 

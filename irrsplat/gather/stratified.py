@@ -10,6 +10,8 @@ import numpy as np
 
 from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE, SQUARE_STEPS
 
+LEAST_SIDE = 4  # side² rays of the coarsest gather
+
 
 def shape(side: int) -> tuple[int, int]:
     """Return the elevations M and azimuths N of side² rays: N = 4·M, near π·M, for strata about as wide as high (Ward and

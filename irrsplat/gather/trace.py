@@ -12,12 +12,12 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.close_light import BATCH, LEAST, PLACES, SIDE, CloseLight
+from irrsplat.gather.close_light import BATCH, LEAST, CloseLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import atlas_grid, places_of_texels, sample_offsets
+from irrsplat.gather.record_frame import PLACES, atlas_grid, places_of_texels, sample_offsets
 from irrsplat.gather.sky_share import SkyShares
-from irrsplat.gather.stratified import ray_directions, site_directions, stratum_edges, stratum_table
+from irrsplat.gather.stratified import LEAST_SIDE, ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
@@ -79,7 +79,7 @@ class TraceGather(Gather):
         embree: bool = False,
     ) -> None:
         world.seen_uniforms(embree)  # raises InputError here for too many triangles
-        side, ctx = max(4, side // 4 * 4), world.ctx  # so that blocks fill a cell
+        side, ctx = max(LEAST_SIDE, side // 4 * 4), world.ctx  # so that blocks fill a cell
         table, rays = stratum_table(side), (ray_directions if places == 1 else site_directions)(side)
         cell, limit = (table.shape[1], table.shape[0]), int(ctx.info["GL_MAX_TEXTURE_SIZE"])
         columns, capacity = atlas_grid(cell, capacity, limit // places)
@@ -185,7 +185,9 @@ class TraceGather(Gather):
         inputs = light_defines(world.scene), dict(world.material_defines), samples, embree, emitters
 
         def made() -> CloseLight:
-            return CloseLight(TraceGather(world, SIDE, BATCH, surface=True, places=PLACES, light_samples=samples, embree=embree))
+            return CloseLight(
+                TraceGather(world, LEAST_SIDE, BATCH, surface=True, places=PLACES, light_samples=samples, embree=embree)
+            )
 
         return world.derived.get("close light", inputs, made)
 

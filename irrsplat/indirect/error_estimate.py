@@ -21,7 +21,6 @@ from irrsplat.indirect.paper_scan import Seen
 CHECKS = 384  # pixels under test for the error estimate
 _AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
 _KEPT = 0.5  # weight of the sums of earlier steps
-_FAIR = 0.5  # share of the pixels' probability that is the same for all
 _LEAST = 0.4  # of the squared difference of picture and tests: least squared error, since one test in a dark place may dominate
 _BLUR = 0.005  # of the image's height: radius over which inter-record variance is averaged
 _GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
@@ -113,7 +112,7 @@ def _drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ..
     """Return CHECKS of the smooth pixels, as the error leaves out edges.
 
     Pixels are drawn in proportion to their uncertainty: the variance of the records there, averaged over the pixels around, plus
-    a share of its mean. off: see Seen.smooth.
+    its mean. off: see Seen.smooth.
     """
     from scipy import ndimage
 
@@ -123,7 +122,7 @@ def _drawn(seen: Seen, sums: np.ndarray, weight: np.ndarray, seed: tuple[int, ..
     sigma = blur_of(len(variance))
     share = ndimage.gaussian_filter(seen.mask.astype(float), sigma)
     uncertainty = np.where(seen.mask, ndimage.gaussian_filter(variance, sigma) / np.maximum(share, 1e-6), 0.0)
-    uncertainty += seen.mask * (_FAIR / (1.0 - _FAIR) * float(uncertainty[seen.mask].mean()) + 1e-20)
+    uncertainty += seen.mask * (float(uncertainty[seen.mask].mean()) + 1e-20)
     smooth = seen.smooth(off)
     counting = smooth if smooth.any() else seen.mask
     random, candidates = np.random.default_rng(seed), np.flatnonzero(counting)

@@ -31,7 +31,6 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Part, measure
 from irrsplat.settings import Settings
 
-_ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
 _AROUND = 8  # records that measure the noise at a place, half of them before it along a space-filling curve
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
@@ -219,12 +218,11 @@ class RecordScheduler(Owner):
     def _check(self, view: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget, spots: bool) -> ViewState:
         """Advance the spot check of a view that requests no record, within the budget, and queue records at failures.
 
-        There is no check with little room for further records, nor with settings that ignore inter-record variance.
+        There is no check without room for further records, nor with settings that ignore inter-record variance.
         """
         check, gatherer = view.check, self.gatherer
         if check is None:
-            roomy = self.room > _ROOMY * self.settings.max_records
-            if not (spots and roomy and self.settings.spread and gatherer.may_probe):
+            if not (spots and self.room and self.settings.spread and gatherer.may_probe):
                 return replace(view, checked=True)
             left = self._resolved(self._unchecked(screen.spots()))
             check = SpotCheck(left, left)

@@ -10,8 +10,9 @@ from irrsplat.settings import Settings
 
 # shares of a sphere's radius and of all distances: far more than rounding, here and on the GPU
 _SLACK = 1e-3, 1e-5
-_MARGIN = 1.6  # pixels around the view: more than the offset of antialiasing samples from pixel centres
-_OWN_PIXELS = 1.5  # pixels, least reach of a record within a closed mesh, as in shaders/indirect/splat.vert
+# pixels around the view: more than the offset of antialiasing samples from pixel centres, and than the least reach of a record
+# within a closed mesh, see shaders/indirect/splat.vert
+_MARGIN = 1.6
 
 
 def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
@@ -26,7 +27,7 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
         radius = settings.radius_max * percent
     else:
         radius = np.maximum(settings.a * settings.widest * cache.values[first:, 3], settings.radius_min * percent)
-    radius = np.maximum(radius, _OWN_PIXELS * camera.pixel(size) * distance)
+    radius = np.maximum(radius, _MARGIN * camera.pixel(size) * distance)
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
     return first + np.flatnonzero(_outside(offset, camera, size) <= radius)

@@ -23,8 +23,6 @@ from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: greatest distance of records compared with it
 _TABLE = 64, 1024  # columns and rows of the records limited by one draw
-_MAX_CELLS = 32  # of a grid along an axis
-_SAMPLE = 4096  # points in the sample that places a grid's planes
 _MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragment's loops after 65535 iterations
 
 
@@ -105,14 +103,12 @@ class _Grid(Owner):
     """A grid of points (N, 3) float32, N > 0, for shaders/records/point_grid.glsl; first: the number of the first point.
 
     K³ cells lie between K + 1 planes across each axis, with about equal numbers of points between neighbouring planes: quantiles
-    keep cells fine despite a few distant points. K is √N/8, within 1 and _MAX_CELLS. A point on a plane belongs to the cell above
-    it.
+    keep cells fine despite a few distant points. K is √N/8, at least 1. A point on a plane belongs to the cell above it.
     """
 
     def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
-        self.cells = int(np.clip(np.sqrt(len(points)) / 8.0, 1, _MAX_CELLS))
-        sample = np.sort(points[:: -(-len(points) // _SAMPLE)], axis=0)
-        inner = sample[len(sample) * np.arange(1, self.cells) // self.cells]
+        self.cells = max(int(np.sqrt(len(points)) / 8.0), 1)
+        inner = np.sort(points, axis=0)[len(points) * np.arange(1, self.cells) // self.cells]
         self.planes = np.concatenate([points.min(0)[None], inner, points.max(0)[None]])
         cell = self.find(points)
         order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])

@@ -25,8 +25,6 @@ from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
 from irrsplat.settings import Settings
 
-_MARGIN = 2  # pixels around a tile that its picture needs
-
 Size = tuple[int, int]
 
 
@@ -145,12 +143,12 @@ class TiledPictures:
         self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
         requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
         arrays: dict[str, np.ndarray] = {}
-        size = tuple(min(side, state.tile + 2 * _MARGIN) for side in state.size)
+        size = tuple(min(side, state.tile + 2 * MARGIN) for side in state.size)
         here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
         light = np.zeros(2)  # the sum of log₂ luminances, and the number of lit pixels
         tiles = list(_grid(state.size, (state.tile, state.tile)))
         for number, (left, bottom) in enumerate(tiles):
-            x, y = (min(max(0, at - _MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
+            x, y = (min(max(0, at - MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
             seen = part_of(camera, Part(state.size, (x, y), here.size))
             try:
                 view = self._drawn(here, seen, done, samples)

@@ -15,14 +15,13 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
-from irrsplat.gather.record_frame import rows_of_places
+from irrsplat.gather.record_frame import PLACES, rows_of_places
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
 
-PLACES = 8  # of a site
 _NEAR = 0.3  # of a cluster's width, before halving: rays from closer emissive surfaces count by the square of the distance
 _TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than that is no part of the ceiling at its rim
 _BOUNCES = 8  # along which the importance of sites is followed

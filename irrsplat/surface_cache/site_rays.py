@@ -9,8 +9,9 @@ import numpy as np
 from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
-from irrsplat.gather.record_frame import places_of_texels, tangent_frames
+from irrsplat.gather.record_frame import PLACES, places_of_texels, tangent_frames
 from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
@@ -22,14 +23,12 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import Detail
-from irrsplat.surface_cache.site_places import PLACES
 from irrsplat.surface_cache.transport import RayHits
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a record
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
-_SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH_RAYS = 51_200  # rays traced at once, about
 
@@ -65,7 +64,7 @@ class SiteRays(Owner):
 
     def survey_gather(self) -> TraceGather:
         """Return the gather of few rays from each site itself, with the places of their hits."""
-        return self._gather("survey", _SURVEY, survey=True)
+        return self._gather("survey", LEAST_SIDE, survey=True)
 
     def _side(self, rays: float) -> int:
         """Return the side of the gather of a site that has this share of all rays."""

@@ -14,18 +14,17 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.texel_table import table_rows
 
-_ROWS = 16  # of segments in a batch
-
 
 class VisibilityPass(Owner):
     """Tests up to `capacity` segments at once. materials: World.material_defines (default: no holes)."""
 
-    capacity = TABLE_COLUMNS * _ROWS
+    capacity = TABLE_COLUMNS * 16
 
     def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
+        rows = self.capacity // TABLE_COLUMNS
         self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials or {})
-        self.lines = float_texture(ctx, (2 * TABLE_COLUMNS, _ROWS))
-        self.target = Target(ctx, (TABLE_COLUMNS, _ROWS), (1,))
+        self.lines = float_texture(ctx, (2 * TABLE_COLUMNS, rows))
+        self.target = Target(ctx, (TABLE_COLUMNS, rows), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.gather.close_light import PLACES, SIDE, drawn
-from irrsplat.gather.record_frame import places_of_texels
-from irrsplat.gather.stratified import shape
+from irrsplat.gather.close_light import drawn
+from irrsplat.gather.record_frame import PLACES, places_of_texels
+from irrsplat.gather.stratified import LEAST_SIDE, shape
 
 
 def test_places_have_equally_many_rays() -> None:
     """Each of the hits that share a gather has the same weight: a table of first hits has as many rays of each place."""
-    counts = np.bincount(places_of_texels(shape(SIDE)[::-1], PLACES), minlength=PLACES)
-    assert (counts == SIDE**2 // PLACES).all()
+    counts = np.bincount(places_of_texels(shape(LEAST_SIDE)[::-1], PLACES), minlength=PLACES)
+    assert (counts == LEAST_SIDE**2 // PLACES).all()
 
 
 def test_hits_are_drawn_in_proportion_to_their_weights() -> None:

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
+from irrsplat.gather.record_frame import PLACES
 from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
 from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
-from irrsplat.surface_cache.site_places import PLACES
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import box, material, point_light, scene

@@ -13,6 +13,7 @@ import irrsplat
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.vectors import morton_codes, triangle_normals
 from irrsplat.gather.hemisphere import gather_records
+from irrsplat.gather.record_frame import PLACES
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.time_budget import Budget
@@ -23,7 +24,7 @@ from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.motion import transformed
 from irrsplat.surface_cache import site_layout
-from irrsplat.surface_cache.site_places import PLACES, Places, _drawn
+from irrsplat.surface_cache.site_places import Places, _drawn
 from tests.support.viewing import write_room
 from tests.support.worlds import box, floor, material, quad, scene
 
