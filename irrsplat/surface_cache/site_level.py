@@ -34,7 +34,6 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 _UNLIT, _NARROW = 0.03, 0.5  # of the mean light, and of a site's extent: darker sites with nearer surroundings lie in a gap
 _ALIKE = 0.7  # least cosine between the normals of two sites that face alike
 _STILL = 3  # ticks without a change, after which sites are chosen again for the present places of meshes
-_FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
 
 
 @dataclass
@@ -236,7 +235,7 @@ class SiteLevel(Owner):
         assert held.laid_out is not None and held.light is not None
         order, before = follower.order, held.light.irradiance
         order = order[order >= FIRST_SITE]
-        done = self._gather(self._rays.quick_gather(), held.laid_out, order, shadows, budget.part(0.0, 0.0, _FOLLOWING))
+        done = self._gather(self._rays.quick_gather(), held.laid_out, order, shadows, budget.part(0.0, 0.0))
         E = follower.step(shadows, before, order[:done])
         self._show(E)
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))

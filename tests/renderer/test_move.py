@@ -240,4 +240,4 @@ def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
                 with Renderer(renderer.scene, SIZE, ctx=renderer.ctx, **settings) as fresh:
                     true = fresh.render().irradiance
                 off.append(np.sqrt(np.mean((found - true) ** 2)) / true.mean())
-    assert max(off) < 0.06, off
+    assert max(off) < 0.04, off

@@ -361,8 +361,6 @@ class RecordGatherer(Owner):
         if relit:
             cache.invalidate(np.arange(cache.count))
         cache.column("due")[:] += change
-        if surface.current and not relit:
-            cache.column("due")[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True)
         if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
