@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat.core.color import srgb
+from irrsplat.core.files import as_png, dithered
 
 if TYPE_CHECKING:
     from irrsplat.app.bake.lightmap import Form, Lightmap
@@ -55,16 +55,7 @@ class Encoding:
     @property
     def eight_bits(self) -> bytes:
         """An sRGB-encoded 8-bit PNG, dithered to keep the mean over several texels."""
-        from PIL import Image
-
-        display = 255.0 * srgb(self.values)
-        y, x = np.indices(self.values.shape[:2])
-        # Interleaved gradient noise (Jimenez 2014)
-        noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
-        data = io.BytesIO()
-        shown = np.floor(display + noise[..., None]).clip(0, 255) * (self.values > 0.0)
-        Image.fromarray(shown.astype(np.uint8)).save(data, "PNG", optimize=True)
-        return data.getvalue()
+        return as_png(dithered(srgb(self.values)) * (self.values > 0.0) / 255.0)
 
 
 def limit_of(values: np.ndarray) -> float:

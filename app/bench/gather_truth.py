@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from irrsplat.app.common.terminal import say
-from irrsplat.core import files
-from irrsplat.core.errors import IrrsplatError
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import disk_cache, fine_gather, worker
 from irrsplat.reference.truth import kept, vertices
@@ -40,33 +38,21 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
             return fine_gather.Truth(np.argwhere(traced.valid), traced.irradiance[traced.valid])
         if traced is not None or not trace or importlib.util.find_spec("mitsuba") is None:
             return None
-    try:
-        how = (fine_gather.SIDE, COUNT, SHADOW_SIZE) if bounces == 1 else (SIDE, COUNT, vertices(bounces))
-        key = disk_cache.key_of(scene, camera, VERSION, size, *how)
-        path = disk_cache.folder() / f"{'gather' if bounces == 1 else 'points'}-{key}.npz"
-        if (found := _read(path, size)) is not None:
-            return found
-    except files.DAMAGE:
-        say(f"notice: {path}: damaged; the reference is gathered again")
-    except IrrsplatError as error:
-        say(f"notice: {error}")
-        path = None
-    view, _ = renderer.frame(camera, gather=False)
-    with renderer.ctx:
-        seen = paper_scan.read_back(view.gbuffer)
-        if bounces == 1:
-            found = fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
-        else:
+    how = (fine_gather.SIDE, COUNT, SHADOW_SIZE) if bounces == 1 else (SIDE, COUNT, vertices(bounces))
+    key = disk_cache.key_of(scene, camera, VERSION, size, *how)
+
+    def make() -> fine_gather.Truth:
+        view, _ = renderer.frame(camera, gather=False)
+        with renderer.ctx:
+            seen = paper_scan.read_back(view.gbuffer)
+            if bounces == 1:
+                return fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
             pixels = fine_gather.chosen(seen, scene, COUNT)
-            found = fine_gather.Truth(pixels, _traced(scene, seen, pixels, vertices(bounces)))
-    if not len(found.pixels):
-        return None
-    if path is not None:
-        try:
-            disk_cache.write(path, {"pixels": found.pixels, "irradiance": found.irradiance})
-        except IrrsplatError as error:
-            say(f"notice: {error}; the reference cannot be kept for later runs")
-    return found
+            return fine_gather.Truth(pixels, _traced(scene, seen, pixels, vertices(bounces)))
+
+    name = f"{'gather' if bounces == 1 else 'points'}-{key}.npz"
+    found = disk_cache.kept(name, lambda path: _read(path, size), make, lambda line: say(f"notice: {line}"))
+    return found if len(found.pixels) else None
 
 
 def _traced(scene: Scene, seen: paper_scan.Seen, pixels: np.ndarray, bounces: int) -> np.ndarray:
@@ -84,9 +70,9 @@ def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
     if arrays is None:
         return None
     pixels, irradiance = arrays["pixels"], arrays["irradiance"]
-    whole = pixels.ndim == 2 and pixels.shape[1] == 2 and len(pixels) > 0 and pixels.dtype.kind == "i"
+    whole = pixels.ndim == 2 and pixels.shape[1] == 2 and pixels.dtype.kind == "i"
     if not whole or irradiance.shape != (len(pixels), 3) or not np.isfinite(irradiance).all():
         raise ValueError("not what irrsplat writes")
-    if pixels.min() < 0 or (pixels >= size[::-1]).any():
+    if (pixels < 0).any() or (pixels >= size[::-1]).any():
         raise ValueError("pixels outside the view")
     return fine_gather.Truth(pixels, irradiance)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.core.files import _naming, write_file
+from irrsplat.core.files import DAMAGE, _naming, write_file
 from irrsplat.scene.model import Camera, Material, Scene, Texture
+
+Result = TypeVar("Result")
 
 
 def folder() -> Path:
@@ -84,3 +88,26 @@ def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
     with _naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     write_file(path, fill)
+
+
+def kept(name: str, find: Callable[[Path], Result | None], make: Callable[[], Result], notice: Callable[[str], object]) -> Result:
+    """Return what `find` reads from the file `name` of the cache folder; else what `make` returns, whose arrays are stored there.
+
+    notice: called with a line if the file is damaged, or cannot be written.
+    """
+    path = None
+    try:
+        path = folder() / name
+        if (found := find(path)) is not None:
+            return found
+    except DAMAGE:
+        notice(f"{path}: damaged; the reference is computed again")
+    except IrrsplatError as error:
+        notice(str(error))
+    made = make()
+    try:
+        if path is not None:
+            write(path, vars(made))
+    except IrrsplatError as error:
+        notice(f"{error}; the reference is not kept for the next time")
+    return made

@@ -162,23 +162,12 @@ def traced(
     side = side_of(samples)
     if not scene.triangles:
         raise InputError("the scene has no surfaces, so there is nothing to trace")
-    notice = notice or (lambda line: None)
-    path, key = None, key_of(scene, camera, size, side, bounces)
-    try:
-        path = folder() / f"truth-{key}.npz"
-        if (truth := _read(path, size)) is not None:
-            return truth
-    except files.DAMAGE:
-        notice(f"{path}: damaged; the truth is traced again")
-    except IrrsplatError as error:
-        notice(str(error))
-    truth = Traced(**worker.call("trace_view", "trace", (scene, camera, size, side, vertices(bounces)), progress))
-    try:
-        if path is not None:
-            disk_cache.write(path, {field.name: getattr(truth, field.name) for field in fields(Traced)})
-    except IrrsplatError as error:
-        notice(f"{error}; the truth is not kept for the next time")
-    return truth
+
+    def trace() -> Traced:
+        return Traced(**worker.call("trace_view", "trace", (scene, camera, size, side, vertices(bounces)), progress))
+
+    name = f"truth-{key_of(scene, camera, size, side, bounces)}.npz"
+    return disk_cache.kept(name, lambda path: _read(path, size), trace, notice or (lambda line: None))
 
 
 # ---- the cache folder ----------------------------------------------------------------------------------------------------

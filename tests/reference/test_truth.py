@@ -169,7 +169,7 @@ def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.Mon
             disk_cache.write(file, values | damage)
             assert kept(scene, scene.camera(), size, "all", 8) is None
         assert np.array_equal(find().direct, made.direct) and len(calls) == count and len(said) == count - 1
-    assert all(line.endswith("damaged; the truth is traced again") for line in said)
+    assert all(line.endswith("damaged; the reference is computed again") for line in said)
     found = kept(scene, scene.camera(), size, "all", 8)
     assert found is not None and np.array_equal(found.halves, made.halves)
     monkeypatch.setattr(paths, "cache_folder", lambda: None)

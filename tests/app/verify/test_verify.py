@@ -134,7 +134,7 @@ def test_a_damaged_reference_is_refused(damage: Callable[[bytes], bytes]) -> Non
     path.write_bytes(damage(path.read_bytes()))
     with pytest.raises(IrrsplatError, match="there is no path tracer here"):
         traced(scene, scene.camera(), (40, 30), 1, 8, notice=notices.append)
-    assert notices == [f"{path}: damaged; the truth is traced again"]
+    assert notices == [f"{path}: damaged; the reference is computed again"]
 
 
 # ---- the process ---------------------------------------------------------------------------------------------------------
