@@ -97,13 +97,7 @@ def write_bytes(path: Pathlike, data: bytes) -> None:
 def write_picture(path: Pathlike, display: np.ndarray) -> None:
     """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 bits per channel, completely or not
     at all; raises IrrsplatError if that fails."""
-    write_file(path, lambda part: _png(part, display))
-
-
-def _png(path: Path, display: np.ndarray) -> None:
-    from PIL import Image
-
-    Image.fromarray(eight_bits(display)).save(path, "PNG")
+    write_bytes(path, as_png(display))
 
 
 def as_png(display: np.ndarray) -> bytes:
@@ -238,7 +232,7 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
         for name, display in pictures:
             (part / name).touch()
             _keep_mode(part / name, folder / name)
-            _png(part / name, display)
+            (part / name).write_bytes(as_png(display))
             names.append(name)
         if exists:
             for name in names:

@@ -143,11 +143,14 @@ def check_readable(path: Path, most: int = MOST_TEXT) -> None:
         raise InputError(_too_large(most), path)
 
 
+def _limits() -> _Bounds:
+    """Return the limits of the scene being read; all of them where no scene is read."""
+    return _bounds.get() or _Bounds(Path(), ())
+
+
 def take_pixels(pixels: int, size: int) -> bool:
     """True if the scene being read may have an image of `pixels`, from `size` bytes, in addition to its others."""
-    bounds = _bounds.get()
-    if bounds is None:
-        return pixels <= FREE_PIXELS + PIXELS_PER_BYTE * size
+    bounds = _limits()
     left = bounds.pixels + PIXELS_PER_BYTE * size - pixels
     if left >= 0:
         bounds.pixels = left
@@ -156,18 +159,14 @@ def take_pixels(pixels: int, size: int) -> bool:
 
 def take_copies(vertices: int) -> bool:
     """True if the scene being read may have another copy of a mesh with `vertices`."""
-    bounds = _bounds.get()
-    if bounds is None:
-        return vertices <= MOST_COPIES
+    bounds = _limits()
     bounds.copies -= vertices
     return bounds.copies >= 0
 
 
 def take_search() -> bool:
     """True if another file of the scene being read may be searched in other spellings."""
-    bounds = _bounds.get()
-    if bounds is None:
-        return True
+    bounds = _limits()
     bounds.searches -= 1
     return bounds.searches >= 0
 

@@ -145,7 +145,7 @@ def read_hdr(path: Path) -> tuple[np.ndarray, np.ndarray]:
     height, width = int(size[2]), int(size[4])
     if not 0 < height * width <= _most_pixels(len(data)):
         raise InputError(f"{width}x{height} pixels are none, or too many in {len(data)} bytes", path)
-    read = _runs if data[start : start + 2] == b"\2\2" and 8 <= width < 32768 else _old_runs
+    read = _runs if data[start : start + 2] == b"\2\2" and 8 <= width < 32768 else _plain
     try:
         coded = read(data, start, height, width)
     except (IndexError, ValueError):
@@ -195,17 +195,9 @@ def _runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
     return np.frombuffer(out, np.uint8).reshape(height, 4, width).swapaxes(1, 2)
 
 
-def _old_runs(data: bytes, at: int, height: int, width: int) -> np.ndarray:
-    """Return (H, W, 4) uint8 from the old format: 1 1 1 N repeats the previous pixel N times, each further one 256 times as
-    often."""
-    codes = np.frombuffer(data, np.uint8, (len(data) - at) // 4 * 4, at).reshape(-1, 4)
-    repeats = (codes[:, :3] == 1).all(1)
-    place = np.arange(len(codes))
-    last = np.maximum.accumulate(np.where(repeats, 0, place))  # the repeated pixel
-    again = np.where(repeats, codes[:, 3].astype(np.int64) << (8 * np.minimum(place - last - 1, 4)), 1)
-    again = np.minimum(again, height * width)
-    ends = np.cumsum(again)
-    if not len(ends) or ends[-1] < height * width:
-        raise ValueError("too few pixels")
-    needed = int(np.searchsorted(ends, height * width)) + 1
-    return np.repeat(codes[last[:needed]], again[:needed], axis=0)[: height * width].reshape(height, width, 4)
+def _plain(data: bytes, at: int, height: int, width: int) -> np.ndarray:
+    """Return (H, W, 4) uint8 from pixels without runs; raise ValueError for runs of the format before 1991."""
+    codes = np.frombuffer(data, np.uint8, 4 * height * width, at).reshape(height, width, 4)
+    if (codes[..., :3] == 1).all(-1).any():
+        raise ValueError("a pixel repeats the one before")
+    return codes

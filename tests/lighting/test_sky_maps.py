@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +95,7 @@ def test_what_is_large_or_weak_is_no_sun() -> None:
 
 
 def save_hdr(path: Path, radiance: np.ndarray, kind: str = "runs", head: bytes = b"", line: bytes = b"") -> Path:
-    """Write a Radiance picture: flat, in old runs (each pixel and a repeat), or by components with runs and literals."""
+    """Write a Radiance picture: flat, or by components with runs and literals."""
     height, width, _ = radiance.shape
     most = np.maximum(radiance.max(-1, keepdims=True), 1e-32)
     mantissa, exponent = np.frexp(most)
@@ -104,13 +103,6 @@ def save_hdr(path: Path, radiance: np.ndarray, kind: str = "runs", head: bytes =
     data = b""
     if kind == "flat":
         data = pixels.tobytes()
-    elif kind == "old":
-        for pixel, same in groupby(map(bytes, pixels.reshape(-1, 4))):
-            data += pixel
-            again = len(list(same)) - 1
-            while again:
-                data += bytes((1, 1, 1, again & 255))
-                again >>= 8
     else:
         for row in pixels:
             data += bytes((2, 2, width >> 8, width & 255))
@@ -121,7 +113,7 @@ def save_hdr(path: Path, radiance: np.ndarray, kind: str = "runs", head: bytes =
     return path
 
 
-@pytest.mark.parametrize("kind", ["runs", "flat", "old"])
+@pytest.mark.parametrize("kind", ["runs", "flat"])
 def test_a_radiance_picture_is_read(tmp_path: Path, kind: str) -> None:
     """The error is within half a step of the 8-bit mantissa of the brightest channel; EXPOSURE is applied."""
     radiance = noise(12, 24) * np.logspace(-3, 5, 24, dtype="f4")[None, :, None]
@@ -169,7 +161,8 @@ HEAD, ROW = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", b"-Y 2 +X 8\n\2\2\0\x08"
         ("a.hdr", HEAD + ROW + b"\x89\0" * 64, "cut off or damaged"),  # runs of nine in a row of eight
         ("runs.hdr", 10, "this is no"),
         ("runs.hdr", -60, "the picture is cut off"),
-        ("old.hdr", -200, "the picture is cut off"),
+        ("flat.hdr", -200, "the picture is cut off"),
+        ("a.hdr", HEAD + b"-Y 1 +X 2\n\x80\2\3\x80\1\1\1\1", "cut off or damaged"),  # a repeat, in the format before 1991
     ],
 )
 def test_other_and_damaged_maps_are_refused_in_one_line(
