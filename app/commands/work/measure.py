@@ -19,7 +19,7 @@ from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
-from irrsplat.meter.line import Line
+from irrsplat.meter.line import line_points
 from irrsplat.meter.plane import Grid, Plane, horizontal
 from irrsplat.meter.readings import Readings, Status, Summary, Unit
 from irrsplat.scene.model import Scene
@@ -109,8 +109,7 @@ def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
 def _along(args: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of --line, and their distances along it in metres."""
     x, y, z, *end = args.line
-    line = Line((x, y, z), (end[0], end[1], end[2]))
-    return line.points(line.usual_spacing() if args.grid is None else args.grid)
+    return line_points((x, y, z), (end[0], end[1], end[2]), args.grid)
 
 
 # ---- output ------------------------------------------------------------------------------------------------------------
