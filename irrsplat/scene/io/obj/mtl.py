@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from irrsplat.core.color import LUMINANCE, clip_color
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_IMAGE, read_bytes
 from irrsplat.core.words import number, quote
-from irrsplat.scene.io.images import find_file, read_image, read_images
+from irrsplat.scene.io.images import find_file, read_images
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
@@ -69,7 +68,7 @@ class MaterialFiles:
 
     notices: list[str] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
-    _images: dict[Path, Image | None] = field(default_factory=dict)
+    _images: dict[Path, Image | InputError] = field(default_factory=dict)
     _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
 
     def read(self, path: Path, used: Iterable[str] | None = None) -> dict[str, Material]:
@@ -171,17 +170,17 @@ class MaterialFiles:
         )
 
     def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> None:
-        """Read the images of these materials in parallel; `_image` reports errors."""
+        """Read the images of these materials in parallel; `_image` returns them, or reports their errors."""
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
         encoded: dict[Path, tuple[bytes, str]] = {}
         for file in (find_file(folder, name) for name in names):
             if file is not None and file not in self._images and file not in encoded:
-                with suppress(InputError):
-                    encoded[file] = read_bytes(file, MOST_IMAGE), file.name
-        for file, image in zip(encoded, read_images(list(encoded.values())), strict=True):
-            if isinstance(image, Image):
                 self.files.append(file)
-                self._images[file] = image
+                try:
+                    encoded[file] = read_bytes(file, MOST_IMAGE), file.name
+                except InputError as error:
+                    self._images[file] = error
+        self._images |= zip(encoded, read_images(list(encoded.values())), strict=True)
 
     def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
         """Return the image with this name; None, with a reason in `missing`, where it cannot be read."""
@@ -189,14 +188,11 @@ class MaterialFiles:
         if file is None:
             missing.append(f"there is no image {quote(written)}")
             return None
-        if file not in self._images:
-            self.files.append(file)
-            try:
-                self._images[file] = read_image(read_bytes(file, MOST_IMAGE), file.name)
-            except InputError as error:
-                self._images[file] = None
-                missing.append(str(error))
-        return self._images[file]
+        found = self._images[file]
+        if isinstance(found, Image):
+            return found
+        missing.append(str(found))
+        return None
 
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
         """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""
