@@ -38,9 +38,9 @@ def bomb(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
     del f.tree["accessors"][-1]["bufferView"]
 
 
-def draco(f: GltfFile, kind: int, at: int) -> None:
+def draco(f: GltfFile, kind: int, flags: int = 0) -> None:
     """Compress the node `odd` by Draco, with a header of this kind that declares a count of 2²⁷ first."""
-    data = b"DRACO\2\2" + bytes((kind, 0, 0, 0)) + b"\x80\x80\x80\x40" + b"\1" * 99
+    data = b"DRACO\2\2" + bytes((kind, 0, 0, flags)) + b"\x80\x80\x80\x40" + b"\1" * 99
     packed = {"bufferView": f.view(data), "attributes": {"POSITION": 0}}
     oddity(f)["extensions"] = {"KHR_draco_mesh_compression": packed}
     del f.tree["accessors"][-2]["bufferView"]
@@ -79,8 +79,9 @@ def add_camera(f: GltfFile, kind: str, **values: float) -> None:
         (lambda f: oddity(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
         (lambda f: oddity(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})), "in a file of"),
         (lambda f: bomb(f, oddity), "accessor 3 declares 100000000 elements in a file of"),
-        (lambda f: draco(f, 1, 11), "node 'odd' is left out: its compressed data declare more than they can hold"),
-        (lambda f: draco(f, 0, 11), "node 'odd' is left out: its compressed data are damaged"),  # points alone
+        (lambda f: draco(f, 1), "node 'odd' is left out: its compressed data declare more than they can hold"),
+        (lambda f: draco(f, 0), "node 'odd' is left out: its compressed data are damaged"),  # points alone
+        (lambda f: draco(f, 1, 0x80), "node 'odd' is left out: its compressed data begin with metadata"),
         (lambda f: f.node(mesh=9, name="odd"), "node 'odd' is left out: there is no mesh 9"),
         (lambda f: oddity(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
         (lambda f: oddity(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),

@@ -72,7 +72,7 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
 def _declared_size(data: list[int]) -> int:
     """Return the number of faces and points that the header of a Draco mesh declares: bitstream 2.2, sections 3 and 4.
 
-    Raises ValueError and IndexError for other data, for which the decoder would allocate memory unchecked.
+    Raises Damaged for metadata, ValueError and IndexError for other data, whose memory the decoder would allocate unchecked.
     """
     kind, method, flags = data[7], data[8], data[10] << 8 | data[9]
     if bytes(data[:5]) != b"DRACO" or data[5:7] < [2, 2] or kind != 1 or method > 1:
@@ -88,20 +88,7 @@ def _declared_size(data: list[int]) -> int:
             if data[at - 1] < 128:
                 return found
 
-    def skip_metadata() -> None:
-        nonlocal at
-        for _ in range(number()):
-            at += 1 + data[at]  # its name
-            size = number()
-            at += size
-        for _ in range(number()):
-            at += 1 + data[at]
-            skip_metadata()
-
     if flags & 0x8000:
-        for _ in range(number()):
-            number()
-            skip_metadata()
-        skip_metadata()
+        raise Damaged("its compressed data begin with metadata; export it again without them")
     at += method  # edgebreaker has a byte for its kind of traversal first
     return number() + number()
