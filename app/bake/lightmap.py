@@ -131,9 +131,12 @@ def _baked(
     count = np.zeros(lit.seen.shape)
     for number, (x, y) in enumerate(offsets):
         notify(0.8 + 0.2 * number / len(offsets), "lights and textures")
-        some = lit if number == 0 else places(receivers, *_where(chartist.at(x, y), lit.seen))
-        if number and beside.any():
-            some = some.but(_hidden_at(scene, some, beside))
+        some = lit
+        if number:
+            triangle, u, v = chartist.at(x, y)
+            some = places(receivers, np.where(lit.seen, triangle, -1), u, v)
+            if beside.any():
+                some = some.but(hidden(scene, some.but(~beside)))
         E = lights.direct(some, number)
         for name, values in (("direct", E), ("reflected", E * some.albedo), ("albedo", some.albedo), ("emission", some.emission)):
             sums[name] += np.where(some.seen[..., None], values, 0.0)
@@ -163,16 +166,6 @@ def _baked(
         gathered.records,
         gathered.converged,
     )
-
-
-def _where(at: tuple[np.ndarray, np.ndarray, np.ndarray], seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Drop sample points of texels whose centre has no point (`seen`)."""
-    return np.where(seen, at[0], -1), at[1], at[2]
-
-
-def _hidden_at(scene: Scene, some: Places, where: np.ndarray) -> np.ndarray:
-    """Return a mask (H, W) of hidden points; only points in the mask `where` (H, W) are tested."""
-    return hidden(scene, some.but(~where))
 
 
 def _offsets(count: int) -> np.ndarray:
