@@ -167,9 +167,9 @@ class PlacesChecked:
         if records < self.records:
             self.forget()
 
-    def left(self, spots: Spots, again: np.ndarray | bool = False) -> Spots:
-        """Return the places that no check has probed at this or a closer distance, and those to probe `again`, (N,) bool."""
-        return spots[~np.isin(_cells(spots.sites, _CELLS * spots.distance), self.cells) | again]
+    def left(self, spots: Spots) -> Spots:
+        """Return the places that no check has probed at this or a closer distance."""
+        return spots[~np.isin(_cells(spots.sites, _CELLS * spots.distance), self.cells)]
 
     def note(self, spots: Spots, records: int) -> None:
         """Mark places as probed; records: number of records once the new ones are gathered. Beyond _MOST, earlier places go."""

@@ -224,7 +224,7 @@ class RecordScheduler(Owner):
         if check is None:
             if not (spots and self.room and self.settings.spread and gatherer.may_probe):
                 return replace(view, checked=True)
-            left = self._resolved(self._unchecked(screen.spots()))
+            left = self._resolved(self._checked.left(screen.spots()))
             check = SpotCheck(left, left)
         while True:
             more = gatherer.probe_luminance(shadows, check.spots.sites[len(check.found) :], budget, SIDES[check.stage])
@@ -238,28 +238,17 @@ class RecordScheduler(Owner):
                 return replace(view, check=check)
         sites = check.significant.sites[: self.room]
         self._checked.note(check.whole, self.cache.count + len(sites))
-        self.cache.column("relit")[:] = False
         return replace(view, check=None, checked=True, queue=Queue(sites, False) if len(sites) else None, stalled_rounds=0)
-
-    def _unchecked(self, spots: Spots) -> Spots:
-        """Return the places that no check has probed by about the present light."""
-        relit = self.cache.column("relit")
-        return self._checked.left(spots, relit[self._around(spots)].any(1) if relit.any() else False)
-
-    def _around(self, spots: Spots) -> np.ndarray:
-        """Return (N, _AROUND) the numbers of records around places, by a space-filling curve."""
-        count = self.cache.count
-        codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
-        order = np.argsort(codes[:count], kind="stable")
-        after = np.searchsorted(codes[order], codes[count:])
-        near: np.ndarray = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
-        return near
 
     def _resolved(self, spots: Spots) -> Spots:
         """Return the places where a probe resolves the differences that count: the records around have little noise."""
-        if not (self.settings.gradients and self.cache.count and len(spots)):  # no record's noise is known
+        count = self.cache.count
+        if not (self.settings.gradients and count and len(spots)):  # no record's noise is known
             return spots
-        near = self._around(spots)
+        codes = along_a_way(np.concatenate([self.cache.positions, spots.sites.position]))
+        order = np.argsort(codes[:count], kind="stable")
+        after = np.searchsorted(codes[order], codes[count:])
+        near = order[np.clip(after[:, None] + np.arange(_AROUND) - _AROUND // 2, 0, count - 1)]
         luminance = (self.cache.values[:, :3] @ LUMINANCE)[near]
         noise = self.cache.records.read("noise")["noise"][near] * luminance
         return spots[np.sqrt((noise**2).mean(1)) <= _PROBED_NOISE * luminance.mean(1)]

@@ -52,7 +52,6 @@ _COLUMNS: dict[str, _Column] = {
     ),
     "drift": _Column((), "f4", "change of its probes since its gather, 0..1; 1: unknown"),
     "due": _Column((), "f4", "estimated change around it since its last probe; 0: none", saved=False),
-    "relit": _Column((), "?", "True if its light has changed much since the last check of views", saved=False),
 }
 _COUNTED = 1 << 53  # upper bound of all counters of records
 _SAVED = [name for name, column in _COLUMNS.items() if column.saved]
@@ -130,7 +129,7 @@ class RecordCache(Owner):
             columns[name][new, :3] = rows
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
-        for name in ("probe", "drift", "due", "gather_size", "relit"):
+        for name in ("probe", "drift", "due", "gather_size"):
             columns[name][new] = 0
         columns["screen"][new] = 0.0 if sites.screen is None else sites.screen
         columns["id"][new] = self._next_id + np.arange(len(sites))
@@ -359,7 +358,7 @@ class RecordCache(Owner):
         columns = {name: array.copy() for name, array in self._columns.items()}
         for name in _SAVED:
             columns[name][:count] = state[name]
-        for name in ("gather_size", "due", "relit"):
+        for name in ("gather_size", "due"):
             columns[name][:count] = 0
         texels = {name: np.zeros((count, channels), "f4") for name, channels in TEXTURES.items()}
         texels |= {name: columns[name][:count] for name in ("position", "normal")}

@@ -33,7 +33,6 @@ from irrsplat.scene.model.checks import check_type
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
-_RENEWAL = 0.6  # of the time for gathering: the share of stale records while pixels without a record wait too
 
 
 class Frames(Owner):
@@ -118,7 +117,8 @@ class Frames(Owner):
         ready = gather and bounces and self._light_records(view, shadows, budget, reserve)
         renewed = 0
         if ready:  # 2.1, records whose light has changed
-            part = budget.part(1.0 if view.coverage == 1.0 else _RENEWAL, reserve if picture else 0.0)
+            # half of the time while pixels without a record wait too
+            part = budget.part(1.0 if view.coverage == 1.0 else 0.5, reserve if picture else 0.0)
             renewed = scheduler.refresh(shadows, gbuffer, camera, part)
         if renewed or len(cache.stale):
             view = replace(view, stalled_rounds=0)  # other light may end the stall

@@ -9,7 +9,8 @@ conserves the light that is passed on. A coarse level draws its places among the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,12 +50,10 @@ class Places:
         return Places(replace(self.sites, **columns))
 
 
-@dataclass(frozen=True, eq=False)
-class _Hits:
+class _Hits(NamedTuple):
     """N hits of rays from the sites `origin` (N,).
 
-    site: (N,) the one that is hit. share: (N,) how much the ray passes on. position and shading normal:
-    (N, 3). triangle: (N,).
+    site: (N,) the one that is hit. share: (N,) how much the ray passes on. position and shading normal: (N, 3). triangle: (N,).
     """
 
     origin: np.ndarray
@@ -90,7 +89,7 @@ class Survey:
         R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
         (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
         """
-        hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
+        hits = _Hits(*map(np.concatenate, zip(*self._hits, strict=True)))
         assert self.sites.triangle is not None
         weight = self._importance(R, area)[hits.origin] * hits.share
         # The gap between a panel and a ceiling is bright and hidden. It must not represent the ceiling around the panel.

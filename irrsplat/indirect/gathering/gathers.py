@@ -51,19 +51,19 @@ class Gathers(Owner):
         present = basis.settings.gather_size
         if size in (0, present):
             return self.of(basis)
-        finer = max(size, present)
-        samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
-        settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
-        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        capacity = _batch(size) if size < present else None
-        return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings, capacity))
+        samples = basis.settings.light_samples * max(size, present) ** 2 // present**2
+        few = _FEW_RAYS // size**2 if size < present else None
+        return self._other("gather", basis, size, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
 
     def probe(self, basis: Basis, side: int) -> Gather:
         """Return the pass that gathers records roughly, along side² rays and at most `side` next-event samples."""
-        samples = min(basis.settings.light_samples, side)
+        return self._other("probe", basis, side, min(basis.settings.light_samples, side), _FEW_RAYS // side**2)
+
+    def _other(self, name: str, basis: Basis, side: int, samples: int, capacity: int | None) -> Gather:
+        """Return a gather of another side and other next-event samples than the settings'."""
         settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        return self._made.get(f"probe of {side}", way, lambda: kinds.gather_pass(self.world, settings, _batch(side)))
+        return self._made.get(f"{name} of {side}", way, lambda: kinds.gather_pass(self.world, settings, capacity))
 
     def reduction(self, gradients: bool) -> ReducePass:
         """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
@@ -82,8 +82,3 @@ class Gathers(Owner):
     def _emitters(self, settings: Settings) -> bool:
         """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
         return settings.light_samples > 0 and emitter_table(self.world) is not None
-
-
-def _batch(side: int) -> int:
-    """Return the greatest number of places from which side² rays each are gathered at once."""
-    return _FEW_RAYS // side**2

@@ -35,7 +35,6 @@ _RAY_NOISE = 0.04  # of E: records that cover only their near surroundings have 
 _NEAR_EXACT = 128  # side of gathers in which every record has all rays
 _FIRST_RECORDS = 600  # records by coarse values, up to which finer values wait while ticks add further ones
 _PROBE_SHARE = 0.35  # of a tick: share for probes after a change, in any case
-_RELIT = 0.1  # of E: greater differences of the light make a spot check of the surroundings necessary again
 _WHOLE = 0.5  # of E: sum of the differences of a record's light after which it is gathered again
 _BY_COARSE, _BY_FORMER = 0.2, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
@@ -438,9 +437,7 @@ class RecordGatherer(Owner):
         for some in parts[0][0].batches(len(numbers), budget, times=len(parts)):
             chosen = numbers[some]
             E, unsigned = self._correct(chosen, difference.held, parts)
-            least = np.maximum(E @ LUMINANCE, cache.luminance_floor)
-            net, drift = np.abs(E - difference.held["irradiance"][chosen]) @ LUMINANCE, cache.column("drift")[chosen]
-            cache.column("relit")[chosen] |= net > _RELIT * least
+            least, drift = np.maximum(E @ LUMINANCE, cache.luminance_floor), cache.column("drift")[chosen]
             drift += MAX_DRIFT / _WHOLE * (unsigned @ LUMINANCE) / least
             complete = drift <= MAX_DRIFT
             cache.mark_refreshed(chosen[complete], cache.column("gather_size")[chosen[complete]])
