@@ -17,7 +17,6 @@ from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
-BATCH = 1024  # gathers at once
 _RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
 LEAST = 20.0  # weighted number of close hits below which a record keeps the values of the surface cache
 _STEP = TWELVE_BITS + 1.0  # factor of the first one of a pair of numbers

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemisphere import Gather
-from irrsplat.gather.record_frame import atlas_grid
+from irrsplat.gather.record_frame import OFFSET, atlas_grid
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
@@ -20,7 +20,6 @@ from irrsplat.lighting.light_table import light_defines
 FIELD = 150.0  # degrees, the field of view of the paper's plane
 _EXTENT = float(np.tan(np.radians(FIELD / 2.0)))  # of the plane at distance 1, from its middle
 _SUPERSAMPLES = 8  # points along a texel's side by which its share of the hemisphere is integrated
-_ABOVE = 1e-4  # of the diagonal
 
 
 class PlaneGather(Gather):
@@ -54,7 +53,7 @@ class PlaneGather(Gather):
     @property
     def offset(self) -> float:
         """Metres by which a record's eye lies above its surface; a nearer near plane would cost depth precision."""
-        return _ABOVE * self.world.scene.diagonal
+        return OFFSET[0] * self.world.scene.diagonal
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that this frees."""

@@ -10,15 +10,16 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import GOLDEN, SQUARE_STEPS
 from irrsplat.scene.model import Scene
 
-_OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
+OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: greatest height of a record's eye above its surface
 _LEAST = 1e-6  # of the diagonal: least height, ten times the rounding of float32
 PLACES = 8  # eye positions of a gather that has several
+FEW_RAYS = 1 << 16  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 _TEXELS = 1 << 20  # of an atlas at most: two RGBA32F textures of 16 MiB, and 4 MiB for a depth buffer
 
 
 def offset_of(scene: Scene) -> float:
     """Return the metres by which a record's eye lies above its surface: the same on a large ground as in the house on it."""
-    return max(min(_OFFSET[0] * scene.diagonal, _OFFSET[1]), _LEAST * scene.diagonal)
+    return max(min(OFFSET[0] * scene.diagonal, OFFSET[1]), _LEAST * scene.diagonal)
 
 
 def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:

@@ -20,7 +20,6 @@ _RAYS = 8  # of a stratum
 _NEAR = 2  # elevations and azimuths to either side, at least, that count as neighbours of a stratum
 _ACROSS = 8  # rows and columns of strata, spread over a record's cell, that measure the openness of the place
 _OPEN = 0.125  # share of these: above it, a record's own rays estimate the sky well enough
-_FAR = 1e4  # diagonals of the scene
 
 Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first texel, width and height
 
@@ -92,7 +91,7 @@ class SkyShares(Owner):
         record = few[some]
         frame, eye = rows[:3, record, :3].swapaxes(0, 1), np.repeat(rows[4, record, :3], _RAYS, axis=0)
         away = (self._rays[y, x].astype(np.float32) @ frame).reshape(-1, 3)
-        seen = self.world.caster.free(eye, eye + away * np.float32(_FAR * self.world.scene.diagonal))
+        seen = self.world.caster.free(eye, eye + away * np.float32(2.0 * self.world.scene.diagonal))  # beyond the scene
         shares[record, y, x] = seen.reshape(-1, _RAYS).mean(1)
         return shares
 

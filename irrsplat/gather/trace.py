@@ -12,10 +12,10 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.close_light import BATCH, LEAST, CloseLight
+from irrsplat.gather.close_light import LEAST, CloseLight
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.light_samples import LightSearch
-from irrsplat.gather.record_frame import PLACES, atlas_grid, places_of_texels, sample_offsets
+from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, places_of_texels, sample_offsets
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import LEAST_SIDE, ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
@@ -185,8 +185,9 @@ class TraceGather(Gather):
         inputs = light_defines(world.scene), dict(world.material_defines), samples, embree, emitters
 
         def made() -> CloseLight:
+            count = FEW_RAYS // LEAST_SIDE**2
             return CloseLight(
-                TraceGather(world, LEAST_SIDE, BATCH, surface=True, places=PLACES, light_samples=samples, embree=embree)
+                TraceGather(world, LEAST_SIDE, count, surface=True, places=PLACES, light_samples=samples, embree=embree)
             )
 
         return world.derived.get("close light", inputs, made)

@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gather.hemisphere import gather_records
 from irrsplat.gather.kinds import ray_kind
-from irrsplat.gather.record_frame import PLACES, places_of_texels, tangent_frames
+from irrsplat.gather.record_frame import FEW_RAYS, PLACES, places_of_texels, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
@@ -30,7 +30,6 @@ RAYS = 1_000_000  # about, of all sites: among many sites, more of them light a 
 SIDES = (8, 20)  # the least and the greatest: side² rays a site
 _MOST_RAYS = 4.0  # times as many of finer levels, at most, since each takes 20 bytes of the transport
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
-_BATCH_RAYS = 51_200  # rays traced at once, about
 
 
 class SiteRays(Owner):
@@ -82,7 +81,7 @@ class SiteRays(Owner):
             lambda: TraceGather(
                 self.world,
                 side,
-                _BATCH_RAYS // side**2,
+                FEW_RAYS // side**2,
                 hits=True,
                 places=1 if survey else PLACES,
                 light_samples=samples,

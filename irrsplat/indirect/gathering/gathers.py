@@ -9,6 +9,7 @@ import numpy as np
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
+from irrsplat.gather.record_frame import FEW_RAYS
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.timers import Timers
@@ -17,8 +18,6 @@ from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import SETTINGS, Settings
-
-_FEW_RAYS = 1 << 18  # rays of one batch of gathers along few rays, at most: a larger atlas takes long to make
 
 
 class Gathers(Owner):
@@ -52,12 +51,12 @@ class Gathers(Owner):
         if size in (0, present):
             return self.of(basis)
         samples = basis.settings.light_samples * max(size, present) ** 2 // present**2
-        few = _FEW_RAYS // size**2 if size < present else None
+        few = FEW_RAYS // size**2 if size < present else None
         return self._other("gather", basis, size, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
 
     def probe(self, basis: Basis, side: int) -> Gather:
         """Return the pass that gathers records roughly, along side² rays and at most `side` next-event samples."""
-        return self._other("probe", basis, side, min(basis.settings.light_samples, side), _FEW_RAYS // side**2)
+        return self._other("probe", basis, side, min(basis.settings.light_samples, side), FEW_RAYS // side**2)
 
     def _other(self, name: str, basis: Basis, side: int, samples: int, capacity: int | None) -> Gather:
         """Return a gather of another side and other next-event samples than the settings'."""
