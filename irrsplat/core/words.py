@@ -1,4 +1,4 @@
-"""Words of a text: number parsing and quoting in messages."""
+"""Words of a text: numbers, and quoting in messages."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ def spelled(text: str) -> str:
 def quote(text: str) -> str:
     """Return `text` in quotes, at most 40 characters, for a one-line message."""
     return ascii(text if len(text) <= 40 else text[:39] + "…") if not text.isprintable() else f"'{text[:40]}'"
+
+
+def amount(value: float) -> str:
+    """Return `value` with four significant digits, and no exponent below 10^12."""
+    return f"{float(f'{value:.4g}'):,.12g}"
 
 
 def number(word: str) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Legend, ShownBuffer, ViewSource, colour_map, first, texel
 from irrsplat.core.buffers import CHANNELS, Atlas, Uniforms
+from irrsplat.core.words import amount
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.meter.light_scale import STEPS, false_colours
@@ -95,9 +96,8 @@ def _light(source: ViewSource) -> Uniforms:
 
 
 def _light_legend(source: ViewSource) -> Legend:
-    scale, (low, high) = source.light_scale, source.light_scale.ends
-    lines = f"a line every {(high - low) / STEPS:.4g} {scale.shown_unit}"
-    return Legend(lines, f"{low:.4g}", f"{high:.4g}", scale.shown_unit, false_colours())
+    (low, high), unit = source.light_scale.ends, source.light_scale.shown_unit
+    return Legend(f"a line every {amount((high - low) / STEPS)} {unit}", amount(low), amount(high), unit, false_colours())
 
 
 def _read_light(uniforms: Uniforms, x: int, y: int) -> np.ndarray:

@@ -109,11 +109,11 @@ class SidePanel:
         self.actions, self.layout = actions, layout
         self._open: set[str] | None = None  # titles of the last frame's sections; None in the first frame, without scrolling
         self._sections: dict[str, tuple[str, Callable[[], None]]] = {  # by title: the option that opens it, its draw call
+            "why dark?": ("why", lambda: sections.draw_why(actions, display)),  # answers come first: they grow after a click
+            "plane": ("plane", lambda: sections.draw_plane(actions, layout)),
             "object": ("mesh", lambda: sections.draw_object(actions, layout)),
             "lights": ("lights", lambda: sections.draw_lights(actions, layout)),
             "objects": ("outliner", lambda: sections.draw_outliner(actions, layout)),
-            "why dark?": ("why", lambda: sections.draw_why(actions, display)),
-            "plane": ("plane", lambda: sections.draw_plane(actions, layout)),
             "settings": ("settings", lambda: sections.draw_settings(actions, layout)),
         }
 
