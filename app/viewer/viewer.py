@@ -265,7 +265,7 @@ class Viewer(Owner):
                 self._take_events()
                 slept = True
             _, dt = timer.next_frame()
-            self.wnd.title = f"{self.actions.title} – {TITLE}"
+            self.wnd.title = f"{self.actions.title}{'*' * self.actions.editor.unsaved} – {TITLE}"
             self.wnd.render(timer.time, _SLEEP if slept else dt)
             if not self._closing():
                 self.wnd.swap_buffers()

@@ -80,7 +80,7 @@ def _scenes(actions: Actions) -> dict[str, Act]:
 def unsaved(actions: Actions, act: Act) -> Prompt:
     """Return the prompt with the choices for unsaved changes before `act`."""
     answers: dict[str, Act] = {"save": partial(actions.save_again, act), "discard": act, "cancel": lambda: None}
-    return Prompt(f"{actions.title} has changes that no file has", lambda text: answers, None)
+    return Prompt(f"save the changes to {actions.title}?", lambda text: answers, None)
 
 
 def file_name(name: str, take: Callable[[str], object]) -> Prompt:
@@ -125,7 +125,7 @@ class DesktopDialog:
             self._take(chosen)
 
 
-_WIDTH, _ROWS = 560.0, 12  # the greatest width (window coordinates at scale 1) and the most visible entries
+_WIDTH, _ROWS = 560.0, 16  # the greatest width (window coordinates at scale 1) and the most visible entries
 _STEPS = {imgui.Key.up_arrow: -1, imgui.Key.down_arrow: 1, imgui.Key.page_up: -_ROWS, imgui.Key.page_down: _ROWS}  # rows by key
 _ENTER = imgui.Key.enter, imgui.Key.keypad_enter
 _FLAGS = imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move

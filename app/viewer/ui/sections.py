@@ -66,7 +66,7 @@ _STEP = 0.01  # share of an output or a setting by which a drag of one pixel cha
 def draw_lights(actions: Actions, layout: Layout) -> None:
     editor = actions.editor
     if not editor.scene.lights:
-        imgui.text_wrapped("no lights: emissive surfaces and the sky light the scene")
+        imgui.text_wrapped("no lights; emissive surfaces and a sky are not in this list")
     for i, light in enumerate(editor.scene.lights):
         if layout.chosen(f"{objects.light_name(light, i)}  ({light.kind})", i == editor.light, i):
             editor.pick_light(i)
