@@ -43,6 +43,7 @@ _PLACES = 32  # greatest number of lights and cameras with fine cells around the
 _STEEP_PLACES = 128  # greatest number of lights and parts of emitters with fine cells around them
 _PART = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
+_BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
 
@@ -269,7 +270,8 @@ class SiteChooser:
             unlike, free = unlike[hidden], free[hidden]
             cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
             reach = yield from self._reach(members, corners[unlike], free)
-            table.append(_borders(reach, free))
+            recess = yield from self._recesses(members, corners[unlike], reach)
+            table.append(_borders(reach, free, recess))
         return np.concatenate(table)
 
     def _reach(self, members: Members, cells: np.ndarray, free: np.ndarray) -> Steps[np.ndarray]:
@@ -287,6 +289,21 @@ class SiteChooser:
         raised = yield from self._free_shares(*clustering.raised_lines(a, b))
         reach[cell, corners[way], steps[way]] = np.minimum(straight, raised)
         return reach
+
+    def _recesses(self, members: Members, cells: np.ndarray, reach: np.ndarray) -> Steps[np.ndarray]:
+        """Return (N, 3) True for corners that alone see the place as far as visible along both edges, as in the corner of a room.
+
+        cells: (N, 3) the members at the corners. reach: from _reach.
+        """
+        found: np.ndarray = np.isfinite(reach).all(2)
+        cell, corner = np.nonzero(found)
+        a, b, c = (members[cells[cell, (corner + step) % 3]].eye for step in range(3))
+        along, across = (_BEFORE * reach[cell, corner, step][:, None] for step in range(2))
+        place = a + along * (b - a) + across * (c - a)
+        seen = yield from self._free_shares(np.concatenate([a, b, c]), np.tile(place, (3, 1)))
+        by_a, by_b, by_c = seen.reshape(3, -1) >= 1.0
+        found[cell, corner] = by_a & ~by_b & ~by_c
+        return found
 
     def see(self, members: Members, a: np.ndarray, b: np.ndarray) -> Steps[np.ndarray]:
         """Return (N,) True where members a see members b (N,)."""
@@ -335,13 +352,14 @@ def _steep_places(scene: Scene, vertices: np.ndarray, emissive: np.ndarray, spac
     return found[:: -(-len(found) // _STEEP_PLACES) or 1]
 
 
-def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _borders(reach: np.ndarray, free: np.ndarray, recess: np.ndarray) -> np.ndarray:
     """Return (N, 2, 4) float32, the rows of SiteLayout.cells that bound the part of a cell that sees each corner.
 
-    reach, free: from SiteChooser._reach. A corner is hidden beyond a line through the occluder on two edges. There, weights of
-    the next two corners, times their numbers in the first and the second texel, sum to more than 1. If only one pair of corners
-    see each other, the first texel ends with the number of the third corner, and the pair is visible beyond the third corner's
-    line. Else the texel ends with 3. That line lies halfway between the reaches from either side.
+    reach, free, recess: from SiteChooser._reach and _recesses. A corner is hidden beyond a line through the occluder on two
+    edges. There, weights of the next two corners, times their numbers in the first and the second texel, sum to more than 1. For
+    a recess the greater of both products counts, and its first number is negative. If only one pair of corners see each other,
+    the first texel ends with the number of the third corner, and the pair is visible beyond the third corner's line. Else the
+    texel ends with 3. That line lies halfway between the reaches from either side.
     """
     rows = np.zeros((len(reach), 2, 4))
     rows[:, :, :3] = (1.0 / np.maximum(reach, 1e-6)).swapaxes(1, 2)
@@ -350,4 +368,5 @@ def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:
         chosen, a, b = np.flatnonzero(alone == k), (k + 1) % 3, (k + 2) % 3
         ends = 0.5 * (reach[chosen, k] + 1.0 - np.stack([reach[chosen, a, 1], reach[chosen, b, 0]], axis=1))
         rows[chosen, :, k] = 1.0 / np.maximum(ends, 1e-6)
+    rows[:, 0, :3] *= np.where(recess, -1.0, 1.0)
     return rows.astype(np.float32)

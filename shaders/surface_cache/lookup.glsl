@@ -21,7 +21,8 @@ vec3 surface_corners_seen(int item, vec3 weights)
 {
     vec4 next = texel_at(surface_cells, table_texel(item, 2, 0));
     vec3 after = texel_at(surface_cells, table_texel(item, 2, 1)).xyz;
-    vec3 reach = weights.yzx * next.xyz + weights.zxy * after;
+    vec3 along = weights.yzx * abs(next.xyz), across = weights.zxy * after;
+    vec3 reach = mix(along + across, max(along, across), lessThan(next.xyz, vec3(0.0)));
     int alone = int(next.w);
     if (alone < 3)
     {
