@@ -15,6 +15,7 @@ from irrsplat.surface_cache.tessellation import Tessellation
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
     0
 ]  # any rotation that turns walls away from the axes
+_WITHIN = 62  # the bit of a key that marks an inner side
 _BLOCKS = 3.0, 12.0  # steps of near_sites: sides of the blocks searched for a site; the wide one if the small one is empty
 _AT_ONCE = 16_384  # members in a batch of near_sites, each with some ten sites
 _MIN_AREA = 0.02  # of the squared spacing: smaller clusters get a site only in the last round
@@ -60,9 +61,12 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
     return below
 
 
-def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0) -> np.ndarray:
+def voxel_keys(
+    position: np.ndarray, normal: np.ndarray, size: float, level: np.ndarray | int = 0, within: np.ndarray | int = 0
+) -> np.ndarray:
     """Return (M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the
-    sphere. level: (M,) how many times the size is halved."""
+    sphere. level: (M,) how many times the size is halved. within: (M,) True for the inner sides of closed meshes, which have keys
+    of their own."""
     low = [float(at.min(initial=np.inf)) for at in position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
     x, y, z = (
@@ -73,7 +77,7 @@ def voxel_keys(position: np.ndarray, normal: np.ndarray, size: float, level: np.
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
-    key: np.ndarray = (((x << 19 | y) << 19 | z) << 8) | level << 5 | face
+    key: np.ndarray = (np.asarray(within, np.int64) << _WITHIN) | (((x << 19 | y) << 19 | z) << 8) | level << 5 | face
     return key
 
 
@@ -142,6 +146,11 @@ class Clusters:
     member: np.ndarray
     value: np.ndarray
     level: np.ndarray
+
+    @property
+    def within(self) -> np.ndarray:
+        """(M,) True for the inner sides of closed meshes."""
+        return self.keys >> _WITHIN == 1
 
     @property
     def min_area(self) -> float:

@@ -21,7 +21,7 @@ from irrsplat.scene.appearance import in_order
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
-from irrsplat.scene.seen_by_light import face_counts
+from irrsplat.scene.seen_by_light import CLOSED, face_counts, sort_of
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Choice, Clusters, Members
@@ -173,8 +173,9 @@ class SiteChooser:
         Where too many sites would result, the clusters have a wider spacing than the steps: this saves a second tessellation.
         """
         offset = offset_of(self.scene)
-        mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
-        emits = np.array([any(one.material.emission) for one in in_order(self.scene)], bool)[mesh[: len(faces)]]
+        meshes = in_order(self.scene)
+        mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+        emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
         lights = None
         if self.detail.level >= 0:  # pixels show the cells of a coarse level, and patches of fine ones would stand out
             lights = _steep_places(self.scene, vertices, faces[emits], spacing)
@@ -190,10 +191,12 @@ class SiteChooser:
         face, level = (of[np.concatenate([points, points[inner]])] for of in (tessellation.face, tessellation.level))
         value = self._known_values(members)
         value[len(points) :][unlit[inner]] = DARK_VALUE
+        closed = np.array([sort_of(one) == CLOSED for one in meshes], bool)[mesh[tessellation.face[points[inner]]]]
+        within = np.concatenate([np.zeros(len(points), bool), closed])  # the inner sides of closed meshes
         left = np.flatnonzero(value < 0)
         about, most = (share * self.detail.most for share in _FIRST_SHARE)
         while True:
-            keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level)
+            keys = clustering.voxel_keys(members.position, members.normal, VOXEL * spacing, level, within)
             clusters = Clusters(tessellation, members, keys, spacing, area, face, member, value, level)
             first = clusters.choose(left, len(left), clusters.min_area)
             if len(first[0]) <= most:
@@ -251,8 +254,11 @@ class SiteChooser:
             pending = np.flatnonzero((value[left] < 0) & (site >= 0))
             seen = yield from self.see(members, left[pending], gathered[site[pending]])
             value[left[pending[seen]]] = FIRST_SITE + site[pending[seen]]
-        unseen = (value[left] < 0) & (near[:, 0] >= 0)
-        value[left[unseen]] = FIRST_SITE + near[unseen, 0]
+        # both sides of a small emitter are near each other, and only one is bright
+        alike = (near >= 0) & (clusters.within[gathered[near]] == clusters.within[left][:, None])
+        nearest = near[np.arange(len(near)), alike.argmax(1)]
+        unseen = (value[left] < 0) & alike.any(1)
+        value[left[unseen]] = FIRST_SITE + nearest[unseen]
 
     def _cells(self, clusters: Clusters) -> Steps[np.ndarray]:
         """Return SiteLayout.cells, once all members have values."""

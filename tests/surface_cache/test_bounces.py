@@ -15,6 +15,7 @@ from irrsplat import Renderer
 from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.statistics import bounces_notice
+from irrsplat.meter.light_meter import LightMeter
 from irrsplat.scene.model import Camera, Mesh, Scene
 from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays, tessellation
@@ -365,3 +366,27 @@ def test_a_lit_ground_ends_no_bounces_in_the_house_on_it() -> None:
     area = np.where(np.arange(100) < 90, 1.0, 1e5)
     found = last(np.ones((100, 3)), lambda term: term * fade, area, 100, True)
     assert np.allclose(found.irradiance[:90], 5.0, rtol=0.01)
+
+
+def test_small_emissive_solids_emit_their_flux_once(ctx: moderngl.Context) -> None:
+    """The mean E of a closed room, by its area, is Φ/Σ A·(1 - ρ): 196 emissive boxes of 2 cm below the ceiling.
+
+    The sites of a box's outer sides, whose E is that of the room, must not have the E of its bright inner sides a step away.
+    """
+    side, albedo, radiance = 0.02, 0.9, 30.0
+    bulb = material(albedo, radiance)
+    corners = [np.array([x, 2.3, z]) for x in np.linspace(-1.8, 1.7, 14) for z in np.linspace(-1.8, 1.7, 14)]
+    bulbs = [box(low, low + side, bulb) for low in corners]
+    world = scene(box((-2, 0, -2), (2, 2.6, 2), material(0.8)), *bulbs)
+    area, wall = len(bulbs) * 6.0 * side**2, np.array([10.4, 16.0, 10.4])
+    expected = np.pi * radiance * area / (2.0 * wall.sum() * 0.2 + area * (1.0 - albedo))
+    share = np.stack(np.meshgrid(*[np.linspace(0.05, 0.95, 8)] * 2), -1).reshape(-1, 2)
+    points, normals = np.zeros((2, 3, 2, len(share), 3))
+    for axis, other in enumerate(((1, 2), (0, 2), (0, 1))):
+        points[axis, :, :, other] = share.T[:, None]
+        points[axis, 1, :, axis] = 1.0
+        normals[axis, :, :, axis] = np.array([[1.0], [-1.0]])
+    points = np.array([-2.0, 0.0, -2.0]) + points * np.array([4.0, 2.6, 4.0])
+    with LightMeter(world, ctx=ctx, gather_size=16) as meter:
+        found = meter.measure(points.reshape(-1, 3), normals.reshape(-1, 3)).total.mean(1).reshape(3, -1).mean(1)
+    assert found @ wall / wall.sum() == pytest.approx(expected, rel=0.04)
