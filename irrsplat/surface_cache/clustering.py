@@ -150,7 +150,8 @@ class Clusters:
     @property
     def within(self) -> np.ndarray:
         """(M,) True for the inner sides of closed meshes."""
-        return self.keys >> _WITHIN == 1
+        found: np.ndarray = self.keys >> _WITHIN == 1
+        return found
 
     @property
     def min_area(self) -> float:

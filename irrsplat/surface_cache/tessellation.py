@@ -11,11 +11,12 @@ from functools import reduce
 
 import numpy as np
 
-from irrsplat.core.vectors import squares_from_boxes, triangle_normals
+from irrsplat.core.vectors import squares_from_boxes, triangle_areas, triangle_normals
 from irrsplat.core.vertex_layout import vertex_column
 
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
+_SLIVER = 64.0  # the most cells of a sliver at first, of those by its area, where there are too many
 _FINEST = 4  # greatest number of times that steps close to lights are halved
 
 
@@ -71,7 +72,7 @@ def tessellate(
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
     spacing = np.broadcast_to(spacing, len(p))
     longest = _longest(p)
-    n = steps(longest, spacing)
+    n = steps(p, longest, spacing)
     cut = np.flatnonzero(lit & (longest > _SMALL * spacing)) if lights is not None and len(lights) else np.zeros(0, np.intp)
     cut = cut[_halvings(p[cut], spacing[cut], lights) > 0]
     row = np.concatenate([np.arange(len(p)), np.repeat(cut, n[cut] ** 2)])  # the triangle of each row of the table
@@ -82,7 +83,7 @@ def tessellate(
         p, normals = (np.concatenate([of, _parts(of[cut], n[cut])]) for of in (p, normals))
         level[len(faces) :] = _halvings(p[len(faces) :], spacing[row[len(faces) :]], lights)
         longest, spacing = _longest(p), spacing[row] * 0.5**level
-        n = steps(longest, spacing)
+        n = steps(p, longest, spacing)
         n[cut] = 0  # their parts have all cells
     unit, size = triangle_normals(p)
     geometric = unit.T.astype(np.float32)
@@ -155,13 +156,23 @@ def _inset(p: np.ndarray, inset: float) -> np.ndarray:
     return moved
 
 
-def steps(longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
-    """Return (F,) the steps n of triangles by their longest edges (F,) in metres."""
-    while True:
-        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
-        if (n * n).sum() <= len(n) + _MAX_CELLS:
-            return n
-        spacing = 1.25 * spacing
+def steps(p: np.ndarray, longest: np.ndarray, spacing: float | np.ndarray) -> np.ndarray:
+    """Return (F,) the steps n of triangles `p` (F, 3, 3) by their longest edges (F,) in metres.
+
+    With too many cells, slivers get longer steps before all triangles do: their n² cells are far more than their area needs.
+    """
+
+    def within(most: float, wider: float = 1.0) -> np.ndarray:
+        n = np.minimum(np.ceil(np.minimum(longest / (wider * spacing) - 1e-6, 1e6)), np.ceil(np.sqrt(most * cells) / wider))
+        return np.maximum(n, 1.0).astype(np.intp)
+
+    cells: np.ndarray | float = 1.0  # of the triangles' areas, once they are needed
+    n, most, wider = within(np.inf), _SLIVER, 1.0
+    while (n * n).sum() > len(n) + _MAX_CELLS:
+        cells = 2.0 * triangle_areas(p) / spacing**2 if np.isscalar(cells) else cells
+        n = within(most, wider)
+        most, wider = max(0.25 * most, 4.0), wider * (1.25 if most <= 4.0 else 1.0)
+    return n
 
 
 def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
