@@ -53,7 +53,7 @@ class Texture:
 
     uv_set: 0 or 1, the set of a mesh's coordinates. transform: (a, b, c, d, e, f): image coordinates are
     (a·u + b·v + c, d·u + e·v + f), from (0, 0) at the image's top left corner to (1, 1) at its bottom right one.
-    wrap: along u and v. nearest: magnification without interpolation.
+    wrap: along u and v. nearest: magnification without interpolation. Raises InputError for an image of another type.
     """
 
     image: Image
@@ -61,6 +61,10 @@ class Texture:
     transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     nearest: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.image, Image):
+            raise InputError(f"a texture's image is an Image, not {type(self.image).__name__}; make one by Image(pixels)")
 
 
 @dataclass(frozen=True)
