@@ -178,12 +178,12 @@ def light_defines(scene: Scene) -> dict[str, int]:
 
 
 def unshadowed_luminance(scene: Scene) -> float:
-    """Return the luminance in W/(m² sr) of a white surface that faces all lights of the scene, without any shadow.
+    """Return the luminance in W/(m² sr) of a white surface that faces all lights and the sky of the scene, without any shadow.
 
     The surface is in the middle of the scene. No light counts as nearer than half of the diagonal.
     """
     low, high = scene.shaded_bounds
-    total, nearest = 0.0, max(0.5 * float(np.linalg.norm(high - low)), 1e-30)
+    total, nearest = float(LUMINANCE @ np.asarray(scene.sky)), max(0.5 * float(np.linalg.norm(high - low)), 1e-30)
     for light in scene.lights:
         distance = max(float(np.linalg.norm(np.subtract(light.position, 0.5 * (low + high)))), nearest)
         peak = light.output[1] / LUMINOUS_EFFICACY if light.photometry is not None else float(LUMINANCE @ np.asarray(light.color))

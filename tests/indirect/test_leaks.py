@@ -199,3 +199,4 @@ def test_a_sealed_room_of_thin_walls_is_dark_with_all_bounces(ctx: moderngl.Cont
     with irrsplat.Renderer(world, SMALL, ctx=ctx, gather_size=32) as renderer:
         frame = renderer.render(camera((0.9, 1.2, 0.9), (-0.6, 0.3, -0.6)))
     assert frame.irradiance.mean() < 8e-5 * 10.0 * np.pi
+    assert np.quantile(frame.picture[..., :3], 0.8) < 0.02, "automatic exposure leaves the picture dark"
