@@ -9,6 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.texel_table import row_count
@@ -35,10 +36,11 @@ def first_stride(settings: Settings, size: tuple[int, int]) -> int:
     return 2 if requested and size[1] >= _LEAST_HEIGHT else 1
 
 
-def unlit_sides(world: World, camera: Camera) -> Uniforms:
+def unlit_sides(world: World, dark: bool) -> Uniforms:
     """Return the uniforms of the triangles whose inner side no light reaches; none for a scene without such triangles.
 
-    A camera within a wall or a dark closed room sees no light, and each of its black records would cover a single pixel.
+    dark: True if the camera lies within such a mesh, a wall or a closed room. It sees no light, and each of its black records
+    would cover a single pixel.
     """
     if not any(world.unlit_interiors):
         return {}
@@ -52,7 +54,6 @@ def unlit_sides(world: World, camera: Camera) -> Uniforms:
         return texture
 
     table = world.derived.get("unlit sides", world.unlit_interiors, made)
-    dark = in_the_dark(world.scene, world.unlit_interiors, camera.eye)
     return {**world.geometry.uniforms, "unlit_sides": table, "all_unlit": dark}
 
 
@@ -77,6 +78,7 @@ class ViewSplats(Owner):
         self.splat_pass = SplatPass(world.ctx, size, gradients)
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
+        self._memo = Memo()  # whether the camera sees no light
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -92,6 +94,11 @@ class ViewSplats(Owner):
     def sums(self) -> SplatBuffer | None:
         """The sums of the last update; None before the first one."""
         return None if self._drawn is None else self._drawn.sums
+
+    def _in_the_dark(self, camera: Camera) -> bool:
+        """Return True if the camera lies within a closed mesh without a light."""
+        scene, unlit = self.world.scene, self.world.unlit_interiors
+        return self._memo.get("dark", (scene.meshes, unlit, camera.eye), lambda: in_the_dark(scene, unlit, camera.eye))
 
     def forget(self) -> None:
         """Splat all records again at the next update."""
@@ -113,7 +120,7 @@ class ViewSplats(Owner):
         records while input waits; the next call draws the remaining batches.
         """
         count = cache.count if settings.most_bounces > 0 else 0
-        unlit = unlit_sides(self.world, camera)
+        unlit = unlit_sides(self.world, self._in_the_dark(camera))
         inputs = (
             gbuffer,
             settings.of("splat"),
@@ -159,7 +166,7 @@ class ViewSplats(Owner):
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
         self.forget()
-        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world, camera))
+        self.splat_pass.clear(gbuffer, unlit_sides=unlit_sides(self.world, self._in_the_dark(camera)))
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
         return self.splat_pass.target(1).read(0)

@@ -14,6 +14,7 @@ from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
 _AT_ONCE = 1 << 20  # pairs of a point and a triangle
 _DIRECTIONS = 64  # of the whole sphere; a point tests about half of them
 _ENOUGH = 3  # directions for a closed mesh
+_LARGE = 50_000  # triangles of a mesh, beyond which a test in every frame of a flight takes too long
 _RISE = 0.1  # least cosine between a direction and a point's normal, since flatter rays hit coplanar surfaces
 
 
@@ -38,9 +39,12 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
 
 
 def in_the_dark(scene: Scene, unlit: Sequence[bool], eye: tuple[float, float, float]) -> bool:
-    """Return True if `eye` lies within a closed mesh whose inner side no light reaches. unlit: from `unlit_interiors`."""
+    """Return True if `eye` lies within a closed mesh whose inner side no light reaches. unlit: from `unlit_interiors`.
+
+    Meshes of more than _LARGE triangles are not tested.
+    """
     place, up = np.array([eye], float), np.array([[0.0, 0.0, 1.0]])
-    meshes = (mesh for mesh, dark in zip(in_order(scene), unlit, strict=True) if dark)
+    meshes = (mesh for mesh, dark in zip(in_order(scene), unlit, strict=True) if dark and len(mesh.faces) <= _LARGE)
     return any(_in_box(place, mesh)[0] and bool(enclosed(place, up, mesh)[0]) for mesh in meshes)
 
 

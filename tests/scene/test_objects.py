@@ -62,7 +62,7 @@ def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
         (lambda: irrsplat.make_scene(None), "meshes are a sequence of Mesh"),  # type: ignore[arg-type]
         (lambda: irrsplat.make_scene(floor(), SUN), "lights are a sequence of Light, not one Light"),  # type: ignore[arg-type]
         (lambda: Image(np.zeros((2, 2, 3), np.uint8)), r"an image's pixels are an array \(H, W, 4\) of uint8"),
-        (lambda: Texture(np.zeros((2, 2, 4), np.uint8)), "a texture.s image is an Image, not ndarray; make one by"),
+        (lambda: Texture(np.zeros((2, 2, 4))), "a texture.s image is an Image, not ndarray; make one by"),  # type: ignore[arg-type]
         (lambda: posed(scene(floor()), scene(floor(), floor())), "a pose has the same meshes as the renderer's scene"),
     ],
 )
