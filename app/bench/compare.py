@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NotRequired, TypedDict
+from typing import NotRequired, TypedDict, TypeGuard
 
 from irrsplat.app.common.terminal import columns
 from irrsplat.core.errors import InputError
@@ -37,13 +37,10 @@ def read(path: str) -> list[EarlierRun]:
         raise InputError(f"cannot read: {error.strerror or error}", path) from error
     except (ValueError, RecursionError) as error:
         raise InputError("not JSON; --compare takes a file that irrsplat bench --json wrote", path) from error
-    try:
-        if all(" ".join(_key(run)) and _span(run)[0] > 0.0 and run["seconds"] > 0.0 and _percent(run) for run in data["runs"]):
-            runs: list[EarlierRun] = data["runs"]
-            return runs
-    except (KeyError, TypeError, ValueError, AttributeError):
-        pass
-    raise InputError("not a file that irrsplat bench --json wrote: its runs are missing or damaged", path)
+    runs = data.get("runs") if isinstance(data, dict) else None
+    if not isinstance(runs, list) or not all(map(_is_run, runs)):
+        raise InputError("not a file that irrsplat bench --json wrote: its runs are missing or damaged", path)
+    return runs
 
 
 def table(then: Sequence[EarlierRun], now: Sequence[EarlierRun]) -> Iterator[str]:
@@ -77,6 +74,23 @@ def _span(run: EarlierRun) -> tuple[float, float]:
 def _key(run: EarlierRun) -> Key:
     size = "x".join(str(n) for n in run["size"])
     return run["scene"], run["preset"], size, str(run.get("bounces", 1)), run["case"]
+
+
+def _is_run(run: object) -> TypeGuard[EarlierRun]:
+    if not isinstance(run, dict) or not all(isinstance(run.get(name), str) for name in ("scene", "preset", "case")):
+        return False
+    size, times = run.get("size"), run.get("seconds_all", [])
+    whole = isinstance(size, list) and len(size) == 2 and all(type(n) is int for n in size) and isinstance(times, list)
+    rmse = run.get("rmse")
+    return whole and all(map(_is_time, [run.get("seconds"), *times])) and (rmse is None or _is_number(rmse))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_time(value: object) -> bool:
+    return isinstance(value, (int, float)) and _is_number(value) and value > 0.0
 
 
 def _percent(run: EarlierRun) -> str:
