@@ -29,7 +29,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.files import make_folder, write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.camera_path import path_text
-from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
+from irrsplat.scene.io.text.scene_writer import parts_folder, scene_file, write_scene
 from irrsplat.settings import preset
 
 _FINEST = 0.05  # % of estimated error: the least aim of refinement by the menu
@@ -227,11 +227,8 @@ class Actions:
             self.save_as(then)
 
     def save(self, name: str, then: Callable[[], object] | None = None) -> None:
-        """Save the present scene as a `.scene` of this name and a folder of its parts, and call `then`.
-
-        An existing file and folder are replaced.
-        """
-        path = Path(name if name.endswith(".scene") else f"{name}.scene").expanduser().absolute()
+        """Save the present scene as a `.scene` of this name and a folder of its parts, in place of old ones, and call `then`."""
+        path = scene_file(name)
         lost = write_scene(self.session.scene.placed(self.session.origin), path, overwrite=True)
         self.editor.saved = self.editor.scene
         self.saved_as = str(path)

@@ -16,6 +16,7 @@ from imgui_bundle import portable_file_dialogs as desktop
 from irrsplat.app.viewer.input.commands import COMMANDS, FLYING
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.scene import FORMATS, bundled
+from irrsplat.scene.io.text.scene_writer import scene_file
 from irrsplat.settings import SETTINGS
 
 if TYPE_CHECKING:
@@ -87,7 +88,8 @@ def file_name(name: str, take: Callable[[str], object]) -> Prompt:
     """Return the prompt for the name of a scene to save, first `name`. `take` receives the answer."""
 
     def entries(text: str) -> dict[str, Act]:
-        return {f"{'replace' if os.path.exists(text) else 'save'} {text}": partial(take, text)} if text.strip() else {}
+        path = scene_file(text)  # as it will be saved
+        return {f"{'replace' if path.exists() else 'save'} {path}": partial(take, text)} if text.strip() else {}
 
     return Prompt("the name of the file", entries, name)
 

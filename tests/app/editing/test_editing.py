@@ -102,7 +102,7 @@ def test_a_scene_is_saved_under_the_name_of_a_prompt(driver: Driver, editor: Edi
     assert irrsplat.load(saved).lights == bright and driver.actions.title == "room-2"
     assert driver.actions.preferences.recent[0] == saved
     push(driver, "Ctrl+Shift+S")
-    assert driver.actions.prompt is not None and driver.actions.prompt.text == saved
+    assert (prompt := driver.actions.prompt) and prompt.text == saved and [*prompt.entries(saved[:-6])] == [f"replace {saved}"]
     push(driver, "Esc")
 
 

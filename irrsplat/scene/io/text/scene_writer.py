@@ -22,6 +22,11 @@ _FOLDER = "-files"  # suffix of the folder for lights and objects
 _NEAR, _FAR = 0.01, 1000.0  # metres, required by `proj` and ignored by readers
 
 
+def scene_file(name: str) -> Path:
+    """Return the path of a scene that is saved under `name`, with or without its ending."""
+    return Path(name if name.endswith(".scene") else f"{name}.scene").expanduser().absolute()
+
+
 def parts_folder(path: Path) -> Path:
     """Return the folder for the lights and objects of a `.scene` file at `path`."""
     return path.with_name(path.stem + _FOLDER)
