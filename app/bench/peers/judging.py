@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat.app.bench import gather_truth
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.figures.legend import Colour
 from irrsplat.indirect import paper_scan
-from irrsplat.reference import fine_gather
+from irrsplat.reference import fine_gather, timed_levels
 from irrsplat.reference.truth import NOTHING, in_words
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 
 if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
@@ -93,6 +93,43 @@ def judged_view(renderer: Renderer, camera: Camera) -> JudgedView:
     numbers = np.cumsum(seen.mask.ravel()).reshape(seen.mask.shape) - 1
     position, normal, geometric = (array[seen.mask] for array in (seen.position, seen.normal, seen.geometric))
     return JudgedView(camera, position, normal, geometric, numbers[tuple(truth.pixels.T)], truth, seen.mask)
+
+
+def judged(view: JudgedView) -> timed_levels.Judged:
+    """Return the points of a view for a renderer that is timed by sample counts."""
+    truth = view.truth.irradiance.astype(float)
+    return timed_levels.Judged(view.mask, view.normal, view.judged, truth, ENOUGH, SECONDS / 4.0)
+
+
+def by_samples(name: str, found: timed_levels.TimedLevels, colours: Sequence[Colour]) -> Iterator[Series]:
+    """Yield the series of a renderer that is timed by sample counts, and the same with each filter of Open Image Denoise.
+
+    Further views take as long, as it keeps no data.
+    """
+    about = f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads"
+    for (quality, levels), colour in zip(found["levels"].items(), colours, strict=False):
+        system = f"{name} + OIDN {quality}" if quality else name
+        rows = [
+            Measurement(system, f"{count} samples", seconds, rmse, seconds, rmse)
+            for count, seconds, rmse in levels
+            if seconds > 0.0
+        ]
+        yield Series(tuple(rows), about, colour, keeps_nothing=not quality)
+    if len(found["levels"]) == 1:
+        yield Series((), f"{name} + OIDN: Open Image Denoise (pyoidn) is not installed")
+
+
+def check_plain(scene: Scene) -> None:
+    """Raise IrrsplatError for a scene with more than plain colours, a uniform sky and lights without photometry."""
+    if any(scene.sky_gradient) or scene.environment is not None:
+        raise IrrsplatError("a sky that is not the same all around has no counterpart here")
+    for mesh in scene.meshes:
+        if mesh.material.textures or mesh.material.light_cutoff > 0.0:
+            raise IrrsplatError("textures and what light passes are not written for it; give a scene of plain colours")
+        if mesh.colors is not None:
+            raise IrrsplatError("colours of vertices have no counterpart here")
+    if any(light.photometry is not None for light in scene.lights):
+        raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
 
 
 def fastest_first(measurements: Sequence[Measurement]) -> tuple[Measurement, ...]:

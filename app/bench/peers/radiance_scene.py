@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.app.bench.peers.judging import check_plain
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.scene.model import Light, Mesh, Scene
 
@@ -20,15 +21,10 @@ def text(scene: Scene) -> str:
 
     Raises IrrsplatError for a scene that Radiance cannot express.
     """
-    if any(scene.sky_gradient) or scene.environment is not None:
-        raise IrrsplatError("a sky that is not the same all around has no counterpart here")
+    check_plain(scene)
     parts = []
     for number, mesh in meshes(scene):
         albedo, emission = mesh.material.albedo, mesh.material.emission
-        if mesh.material.textures or mesh.material.light_cutoff > 0.0:
-            raise IrrsplatError("textures and what light passes are not written for it; give a scene of plain colours")
-        if mesh.colors is not None:
-            raise IrrsplatError("colours of vertices have no counterpart here")
         if max(emission) > 0.0 and max(albedo) > 0.0:
             raise IrrsplatError("a surface that both emits and reflects has no counterpart")
         words = f"glow paint{number} 0 0 4 {_row(*emission, 0)}"  # 0: hit by ambient rays, never sampled directly
@@ -52,8 +48,6 @@ def _light(light: Light, number: int) -> str:
     if light.directional:
         radiance = np.pi * colour / (2.0 * math.pi * (1.0 - math.cos(math.radians(SUN / 2.0))))
         return f"void light lamp{number} 0 0 3 {_row(*radiance)}\nlamp{number} source from{number} 0 0 4 {_row(*place, SUN)}\n"
-    if light.photometry is not None:
-        raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     factor, numbers = _factor(light)
     radiance = colour / (np.pi * BULB**2)
     shape = f"lamp{number} sphere bulb{number} 0 0 4 {_row(*place, BULB)}\n"

@@ -32,6 +32,12 @@ PEERS: tuple[Peer, ...] = (
         "Mitsuba: its rays in the integrator of `verify`, which connects each vertex to points that the lights illuminate;\n"
         "+ OIDN: these irradiances as a picture, by the fast and the high filter of Open Image Denoise, with the normals",
     ),
+    Peer(
+        "Cycles",
+        "cycles",
+        "bpy",
+        "Cycles: the pass of indirect diffuse light, unclamped, at the centres of pixels; + OIDN as above",
+    ),
 )
 
 

@@ -10,9 +10,9 @@ import pytest
 
 import irrsplat
 from irrsplat.app.bench import cases, gather_truth
-from irrsplat.app.bench.peers import judging, ours, race, radiance, radiance_scene
+from irrsplat.app.bench.peers import cycles, judging, ours, race, radiance, radiance_scene
 from irrsplat.app.bench.peers.judging import Measurement, Series
-from irrsplat.reference import fine_gather
+from irrsplat.reference import fine_gather, timed_levels
 from irrsplat.scene.model import Scene
 
 needs_radiance = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
@@ -88,17 +88,15 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
 
 
-@pytest.mark.skipif(find_spec("mitsuba") is None or find_spec("pyoidn") is None, reason="the extra `peers` is not installed")
+@pytest.mark.skipif(find_spec("pyoidn") is None, reason="the extra `peers` is not installed")
 @pytest.mark.long
 def test_open_image_denoise_removes_the_noise_of_a_plane() -> None:
     """Pixels have independent noise of 30 %: a filter over hundreds of pixels leaves less than a fourth of the noise."""
-    from irrsplat.reference import trace_points
-
     mask = np.ones((64, 96), bool)
     mask[:9] = False
     E = np.random.default_rng(0).normal(2.0, 0.6, (mask.sum(), 3))
     for quality in ("fast", "high"):
-        found = trace_points._denoised(mask, np.broadcast_to([0.0, 0.0, 1.0], E.shape), quality, E)
+        found = timed_levels.denoised(mask, np.broadcast_to([0.0, 0.0, 1.0], E.shape), quality, E)
         assert found.shape == E.shape and np.sqrt(np.mean((found - 2.0) ** 2)) < 0.15
 
 
@@ -120,3 +118,15 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
     it.forget()
     rough, _ = it.irradiance(view.position, view.normal, 1, (0.5, 16, 0))
     assert view.error(rough - direct) > view.error(first - direct), "the error falls with the quality"
+
+
+@pytest.mark.skipif(find_spec("bpy") is None or find_spec("mitsuba") is None, reason="Blender or Mitsuba is not installed")
+@pytest.mark.long
+def test_cycles_agrees_with_path_tracing(small: None) -> None:
+    """Two spots light a room. With more samples and a filter, Cycles comes closer to the reference of the path tracer."""
+    scene = irrsplat.load("door")
+    with irrsplat.Renderer(scene, size=(48, 48)) as renderer:
+        view = judging.judged_view(renderer, scene.camera())
+    _, fast, high = cycles.measure(scene, (48, 48), "all", [view, view], lambda words: None)
+    assert fast.measurements[0].rmse > fast.measurements[-1].rmse < 0.2
+    assert high.measurements[-1].rmse < 0.2

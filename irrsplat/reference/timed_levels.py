@@ -1,0 +1,83 @@
+"""Time and error of irradiance by rising sample counts, with and without Open Image Denoise, for the benchmark."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypedDict
+
+import numpy as np
+
+FILTERS = ("fast", "high")  # qualities of Open Image Denoise (pyoidn)
+
+
+class TimedLevels(TypedDict):
+    """load: seconds until the scene can be traced. levels: for each filter ("": none) samples per point, processor
+    time in seconds and relative RMSE, without compilation."""
+
+    load: float
+    threads: int
+    levels: dict[str, list[tuple[int, float, float]]]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """N points of a view, the pixels of `mask` (H, W), and the reference.
+
+    normal: (N, 3). compared: (M,) numbers of the points with reference irradiance `truth` (M, 3). enough, seconds: relative RMSE
+    or processor time at which the levels end.
+    """
+
+    mask: np.ndarray
+    normal: np.ndarray
+    compared: np.ndarray
+    truth: np.ndarray
+    enough: float
+    seconds: float
+
+
+def levels(
+    irradiance: Callable[[int], np.ndarray],
+    counts: Sequence[int],
+    view: Judged,
+    report: Callable[[float], object],
+    prepare: Callable[[int], object] = int,
+) -> dict[str, list[tuple[int, float, float]]]:
+    """Return the levels of an `irradiance` (N, 3) by sample counts, see TimedLevels, unfiltered and with each filter.
+
+    report: called with the share done, 0..1. prepare: called with each count before its time begins.
+    """
+    filters = FILTERS if importlib.util.find_spec("pyoidn") is not None else ()
+    filtered = {"": lambda E: E} | {quality: partial(denoised, view.mask, view.normal, quality) for quality in filters}
+    for smooth in filtered.values():
+        smooth(np.zeros((len(view.normal), 3)))  # loads its weights
+    found: dict[str, list[tuple[int, float, float]]] = {name: [] for name in filtered}
+    for count in counts:
+        prepare(count)
+        start = time.process_time()
+        E = irradiance(count)
+        traced = time.process_time() - start
+        for name, smooth in filtered.items():
+            begun = time.process_time()
+            off = smooth(E)[view.compared] - view.truth
+            took = traced + time.process_time() - begun
+            found[name].append((count, took, float(np.sqrt(np.mean(off**2)) / view.truth.mean())))
+        report(min(traced / view.seconds, 1.0))
+        if found[""][-1][2] <= view.enough or traced >= view.seconds:
+            break
+    return found
+
+
+def denoised(mask: np.ndarray, normal: np.ndarray, quality: str, E: np.ndarray) -> np.ndarray:
+    """Return irradiance (N, 3) at the N pixels of the mask (H, W), filtered by Open Image Denoise with the normals (N, 3)."""
+    import pyoidn
+
+    pictures = np.zeros((3, *mask.shape, 3), np.float32)
+    for picture, values in zip(pictures, (np.maximum(E, 0.0), np.ones_like(normal), normal), strict=True):
+        picture[mask] = values
+    color, albedo, normals = pictures
+    found: np.ndarray = pyoidn.denoise(color, albedo, normals, hdr=True, clean_aux=True, quality=quality)[mask].astype(float)
+    return found
