@@ -176,9 +176,7 @@ class SiteChooser:
         meshes = in_order(self.scene)
         mesh = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
         emits = np.array([any(one.material.emission) for one in meshes], bool)[mesh[: len(faces)]]
-        lights = None
-        if self.detail.level >= 0:  # pixels show the cells of a coarse level, and patches of fine ones would stand out
-            lights = _steep_places(self.scene, vertices, faces[emits], spacing)
+        lights = _steep_places(self.scene, vertices, faces[emits], spacing)
         tessellation = tessellate(vertices, faces, spacing * wider, offset, lights, ~emits)
         points, which = clustering.merged(tessellation, mesh, _MERGED * spacing)
         unlit = np.array(unlit_interiors(self.scene), bool)[mesh[tessellation.face[points]]]
