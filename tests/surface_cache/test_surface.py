@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer
+from irrsplat import Renderer, render
 from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -76,12 +76,38 @@ def inside(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     return parts / whole, whole[..., 0]
 
 
-def test_cells_are_cut_in_halves_however_long_they_are() -> None:
-    """Slivers with long steps are cut too: lookups use four cells."""
+@pytest.mark.parametrize("corner", range(3))
+def test_strips_cross_the_long_edges_of_a_sliver(corner: int) -> None:
+    """A sliver of 10 m by 10 cm, whose longest edge is √100.01 m, has 21 strips for steps of 0.5 m: 2·21 - 1 parts of one cell.
+
+    The parts fill the sliver, wherever its corners begin. In place of 21² cells, none is longer than a step.
+    """
     sliver = np.zeros((3, WIDTH), np.float32)
-    sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
-    faces = np.array([[0, 1, 2]])
-    assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0] > 2
+    sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(10, 0, 0.1), (0, 0, 0), (10, 0, 0)], (0, -1, 0)
+    found = tessellate(np.roll(sliver, corner, axis=0), np.array([[0, 1, 2]]), 0.5, 0.0)
+    parts = found.position[found.corners]
+    size = 0.5 * np.linalg.norm(np.cross(parts[:, 1] - parts[:, 0], parts[:, 2] - parts[:, 0]), axis=1)
+    assert found.table[0].tolist() == [-21 - 0.25 * ((corner + 1) % 3 + 1), 1] and found.cells == 41
+    longest = max(np.linalg.norm(parts[:, k] - parts[:, k - 1], axis=-1).max() for k in range(3))
+    assert size.sum() == pytest.approx(0.5) and longest <= 0.5 and np.allclose(found.geometric, (0, -1, 0))
+
+
+def test_planks_of_a_corridor_give_the_light_of_one_floor() -> None:
+    """A floor of 100 planks of 60 m has the light of one rectangle within 4 %.
+
+    With cells longer than wide, the corridor is 5 to 8 % brighter with 50 to 200 planks.
+    """
+    found = []
+    for count in (1, 100):
+        width = 2.0 / count
+        planks = [quad((-1 + i * width, 0, -30), (0, 0, 60), (width, 0, 0)) for i in range(count)]
+        shell = [quad((-1, 2.6, -30), (2, 0, 0), (0, 0, 60), material(0.8))]
+        shell += [quad((x, 0, -30), (0, 0, 60), (0, 2.6, 0), material(0.8)) for x in (-1, 1)]
+        shell += [quad((-1, 0, z), (2, 0, 0), (0, 2.6, 0), material(0.8)) for z in (-30, 30)]
+        lights = [point_light((0, 2.3, z), 4.0) for z in (-20, 0, 20)]
+        eye = Camera((0.6, 1.5, 29), (0, 1.2, 0), fov=65.0)
+        found.append(render(scene(*planks, *shell, lights=lights, camera=eye), (32, 24)).irradiance.mean())
+    assert found[1] == pytest.approx(found[0], rel=0.04)
 
 
 def test_steps_are_short_near_a_small_light() -> None:
