@@ -208,6 +208,8 @@ class Viewer(Owner):
             if not self.session.whole:
                 self.session.tick(0.0, self.session.renderers[0].settings.budget / 1e3)
                 self.display.update(self.canvas, cursor)
+            while not self.display.complete:
+                self.display.update(self.canvas, cursor)
             actions.attempt(lambda: actions.save_screenshot(self.canvas.read()[..., :3]))
         window = Screen(self.wnd.fbo, self.wnd.buffer_size)
         window.use()
@@ -227,7 +229,7 @@ class Viewer(Owner):
     @property
     def still(self) -> bool:
         """True if the next frame would equal this one without input."""
-        return (self.session.at_rest and not self.controls.active) or self._minimised
+        return (self.session.at_rest and self.display.complete and not self.controls.active) or self._minimised
 
     def may_sleep(self) -> bool:
         """Check for changes without an event. Return True if no frame has to be drawn.

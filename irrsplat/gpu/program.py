@@ -25,14 +25,14 @@ CLIP_DISTANCE0 = 0x3000
 class DrawState:
     """The complete fixed-function state of one draw; default: no depth test, blending or culling.
 
-    depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
-    None. cull: "front", "back" or None. depth_clamp: draw geometry before the near plane instead of clipping it. clip_planes:
-    number of gl_ClipDistance in use.
+    depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "premultiplied" (over,
+    by colours times alpha), "min", "multiply" or None. cull: "front", "back" or None. depth_clamp: draw geometry before the near
+    plane instead of clipping it. clip_planes: number of gl_ClipDistance in use.
     """
 
     depth: Literal["<", "1"] | None = None
     depth_write: bool = True
-    blend: Literal["add", "over", "min", "multiply"] | None = None
+    blend: Literal["add", "over", "premultiplied", "min", "multiply"] | None = None
     cull: Literal["front", "back"] | None = None
     depth_clamp: bool = False
     clip_planes: int = 0
@@ -41,6 +41,7 @@ class DrawState:
 _BLENDS = {
     "add": (moderngl.ONE, moderngl.ONE),
     "over": (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA),
+    "premultiplied": (moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA),
     "min": (moderngl.ONE, moderngl.ONE),
     "multiply": (moderngl.DST_COLOR, moderngl.ZERO),
 }

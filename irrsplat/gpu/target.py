@@ -79,6 +79,22 @@ def pixels(texture: moderngl.Texture) -> np.ndarray:
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
 
+def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+    """Return the components of one texel, float32, without a copy of the whole texture. (0, 0) is the upper left texel."""
+    framebuffer = texture.ctx.framebuffer([texture])
+    found = np.frombuffer(framebuffer.read((x, texture.height - 1 - y, 1, 1), texture.components, dtype="f4"), np.float32)
+    framebuffer.release()
+    return found
+
+
+def some_rows(texture: moderngl.Texture, most: int) -> np.ndarray:
+    """Return (N, 4) the texels of about `most` rows of a float32 texture."""
+    framebuffer, step = texture.ctx.framebuffer([texture]), max(texture.height // most, 1)
+    rows = [framebuffer.read((0, y, texture.width, 1), 4, dtype="f4") for y in range(0, texture.height, step)]
+    framebuffer.release()
+    return np.frombuffer(b"".join(rows), np.float32).reshape(-1, 4)
+
+
 class Target(Owner):
     """A framebuffer that owns its textures: `textures` in the order of the shader's outputs, `depth` or None."""
 

@@ -92,6 +92,29 @@ def view_radius(
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
+def reach(
+    columns: Mapping[str, np.ndarray], floor: float, camera: Camera, size: tuple[int, int], settings: Settings
+) -> np.ndarray:
+    """Return (N, 2) the radii a·R in metres along `axis` and across it, with all limits by the settings and a view of `size`.
+
+    floor: the luminance floor of the records. shaders/records/view_radius.glsl has an equal formula.
+    """
+    radii = own_radii(columns, floor, settings)
+    distance = np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
+    return view_radius(radii * columns["limit"][:, None], distance[:, None], camera, size, settings)
+
+
+def weights(columns: Mapping[str, np.ndarray], radii: np.ndarray, p: np.ndarray, n: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return (N,) the raw weight w of every record at a point p with unit normal n, (3,) each; 0 if it does not contribute.
+
+    radii: (N, 2) from `reach`.
+    """
+    radii, apart = radii / settings.a, p - columns["position"]
+    distance = record_distance(apart, columns["axis"], radii)
+    w = record_weight(distance, apart, n, columns["normal"], radii[:, 1], settings.hessian)
+    return np.where(w > 1.0 / settings.a, w, 0.0)
+
+
 def view_radius_uniforms(camera: Camera, size: tuple[int, int], settings: Settings) -> Uniforms:
     """Return the uniforms of shaders/records/view_radius.glsl that depend on the view of `size` (width, height) and settings."""
     measure = camera.measure(size)

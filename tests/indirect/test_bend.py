@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.record_inspector import COLUMNS, reach
+from irrsplat.app.viewer.show.record_inspector import COLUMNS
+from irrsplat.records.weight import reach
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
 from tests.support.worlds import Gathered, Lit, floor, material, polygon_vector, quad, scene, sites

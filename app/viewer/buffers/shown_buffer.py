@@ -14,7 +14,7 @@ from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Region, Target
+from irrsplat.gpu.target import Region, Target, texel
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
 from irrsplat.lighting.sky import sky_defines
@@ -25,28 +25,12 @@ from irrsplat.scene.model import Camera
 _COLOURS = 1024  # texels in each row of the colour table
 
 
-def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-    """Return the components of one texel, float32, without a copy of the whole texture. (0, 0) is the upper left texel."""
-    framebuffer = texture.ctx.framebuffer([texture])
-    found = np.frombuffer(framebuffer.read((x, texture.height - 1 - y, 1, 1), texture.components, dtype="f4"), np.float32)
-    framebuffer.release()
-    return found
-
-
-def some_rows(texture: moderngl.Texture, most: int) -> np.ndarray:
-    """Return (N, 4) the texels of about `most` rows of a float32 texture."""
-    framebuffer, step = texture.ctx.framebuffer([texture]), max(texture.height // most, 1)
-    rows = [framebuffer.read((0, y, texture.width, 1), 4, dtype="f4") for y in range(0, texture.height, step)]
-    framebuffer.release()
-    return np.frombuffer(b"".join(rows), np.float32).reshape(-1, 4)
-
-
 class Picture(Target):
-    """Display colours, opaque over the cleared window. filter: by which the window enlarges them."""
+    """Display colours, opaque over the cleared window. filter: by which the window enlarges them. alpha: "A" for transparency."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], filter: int = moderngl.NEAREST) -> None:
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], filter: int = moderngl.NEAREST, alpha: str = "1") -> None:
         texture = ctx.texture(size, 4)
-        texture.swizzle, texture.filter = "RGB1", (filter, filter)
+        texture.swizzle, texture.filter = f"RGB{alpha}", (filter, filter)
         texture.repeat_x = texture.repeat_y = False
         super().__init__(ctx, size, textures=[texture])
 

@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Programs, ViewSource, clear, texel
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Programs, ViewSource, clear
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.objects import meshes_of, pixel_of
 from irrsplat.app.viewer.session import Session
@@ -18,11 +18,12 @@ from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordIns
 from irrsplat.app.viewer.view_options import Point, Surface
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Region, Target
+from irrsplat.gpu.target import Region, Target, texel
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
 
 COUNT = 100  # points along a line
+_DISCS = 400  # that a picture adds: about 12 ms of a software renderer
 _NEAR = 0.02  # share of the depth: a point nearer than this to the surface at its pixel is in view
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
@@ -35,6 +36,7 @@ class Display(Owner):
         self.programs = Programs(session.ctx)
         self.markers, self.inspector = Markers(self.programs), RecordInspector(self.programs)
         self._memo = Memo()
+        self.complete, self._partial = True, 0  # False if discs are left to the next frame; the number of such pictures
         self._renderers: list[Renderer] = []  # the renderers at the last update
 
     def owned(self) -> tuple[Resource, ...]:
@@ -48,19 +50,18 @@ class Display(Owner):
             for known in (self.inspector, self.programs, self._memo):  # they have data of a scene that is no longer open
                 known.forget()
         sides = [self._inputs(side) for side, _ in session.sides()]
-        marks = options.discs, options.plane and Identity(session.plane.measured), options.inspect and cursor
-        inputs = sides, options.split, options.divider, marks, Identity(screen)
+        records = (options.discs or options.inspect) and [(r.cache.count, r.cache.revision) for r in session.active]
+        marks = options.discs, records, options.plane and Identity(session.plane.measured), options.inspect and cursor
+        inputs = sides, options.split, options.divider, marks, Identity(screen), self._partial
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
     def _inputs(self, side: int) -> object:
         """Return the inputs of the picture of a side, apart from the options."""
-        source = self.session.source(side)
-        cache = source.renderer.cache
-        return self.session.options.buffer, source.inputs, (cache.count, cache.revision)
+        return self.session.options.buffer, self.session.source(side).inputs
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides. Draw and return the record under the cursor, if records are inspected."""
-        sides = list(self.session.sides())
+        sides, self.complete = list(self.session.sides()), True
         for side, region in sides:
             self._draw_side(screen, side, region)
         found = self._inspect(screen, cursor) if self.session.options.inspect and cursor is not None else None
@@ -71,15 +72,14 @@ class Display(Owner):
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
-        buffer, view, markers = options.buffer, source.view, self.markers
-        renderer, settings, scene = source.renderer, source.renderer.settings, source.renderer.scene
-        BUFFERS[buffer].draw(Canvas(screen, self.programs, region), source)
-        if not BUFFERS[buffer].in_view:
-            return
-        if options.plane and (measured := self.session.plane.measured) is not None:
-            markers.plane(screen, view, measured, region)
-        if options.discs:
-            markers.discs(screen, view, renderer.cache.records, settings, scene, region)
+        canvas, view, renderer = Canvas(screen, self.programs, region), source.view, source.renderer
+        BUFFERS[options.buffer].draw(canvas, source)
+        if options.plane and self.shows_scene and (measured := self.session.plane.measured) is not None:
+            self.markers.plane(screen, view, measured, region)
+        if options.discs and self.shows_scene:
+            most = _DISCS if renderer.about["software"] else renderer.cache.count
+            if not self.markers.discs(canvas, view, renderer.cache, renderer.settings, renderer.scene, side, most):
+                self.complete, self._partial = False, self._partial + 1
 
     def _inspect(self, screen: Target, cursor: tuple[int, int]) -> InspectedRecord | None:
         """Return the record with the greatest weight under the cursor, and tint its pixels."""

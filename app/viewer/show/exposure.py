@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Identity, some_rows
+from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.target import some_rows
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import PERCENTILE
 from irrsplat.renderer import Renderer

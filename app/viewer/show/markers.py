@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Legend, Programs, colour_map, view_uniforms
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, Legend, Picture, Programs, colour_map, view_uniforms
 from irrsplat.app.viewer.show.light.measuring_plane import MeasuredPlane
-from irrsplat.core.buffers import Records
+from irrsplat.core.buffers import Records, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Region, Target, table_texture
 from irrsplat.image.view import View
 from irrsplat.meter.light_scale import STEPS, false_colours
+from irrsplat.records.culling import reaching
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
 _OVER = DrawState(blend="over", depth_clamp=True)
+_LAYER = DrawState(blend="premultiplied")
+_CLIPPED = replace(_LAYER, depth_clamp=True, clip_planes=1)
 _WIDTH = 1.75  # pixels: half the width of a line
 _SEGMENTS = 24  # the most straight pieces of a disc: at a radius of 80 pixels their error is 0.7 pixels
 _TINT = (0.1, 0.85, 1.0)  # display colour of the pixels to which the inspected record contributes
 _OPACITY = 0.8  # opacity of the measuring plane
 _SPAN = 0.01, 0.5  # share of a·diagonal: the radii at the ends of the colour scale
+
+
+class _Layer(Owner):
+    """A side's discs of the first `count` records, in `new`. While changed records renew them, all earlier ones are in `old`."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.old, self.new = Picture(ctx, size, alpha="A"), Picture(ctx, size, alpha="A")
+        self.count, self.revision, self.renews, self._of = 0, 0, False, cast(object, None)
+
+    def owned(self) -> tuple[Resource, ...]:
+        return (self.old, self.new)
+
+    def begin(self, of: object, cache: RecordCache) -> None:
+        """Begin again for another view, and for changed records once all discs are drawn. of: the view and its settings."""
+        if of != self._of or (self.count >= cache.count and self.revision != cache.revision):
+            self.old, self.new, self.renews = self.new, self.old, of == self._of
+            self.new.clear()
+            self.count, self.revision, self._of = 0, cache.revision, of
 
 
 class Markers(Owner):
@@ -33,38 +56,48 @@ class Markers(Owner):
     def __init__(self, programs: Programs) -> None:
         ctx = self.ctx = programs.ctx
         self.programs = programs
-        self.number = ctx.buffer(reserve=4)  # the number of the record that `contributes` draws
+        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
+        self._layers = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (self.number,)
+        return (self.numbers, self._layers)
 
     def discs(
-        self, target: Target, view: View, records: Records, settings: Settings, scene: Scene, region: Region | None
-    ) -> None:
-        """Draw every record as an ellipse of radii a·R in this view, in its tangent plane, coloured by its radius a·R_k."""
-        if not records.count:
-            return
-        low, high = np.log(radius_range(settings, scene))
-        uniforms = {
-            **self._of_records(target, view, records, settings),
-            "colours": self.programs.colours,
-            "size": target.size,
-            "span": (low, 1.0 / (high - low)),
-            "width": _WIDTH,
-            "segments": _SEGMENTS,
-        }
-        program = self.programs("viewer/markers/discs", "viewer/markers/discs", record_defines(settings.gradients))
-        self._draw(program, target, uniforms, region, vertices=2 * _SEGMENTS + 2, instances=records.count)
+        self, canvas: Canvas, view: View, cache: RecordCache, settings: Settings, scene: Scene, side: int, most: int
+    ) -> bool:
+        """Draw every record as an ellipse of radii a·R in this view, in its tangent plane, coloured by its radius a·R_k.
 
-    def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> dict[str, Any]:
+        most: the greatest number of discs that a call adds to those of the last call. Return True if all records have one.
+        """
+        target, region = canvas.target, canvas.region
+        layer = self._layers.get(f"side {side}", target.size, lambda: _Layer(self.ctx, target.size))
+        layer.begin((Identity(view.gbuffer), Identity(cache), settings, region), cache)
+        numbers = reaching(cache, layer.count, view.camera, view.gbuffer.position.size, settings)
+        chosen, (low, high) = numbers[:most].astype("i4"), np.log(radius_range(settings, scene))
+        if len(chosen):
+            uniforms = {"size": target.size, "span": (low, 1.0 / (high - low)), "width": _WIDTH, "segments": _SEGMENTS}
+            uniforms |= {**self._of_records(target, view, cache.records, settings), "colours": self.programs.colours}
+            program = self.programs("viewer/markers/discs", "viewer/markers/discs", record_defines(settings.gradients))
+            self._draw(program, layer.new, uniforms, chosen, state=_CLIPPED, vertices=2 * _SEGMENTS + 2, scissor=region)
+        layer.count = cache.count if len(chosen) == len(numbers) else int(chosen[-1]) + 1
+        layer.renews &= layer.count < cache.count
+        shown = {"layer": (layer.old if layer.renews else layer.new).textures[0]}
+        self._draw(self.programs("viewer/markers/layer"), target, shown, state=_LAYER, scissor=region)
+        return layer.count >= cache.count and layer.revision == cache.revision
+
+    def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> Uniforms:
         """Return the uniforms of programs that draw records."""
         radii = view_radius_uniforms(view.camera, view.gbuffer.position.size, settings)
         return {**records.uniforms, **view_uniforms(target, view.gbuffer, view.camera), **radii}
 
-    def _draw(self, program: Program, target: Target, uniforms: dict[str, Any], region: Region | None, **draws: Any) -> None:
-        """Draw strips of triangles. Uniforms that the program does not declare are left out."""
-        strip, state = moderngl.TRIANGLE_STRIP, _OVER
-        program(target, mode=strip, state=state, scissor=region, **{"vertices": 4, **draws}, **program.declared(uniforms))
+    def _draw(self, program: Program, target: Target, uniforms: Uniforms, numbers: Any = None, **draws: Any) -> None:
+        """Draw a strip of triangles, or one for each of the records of these `numbers`; with the uniforms that are declared."""
+        if numbers is not None:
+            self.numbers.orphan(numbers.nbytes)
+            self.numbers.write(numbers)
+            draws |= {"instances": len(numbers), "numbers": self.numbers}
+        whole = {"mode": moderngl.TRIANGLE_STRIP, "state": _OVER, "vertices": 4, **draws}
+        program(target, **whole, **program.declared(uniforms))
 
     def plane(self, target: Target, view: View, measured: MeasuredPlane, region: Region | None) -> None:
         """Draw the measuring plane in false colours with isolines."""
@@ -83,7 +116,7 @@ class Markers(Owner):
             "palette": false_colours(),
         }
         try:
-            self._draw(self.programs("viewer/markers/plane", "viewer/markers/plane"), target, uniforms, region)
+            self._draw(self.programs("viewer/markers/plane", "viewer/markers/plane"), target, uniforms, scissor=region)
         finally:
             texture.release()
 
@@ -92,9 +125,8 @@ class Markers(Owner):
     ) -> None:
         """Tint the pixels that record `number` contributes to, in `region` of the target."""
         uniforms = {**self._of_records(target, view, records, settings), "forward": -view.camera.axes[2], "tint": _TINT}
-        self.number.write(np.array([number], "i4").tobytes())
         program = self.programs("viewer/markers/covers", "indirect/splat", record_defines(settings.gradients))
-        self._draw(program, target, uniforms, region, numbers=self.number)
+        self._draw(program, target, uniforms, np.array([number], "i4"), scissor=region)
 
 
 def radius_legend(settings: Settings, scene: Scene) -> Legend:

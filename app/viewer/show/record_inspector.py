@@ -7,40 +7,18 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource, depth_at, texel
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, ViewSource, depth_at
 from irrsplat.app.viewer.buffers.table import atlas_tiles
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import kinds
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target
-from irrsplat.image.view import View
+from irrsplat.gpu.target import Target, texel
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.records.weight import own_radii, record_distance, record_weight, view_radius
-from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings
+from irrsplat.records.weight import reach, weights
 
 Columns = dict[str, np.ndarray]  # the columns of all records on the CPU, by the names in record_layout.COLUMNS
 COLUMNS = ("position", "normal", "irradiance", "radius", "gradient", "axis", "curvature", "max_radius", "limit")
-
-
-def reach(columns: Columns, floor: float, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
-    """Return (N, 2) the radii a·R in metres along `axis` and across it, with all limits by the settings and a view of `size`.
-
-    floor: the luminance floor of the records. shaders/records/view_radius.glsl has an equal formula.
-    """
-    radii = own_radii(columns, floor, settings)
-    distance = np.linalg.norm(columns["position"] - np.asarray(camera.eye), axis=1)
-    return view_radius(radii * columns["limit"][:, None], distance[:, None], camera, size, settings)
-
-
-def weights(columns: Columns, floor: float, p: np.ndarray, n: np.ndarray, view: View, settings: Settings) -> np.ndarray:
-    """Return (N,) the raw weight w of every record at a point p with unit normal n, (3,) each; 0 if it does not contribute."""
-    radii = reach(columns, floor, view.camera, view.gbuffer.position.size, settings) / settings.a
-    apart = p - columns["position"]
-    distance = record_distance(apart, columns["axis"], radii)
-    w = record_weight(distance, apart, n, columns["normal"], radii[:, 1], settings.hessian)
-    return np.where(w > 1.0 / settings.a, w, 0.0)
 
 
 @dataclass(frozen=True)
@@ -75,13 +53,17 @@ class RecordInspector(Owner):
         state = cache.count, cache.revision
         return self._memo.get(f"records of {id(source.renderer)}", state, lambda: cache.records.read(*COLUMNS))
 
+    def _reach(self, source: ViewSource) -> np.ndarray:
+        floor, view = source.renderer.cache.records.luminance_floor, source.view
+        return reach(self.columns(source), floor, view.camera, view.gbuffer.position.size, source.renderer.settings)
+
     def pick(self, source: ViewSource, x: int, y: int) -> int | None:
         """Return the number of the record with the greatest weight at pixel (x, y) of the view; None if no record contributes."""
         records, view = source.renderer.cache.records, source.view
         if not records.count or not depth_at(source, x, y):
             return None
         p, n = texel(view.gbuffer.position, x, y)[:3], texel(view.gbuffer.normal, x, y)[:3]
-        w = weights(self.columns(source), records.luminance_floor, p, n, view, source.renderer.settings)
+        w = weights(self.columns(source), self._reach(source), p, n, source.renderer.settings)
         return int(np.argmax(w)) if w.any() else None
 
     def inspect(self, number: int, side: int, source: ViewSource) -> InspectedRecord | None:
@@ -91,10 +73,9 @@ class RecordInspector(Owner):
 
     def _describe(self, number: int, source: ViewSource) -> list[tuple[str, str]]:
         """Return the values of record `number`: a label, and a text with the unit."""
-        columns, settings, records = self.columns(source), source.renderer.settings, source.renderer.cache.records
-        one = {name: column[number] for name, column in columns.items()}
-        size = source.view.gbuffer.position.size
-        along, across = reach(columns, records.luminance_floor, source.view.camera, size, settings)[number]
+        settings, records = source.renderer.settings, source.renderer.cache.records
+        one = {name: column[number] for name, column in self.columns(source).items()}
+        along, across = self._reach(source)[number]
         lines = [
             ("record", f"{number} of {records.count}"),
             ("position", " ".join(f"{v:.3f}" for v in one["position"].astype(float) + source.origin) + " m"),

@@ -33,7 +33,7 @@ def settled(viewer: Viewer) -> None:
     """Frames until nothing changes any more."""
     for _ in range(3000):
         viewer.frame(DT)
-        if viewer.actions.session.at_rest:
+        if viewer.still:
             break
 
 

@@ -1,9 +1,8 @@
-// An ellipse in its record's colour with dark sides, without its hidden parts.
+// An ellipse in its record's colour with dark sides, times alpha.
 uniform float width;   // half the width of the line, pixels
 
 flat in vec3 v_color;
 in float v_side;       // pixels from the middle of the line
-in float v_hidden;     // positive where a surface hides the line
 
 layout(location = 0) out vec4 out_color;
 
@@ -16,6 +15,6 @@ vec4 line()
 
 void main()
 {
-    if (v_hidden > 0.0) discard;
-    out_color = line();
+    vec4 shown = line();
+    out_color = vec4(shown.rgb * shown.a, shown.a);
 }

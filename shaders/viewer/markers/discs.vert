@@ -2,6 +2,8 @@
 #include "records/view_radius.glsl"
 #include "viewer/colours.glsl"
 
+in int in_number;            // of the record
+
 uniform mat4 clip_from_world;
 uniform vec2 size;           // size of the target, pixels
 uniform vec2 span;           // log of a·R_k in metres at the first colour; advance of the colours, 0..1, per unit of that log
@@ -12,7 +14,6 @@ uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without
 
 flat out vec3 v_color;
 out float v_side;
-out float v_hidden;
 
 const float TURN = 6.28318530717959;
 const float PIECES = 2.65;  // pieces of an ellipse per root of its radius in pixels: their error, r(1 - cos(π/n)), is 0.7 pixels
@@ -51,7 +52,7 @@ vec2 heading(vec4 clip, vec4 clip_step)
 
 void main()
 {
-    ivec2 texel = table_texel(gl_InstanceID);
+    ivec2 texel = table_texel(in_number);
     vec3 p = record_position(texel), n = record_normal(texel);
     float trust, distance = length(eye - p);
     Ellipse e = view_ellipse(texel, distance, trust);
@@ -63,7 +64,7 @@ void main()
     v_color = record_color(texel);
     v_side = gl_VertexID % 2 == 0 ? -width : width;
     vec4 clip = clip_from_world * vec4(point, 1.0);
-    v_hidden = hidden_by(clip, point, dot(n, eye - p) < 0.0 ? -n : n, e.along);
+    gl_ClipDistance[0] = -hidden_by(clip, point, dot(n, eye - p) < 0.0 ? -n : n, e.along);
     vec2 along = heading(clip, clip_from_world * vec4(way, 0.0));
     gl_Position = moved(clip, v_side * vec2(-along.y, along.x));
 }

@@ -12,13 +12,14 @@ import pytest
 import irrsplat
 from irrsplat.app.viewer.buffers.shown_buffer import clear
 from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE, weight_range
-from irrsplat.app.viewer.show.record_inspector import RecordInspector, weights
+from irrsplat.app.viewer.show.record_inspector import RecordInspector
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import photometric
 from irrsplat.gpu import context
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import show, tonemap, viridis
 from irrsplat.meter.light_scale import LightScale, false_colours
+from irrsplat.records.weight import reach, weights
 from irrsplat.scene.model import Light
 from irrsplat.sky.environment import Environment
 from tests.support import worlds
@@ -203,11 +204,11 @@ def test_the_light_under_the_cursor_is_in_lux(cornell: ShownView) -> None:
 def test_weights_of_records_add_up_and_the_greatest_is_picked(cornell: ShownView) -> None:
     """The weights of all records at a pixel add up to Σw of the splat buffer, except for rounding at the rims of records."""
     renderer, view, frame = cornell.renderer, cornell.source.view, cornell.frame
-    sums, found = [], []
-    inspector = RecordInspector(cornell.programs)
+    inspector, sums, found = RecordInspector(cornell.programs), [], []
     columns, floor = inspector.columns(cornell.source), renderer.cache.records.luminance_floor
+    radii = reach(columns, floor, view.camera, renderer.size, renderer.settings)
     for y, x in np.random.default_rng(6).permutation(np.argwhere(np.isfinite(frame.depth)))[:120]:
-        w = weights(columns, floor, frame.position[y, x], frame.normal[y, x], view, renderer.settings)
+        w = weights(columns, radii, frame.position[y, x], frame.normal[y, x], renderer.settings)
         sums.append(w.sum())
         found.append(frame.weight[y, x])
         picked = inspector.pick(cornell.source, int(x), int(y))

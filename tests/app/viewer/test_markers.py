@@ -9,9 +9,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.buffers.shown_buffer import Programs, clear
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Programs, clear
 from irrsplat.app.viewer.show.markers import Markers, radius_range
-from irrsplat.core.buffers import Records
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -38,10 +37,10 @@ class Stage:
     markers: Markers
     target: Target
 
-    def discs(self, records: Records, settings: Settings = FREE) -> tuple[np.ndarray, np.ndarray]:
+    def discs(self, records: RecordCache, settings: Settings = FREE, most: int = 9) -> tuple[np.ndarray, np.ndarray]:
         """Return the picture and the mask of the discs of records."""
         clear(self.target, GROUND)
-        self.markers.discs(self.target, self.view, records, settings, self.renderer.scene, None)
+        self.markers.discs(Canvas(self.target, self.programs), self.view, records, settings, self.renderer.scene, 0, most)
         picture = self.target.read()[..., :3]
         return picture, (picture != np.array(GROUND, "f4")).any(-1)
 
@@ -66,13 +65,13 @@ def stage(ctx: moderngl.Context) -> Iterator[Callable[..., Stage]]:
         one.target.release()
 
 
-def records(ctx: moderngl.Context, p: object, R: object = 0.5) -> Records:
+def records(ctx: moderngl.Context, p: object, R: object = 0.5) -> RecordCache:
     """Return records of the floor at p (N, 3) with radii R and constant unit irradiance."""
     where = worlds.sites(p, (0.0, 1.0, 0.0))
     values = np.concatenate([np.ones((len(where), 3)), np.broadcast_to(R, len(where))[:, None]], axis=1)  # type: ignore[call-overload]
     cache = RecordCache(ctx)
     cache.append(where, values.astype("f4"))
-    return cache.records
+    return cache
 
 
 def project(camera: Camera, p: np.ndarray) -> np.ndarray:
@@ -83,22 +82,11 @@ def project(camera: Camera, p: np.ndarray) -> np.ndarray:
     return np.stack([(x / half * height / width + 1.0) * width / 2.0, (1.0 - y / half) * height / 2.0], -1)
 
 
-def texels(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns of the pixels of points (N, 2)."""
-    x, y = np.floor(points).astype(int).T
-    return y, x
-
-
 def distance_to(points: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """Return the distance in pixels from the centre of each lit pixel to the nearest of `points` (N, 2)."""
     y, x = np.nonzero(lit)
     centres = np.stack([x, y], -1) + 0.5
     return np.linalg.norm(centres[:, None] - points[None], axis=-1).min(1)
-
-
-def grown(lit: np.ndarray) -> np.ndarray:
-    """Return the mask of lit pixels and their eight neighbours."""
-    return np.any([np.roll(lit, (dy, dx), (0, 1)) for dy in (-1, 0, 1) for dx in (-1, 0, 1)], axis=0)
 
 
 def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
@@ -108,6 +96,16 @@ def test_what_a_surface_hides_is_not_marked(ctx: moderngl.Context, stage: Callab
     assert not lit.any()
     _, lit = world.discs(records(ctx, [(0.2, 0, 1.5)], R=0.3))
     assert lit.any(), "before the wall it is seen"
+
+
+def test_discs_appear_in_batches_and_change_together(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
+    """Two calls for one disc each give the picture of one call. After a change, the earlier discs stay until both are drawn."""
+    world, p = stage(worlds.floor(3.0)), [(-0.4, 0, 0.3), (0.4, 0, 0.3)]
+    both, cache = world.discs(records(ctx, p))[0], records(ctx, p)
+    assert (world.discs(cache, most=1)[0] != both).any()
+    assert (world.discs(cache, most=1)[0] == both).all()
+    cache.revision += 1
+    assert all((world.discs(cache, most=1)[0] == both).all() for _ in range(2))
 
 
 @pytest.mark.parametrize(
@@ -129,7 +127,8 @@ def test_a_disc_is_the_circle_of_its_radius(
     angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
     at = project(camera, p + r * np.stack([np.cos(angle), np.zeros(4000), np.sin(angle)], -1))
     assert distance_to(at, lit).max() < 2.3 + 0.5  # half a line's width, half a pixel's diagonal, and straight pieces
-    assert grown(lit)[texels(at)].all()
+    x, y = np.floor(at).astype(int).T
+    assert np.any([lit[y + i, x + j] for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0).all()
     low, high = radius_range(settings, world.renderer.scene)
     colour = viridis(np.array(np.log(settings.a * R / low) / np.log(high / low)))
     assert np.abs(picture[lit] - colour).max(-1).min() < 0.02, "the middle of the line has the colour of a·R"
