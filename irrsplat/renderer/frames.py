@@ -112,6 +112,8 @@ class Frames(Owner):
         shadows = self.follow_scene(state, stages)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
         view = self.view_state(state, camera)
+        if stages is self.moving.stages:
+            view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
         reserve = state.costs.splat + later
         ready = gather and bounces and self._light_records(view, shadows, budget, reserve)

@@ -130,6 +130,17 @@ def test_a_moving_view_is_smaller_and_its_records_cover_the_whole_view(ctx: mode
         assert moved.frame(FRONT)[0].image.size == size and 10 < few < moved.cache.count <= 1.1 * direct.cache.count
 
 
+def test_the_spot_check_waits_for_a_still_camera(ctx: moderngl.Context) -> None:
+    """Checked places are stored: none by smaller views of a moving camera, and some by a whole view. 64² rays permit a check."""
+    with Renderer(room(), (160, 120), ctx=ctx, **{**FAST, "gather_size": 64}) as renderer:
+        renderer.frame(FRONT, TICK)
+        for i in range(30):
+            renderer.frame(replace(FRONT, fov=60.0 + 1e-3 * (i // 10)), None, moving=True)
+        assert not len(renderer.scheduler.state().checked)
+        ticks(renderer, camera=FRONT)
+        assert len(renderer.scheduler.state().checked)
+
+
 def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:
     ticks(renderer)
     before = renderer.frame(seconds=0.05)[0]
