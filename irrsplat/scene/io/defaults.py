@@ -72,11 +72,10 @@ def finish(
     room_places = camera.room_places(main_part, points, world) if up is not None or not cameras else camera.RoomPlaces(())
     inside = False
     if not cameras:
-        stand = camera.default_camera(main_part, points, world, room_places)
-        inside = stand.inside
+        added, inside = camera.default_camera(main_part, points, world, room_places)
         where = "in the room" if inside else "that sees the whole scene" if main_part is scene else "that sees most of the scene"
         notices.append(f"{path}: no camera; added a camera {where}")
-        scene, main_part = replace(scene, cameras=(stand.camera,)), replace(main_part, cameras=(stand.camera,))
+        scene, main_part = replace(scene, cameras=(added,)), replace(main_part, cameras=(added,))
     if up is None:
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)

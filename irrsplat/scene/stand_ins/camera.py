@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, cells, directions, surroundings
+from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, directions, surroundings
 
 _OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
 _THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: direction from an object to the camera
@@ -18,12 +18,8 @@ _LEAST_FRONTS = 0.6  # least share of visible surfaces that are front-facing; in
 _LEAST_VOLUME = 0.2  # of the bounding box that is visible from inside; less is a cavity of an object
 _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: eye height for ceilings in this range, in files whose unit is the metre
 _EYE_SHARE = 0.45  # of the height of other rooms
-_LEAST_CLEARANCE = 0.05  # of the floor's diagonal: least distance between the eye and obstacles
+_LEAST_CLEARANCE = 0.15  # of the median distance around the eye: least distance to obstacles
 _PLACES, _STAGE_PLACES = 0.1, 0.6  # least share of tried points inside a closed room, and a room that may lack a wall
-_EDGE = 5.0  # spacings of the points: a point this close to two sides of the bounding box lies on an edge
-_NEAR = 0.15  # of the bounding box's diagonal: closer objects hide more than they show
-_HIDDEN = 1.25  # times the nearest distance in a direction: farther points are hidden
-_PICTURE_RISE, _PICTURE_SECTORS = 0.5, 4  # extent of a level picture: sine of the elevation, sectors to each side
 _GRID = 5  # tried points along each side of the floor
 _HEIGHTS = 0.35, 0.65  # of the bounding box: heights of the tried points
 
@@ -50,46 +46,34 @@ class RoomPlaces:
         return [(at, around) for at, around in self.places if around.closed >= _CLOSED_ROOM]
 
 
-@dataclass(frozen=True)
-class Standpoint:
-    """A camera. inside: True if it is in a closed room."""
-
-    camera: Camera
-    inside: bool
-
-
 def room_places(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> RoomPlaces:
     """Return the places in the bounding box that may be in a room. points: on the surfaces. axes: as in default_camera."""
-    low, high = _extent(scene, axes)
-    box = float(np.prod(high - low))
-    if not len(points.position) or box == 0.0:
+    corners = scene.corners @ axes.T
+    low, size = corners.min(0), np.ptp(corners, axis=0)
+    least = _LEAST_VOLUME * float(np.prod(size))
+    if not len(points.position) or least == 0.0:
         return RoomPlaces(())
-    seen = [(at, surroundings(points, at, axes)) for at in _grid(low, high, axes, _HEIGHTS)]
-    found = RoomPlaces(tuple((at, it) for at, it in seen if _may_be_in_room(it, box)))
-    return found if found.stage or len(found.rooms) >= _PLACES * len(seen) else RoomPlaces(())
+    share = (np.arange(_GRID) + 0.5) / _GRID
+    grid = np.stack(np.meshgrid(share, _HEIGHTS, share, indexing="ij"), -1).reshape(-1, 3)
+    tried = [(at, surroundings(points, at, axes)) for at in (low + grid * size) @ axes]
+    found = RoomPlaces(
+        tuple(p for p in tried if p[1].closed >= _ANY_ROOM and p[1].fronts >= _LEAST_FRONTS and p[1].volume >= least)
+    )
+    return found if found.stage or len(found.rooms) >= _PLACES * len(tried) else RoomPlaces(())
 
 
-def _may_be_in_room(around: Surroundings, box: float) -> bool:
-    """True if a point with these surroundings, in a bounding box of `box` m³, may be in a room."""
-    return around.closed >= _ANY_ROOM and around.fronts >= _LEAST_FRONTS and around.volume >= _LEAST_VOLUME * box
+def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> tuple[Camera, bool]:
+    """Return a camera for the scene, and True if it is in a closed room.
 
-
-def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> Standpoint:
-    """Return a camera for the scene.
-
-    It is in a closed room at eye height, with a far view and much detail; in front of the open side of a room that lacks a wall;
-    or in front of an object, from above to one side. points: on the surfaces. axes: (3, 3) rows right, up and front of the world.
+    It is in a closed room at eye height, where it shows most surface; in front of the open side of a room that lacks a wall; or
+    in front of an object, from above to one side. points: on the surfaces. axes: (3, 3) rows right, up and front of the world.
     """
     if room_places.stage and room_places.most_open.closed < _OPEN_SIDE:
         way = _way_out(room_places.most_open, axes)
         if way is not None:
-            return Standpoint(_camera_in_front(scene, axes, way), False)
-    if room_places.rooms:
-        middle = max(room_places.rooms, key=lambda room: room[1].volume)[0]
-        camera = _camera_in_room(scene, points, axes, middle)
-        if camera is not None:
-            return Standpoint(camera, True)
-    return Standpoint(_camera_in_front(scene, axes, _THREE_QUARTERS), False)
+            return _camera_in_front(scene, axes, way), False
+    camera = _camera_in_room(points, axes, room_places.rooms) if room_places.rooms else None
+    return (camera, True) if camera is not None else (_camera_in_front(scene, axes, _THREE_QUARTERS), False)
 
 
 def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, room_places: RoomPlaces) -> Surroundings | None:
@@ -104,21 +88,6 @@ def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, r
         if around.closed >= _CLOSED_ROOM or (within and room_places.rooms and room_places.most_open.closed >= _OPEN_SIDE)
         else None
     )
-
-
-def _extent(scene: Scene, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (3,) the least and the greatest coordinates along right, up and front."""
-    corners = scene.corners @ axes.T
-    return corners.min(0), corners.max(0)
-
-
-def _grid(low: np.ndarray, high: np.ndarray, axes: np.ndarray, heights: tuple[float, ...]) -> np.ndarray:
-    """Return (N, 3) points in world space, evenly over the floor, at these shares of the height."""
-    share = (np.arange(_GRID) + 0.5) / _GRID
-    x, y, z = np.meshgrid(share, heights, share, indexing="ij")
-    shares = np.stack([x.ravel(), y.ravel(), z.ravel()], 1)
-    points: np.ndarray = (low + shares * (high - low)) @ axes
-    return points
 
 
 def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
@@ -147,62 +116,26 @@ def _way_out(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
     return unit
 
 
-def _camera_in_room(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndarray) -> Camera | None:
-    """Return a camera at eye height in the room around `room`, with a far view and much detail; None where no point is clear."""
-    low, high = _extent(scene, axes)
-    around = surroundings(points, room, axes)
-    height = float(room @ axes[1])
-    rise = directions(axes) @ axes[1]
-    below, above = rise < -0.7, rise > 0.7
-    floor = height - float(np.median(np.where(np.isfinite(around.distance), around.distance * -rise, np.inf)[below]))
-    ceiling = height + float(np.median(np.where(np.isfinite(around.distance), around.distance * rise, np.inf)[above]))
-    floor, ceiling = max(floor, float(low[1])), min(ceiling, float(high[1]))
-    tall = ceiling - floor
-    eye = floor + (_EYE if _STOREY[0] <= tall <= _STOREY[1] else _EYE_SHARE * tall)
-    share = (eye - low[1]) / max(high[1] - low[1], 1e-30)
-    level = np.abs(rise) < 0.25
-    clear = _LEAST_CLEARANCE * float(np.hypot(*(high - low)[[0, 2]]))
-    detail = points.detail()
-    margin = _EDGE * points.spacing
-    near_sides = ((detail @ axes.T < low + margin) | (detail @ axes.T > high - margin)).sum(1)
-    detail = detail[near_sides < 2]  # excludes the edges between walls, floor and ceiling
-    near = _NEAR * float(np.linalg.norm(high - low))
+def _camera_in_room(points: SurfacePoints, axes: np.ndarray, rooms: list[tuple[np.ndarray, Surroundings]]) -> Camera | None:
+    """Return the camera at eye height, above or below one of these places, that shows most surface; None if no place is clear."""
     best, camera = 0.0, None
-    for at in [*_grid(low, high, axes, (float(share),)), room + (eye - height) * axes[1]]:
+    rise, farthest = directions(axes) @ axes[1], float(np.ptp(points.position, axis=0).max())
+    for at, around in rooms:
+        heights = np.minimum(around.distance, farthest) * np.abs(rise)
+        below, above = (float(np.quantile(heights[side], 0.75)) for side in (rise < -0.7, rise > 0.7))
+        eye = _EYE if _STOREY[0] <= below + above <= _STOREY[1] else _EYE_SHARE * (below + above)
+        at = at + (eye - below) * axes[1]
         around = surroundings(points, at, axes)
-        if around.closed < _CLOSED_ROOM - 0.1 or around.fronts < _LEAST_FRONTS:
+        level = np.minimum(around.distance, farthest)[np.abs(rise[:, 0]) < 0.25]
+        if min(around.fronts, around.closed) < _LEAST_FRONTS or level.min() < _LEAST_CLEARANCE * np.median(level):
             continue
-        distance = np.where(np.isfinite(around.distance), around.distance, 0.0)
-        if distance[level & np.isfinite(around.distance)].min(initial=np.inf) < clear:
-            continue
-        ahead = distance[level].reshape(-1, distance.shape[1]).mean(0)
-        view = sum(np.roll(ahead, step) * weight for step, weight in ((-2, 0.5), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5))) / 4.0
-        worth = np.sqrt(view) * (1.0 + _seen_detail(detail, around, at, axes, near))
-        sector = int(np.argmax(worth))
-        if worth[sector] > best:
+        shown = around.shown(points, at, axes)
+        sector = int(np.argmax(shown))
+        if shown[sector] > best:
             way = directions(axes)[:, sector].mean(0)
-            way = way - (way @ axes[1]) * axes[1]
-            way = way / np.linalg.norm(way)
-            best = float(worth[sector])
-            camera = Camera(_point(at), _point(at + float(view[sector]) * way), _point(axes[1]), _INSIDE)
+            way *= np.median(level[:, sector]) / np.linalg.norm(way)
+            best, camera = float(shown[sector]), Camera(_point(at), _point(at + way), _point(axes[1]), _INSIDE)
     return camera
-
-
-def _seen_detail(detail: np.ndarray, around: Surroundings, at: np.ndarray, axes: np.ndarray, near: float) -> np.ndarray:
-    """Return (SECTORS,) the weighted number of `detail` points (M, 3) that a level picture from `at` towards each sector shows.
-
-    Points in the middle weigh most, and points nearer than `near` metres less, because they hide others.
-    """
-    distance, ring, sector = cells(detail - at, axes)
-    level = np.abs(ring + 0.5 - 0.5 * around.distance.shape[0]) < _PICTURE_RISE * 0.5 * around.distance.shape[0]
-    seen = level & (distance < _HIDDEN * around.distance[ring, sector])
-    sectors = around.distance.shape[1]
-    weight = np.minimum(distance[seen] / near, 1.0) ** 2
-    counts = np.bincount(sector[seen], weight, minlength=sectors)
-    steps = np.arange(-_PICTURE_SECTORS, _PICTURE_SECTORS + 1)
-    share = np.cos(0.5 * np.pi * steps / (_PICTURE_SECTORS + 1))  # the middle weighs most
-    found: np.ndarray = sum((w * np.roll(counts, int(step)) for step, w in zip(steps, share, strict=True)), np.zeros(sectors))
-    return found
 
 
 def _point(values: np.ndarray) -> tuple[float, float, float]:

@@ -13,8 +13,8 @@ _CHUNK_TRIANGLES = 1 << 18  # triangles whose areas are computed together; bound
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, of equal solid angle
 _GAP_SPACINGS = 6.4  # spacings of the points: nearer surfaces have gaps between their points
-_CUBE_SPACINGS = 5.0  # spacings: the side of the cubes in which detail is measured
-_PLANAR_SHARE = 0.93  # largest share of squared normals along one line in a cube with detail
+_HIDDEN = 1.25  # times the nearest distance in a direction: farther points are hidden
+_PICTURE_RISE, _PICTURE_SECTORS = 0.5, 4  # extent of a level picture: sine of the elevation, sectors to each side
 
 
 @dataclass(frozen=True)
@@ -27,17 +27,6 @@ class SurfacePoints:
     position: np.ndarray
     normal: np.ndarray
     spacing: float = 0.0
-
-    def detail(self) -> np.ndarray:
-        """Return (M, 3) the centres of points in the cubes whose normals vary, that is, all but planar places."""
-        cube = np.floor(self.position / max(_CUBE_SPACINGS * self.spacing, 1e-30)).astype(np.int64)
-        _, which, count = np.unique(cube, axis=0, return_inverse=True, return_counts=True)
-        sums = np.stack([np.bincount(which.ravel(), column) for column in self.position.T], 1)
-        squares = self.normal[:, :, None] * self.normal[:, None, :]
-        moments = np.stack([np.bincount(which.ravel(), column) for column in squares.reshape(-1, 9).T], 1)
-        along = np.linalg.eigvalsh((moments / count[:, None]).reshape(-1, 3, 3))[:, 2]
-        found: np.ndarray = (sums / count[:, None])[along < _PLANAR_SHARE]
-        return found
 
 
 @dataclass(frozen=True)
@@ -67,6 +56,16 @@ class Surroundings:
         """The visible volume, m³, slightly underestimated; free directions do not contribute."""
         hit = np.isfinite(self.distance)
         return float(4.0 / 3.0 * np.pi * (np.where(hit, self.distance, 0.0) ** 3).mean())
+
+    def shown(self, points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """Return (SECTORS,) the weighted number of points that a level picture from `at` towards each sector shows."""
+        distance, ring, sector = cells(points.position - at, axes)
+        level = np.abs(ring + 0.5 - 0.5 * _RINGS) < 0.5 * _PICTURE_RISE * _RINGS
+        seen = level & (distance < _HIDDEN * self.distance[ring, sector])
+        counts = np.bincount(sector[seen], minlength=_SECTORS)
+        share = np.cos(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2 * _PICTURE_SECTORS + 3))  # the middle weighs most
+        found: np.ndarray = np.convolve(np.tile(counts, 3), share, "same")[_SECTORS : 2 * _SECTORS]
+        return found
 
 
 def directions(axes: np.ndarray) -> np.ndarray:
