@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,7 +12,8 @@ from numpy.typing import ArrayLike
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import DAMAGE, _naming, write_file
-from irrsplat.scene.model import Camera, Material, Scene, Texture
+from irrsplat.records.scene_stamp import hashed, stamp
+from irrsplat.scene.model import Camera, Scene, Texture
 
 Result = TypeVar("Result")
 
@@ -29,44 +28,20 @@ def folder() -> Path:
 
 def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
     """Return a hash of a scene, a view and further numbers; names do not matter, every bit of a number does."""
-    digest = hashlib.sha256()
+    numbers = (*values, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
+    lights = [light.key for light in scene.lights]
+    maps = {material: _normal_map(material.normal_texture, material.normal_scale) for material in scene.materials}
+    bends = [maps[mesh.material] for mesh in scene.meshes]
+    exact = [(np.asarray(value, float) + 0.0).tolist() for value in numbers]  # −0 is 0
+    return hashed(repr((exact, stamp(scene).geometry, lights, bends)).encode())[:24]
 
-    def add(*values: ArrayLike) -> None:
-        for value in values:
-            array = np.asarray(value, np.float64)
-            digest.update(f"{array.shape}".encode())
-            digest.update((array + 0.0).tobytes())  # −0 is 0
 
-    images: dict[int, bytes] = {}
-
-    def add_texture(texture: Texture | None) -> None:
-        add(texture is None)
-        if texture is not None:
-            pixels = texture.image.pixels
-            if id(pixels) not in images:  # many materials may share an image, which may have millions of texels
-                images[id(pixels)] = hashlib.sha256(f"{pixels.shape}".encode() + np.ascontiguousarray(pixels).tobytes()).digest()
-            digest.update(images[id(pixels)] + f"{texture.wrap}".encode())
-            add(texture.uv_set, texture.transform, texture.nearest)
-
-    def add_material(material: Material) -> None:
-        for value in (getattr(material, field.name) for field in fields(material)):
-            if value is None or isinstance(value, Texture):
-                add_texture(value)
-            elif isinstance(value, str):
-                digest.update(value.encode())
-            else:
-                add(value)
-
-    add(*values, scene.sky, scene.sky_gradient, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
-    if scene.environment is not None:
-        digest.update(scene.environment.digest)
-    for mesh in scene.meshes:
-        add(mesh.positions, mesh.normals, mesh.faces)
-        add(*(() if value is None else value for value in (mesh.colors, mesh.uvs, mesh.opacities)))
-        add_material(mesh.material)
-    for light in scene.lights:
-        add(*(() if value is None else value for value in light.key))
-    return digest.hexdigest()[:24]
+def _normal_map(texture: Texture | None, scale: float) -> object:
+    """Return the inputs of a normal map, which a stamp leaves out."""
+    if texture is None:
+        return None
+    pixels = texture.image.pixels
+    return scale, texture.uv_set, texture.transform, texture.wrap, texture.nearest, pixels.shape, hashed(pixels)
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:
