@@ -15,8 +15,6 @@ from irrsplat.scene import load
 from irrsplat.scene.appearance import runs
 from irrsplat.scene.change import emits
 from irrsplat.scene.image_means import sums_of_four
-from irrsplat.scene.io.mesh_builder import build_meshes
-from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.text.scene_writer import write_scene
 from irrsplat.scene.model import Image, Light, Scene, Texture
 from irrsplat.scene.motion import posed
@@ -28,26 +26,6 @@ from tests.support.worlds import box, floor, point_light, scene
 pytestmark = pytest.mark.usefixtures("without_stand_ins")
 
 SUN = Light((0, 1, 0), (1, 1, 1), directional=True)
-
-
-def test_meshes_do_not_depend_on_what_is_built_with_them() -> None:
-    """A mesh is a function of its part: built with others of all layouts, or alone, it is the same to the last bit."""
-    chance, parts = np.random.default_rng(3), []
-    for i in range(64):
-        points, corners, matrix = chance.normal(size=(9, 3)), chance.integers(0, 9, (i % 7, 3)), np.eye(4)  # some have no area
-        matrix[:3] = chance.normal(size=(3, 4)) if i != 40 else np.nan
-        part = Part(points, corners + 9 * (i == 41), None if i % 4 < 2 else points, None, matrix, name=f"{i}")
-        if i % 4 == 1:
-            part = replace(part, normals=points[:5], corner_normals=chance.integers(-1, 5, corners.shape), colors=points)
-        if i % 3:
-            part = replace(part, uvs=points[:7, [0, 1, 0, 1]], corner_uvs=chance.integers(-1, 7, corners.shape))
-        parts.append(part)
-    together, alone = list(build_meshes(parts)), [next(build_meshes([part])) for part in parts]
-    assert [one.part.name for one in together if one.problem] == ["40", "41"] and sum(one.dropped for one in together) > 0
-    for one, other in zip(together, alone, strict=True):
-        assert (one.problem, one.dropped) == (other.problem, other.dropped)
-        for name in ("positions", "normals", "faces", "colors", "uvs", "closed"):
-            np.testing.assert_array_equal(getattr(one.mesh, name, None), getattr(other.mesh, name, None), name, strict=True)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from irrsplat.scene.model import Mesh
 
 _FLAT = 1e-12  # twice the area over the longest edge squared; smaller values are rounding errors
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)  # odd factors
-_BATCH = 1 << 16  # vertices and corners that are processed together; bounds the temporary memory
 
 
 @dataclass(frozen=True)
@@ -39,173 +37,75 @@ class Built:
 def build_meshes(parts: Iterable[Part], origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Iterator[Built]:
     """Yield the mesh of each part in world space, relative to `origin`, in order.
 
-    Parts are read ahead in batches, because numpy's cost for a call exceeds that for a small part. A triangle with a missing or
-    zero normal gets its face normal and vertices of its own. Problems are indices and coordinates out of range, and transforms
-    that cannot be inverted or exceed the range of float32.
+    A triangle with a missing or zero normal gets its face normal and vertices of its own. Problems are indices and coordinates
+    out of range, and transforms that cannot be inverted or exceed the range of float32.
     """
-    batch: list[Part] = []
-    size = 0
     for part in parts:
-        more = len(part.positions) + part.corners.size
-        if batch and size + more > _BATCH:
-            yield from _build_batch(batch, origin)
-            batch, size = [], 0
-        batch.append(part)
-        size += more
-    yield from _build_batch(batch, origin)
-
-
-def _build_batch(parts: Sequence[Part], origin: tuple[float, float, float]) -> list[Built]:
-    """Return the meshes of parts that may differ in which arrays they have."""
-    layouts: dict[tuple[bool, ...], list[int]] = defaultdict(list)
-    for i, part in enumerate(parts):
-        arrays = part.normals, part.corner_normals, part.colors, part.uvs, part.corner_uvs, part.opacities
-        layouts[tuple([array is None for array in arrays])].append(i)
-    found: dict[int, Built] = {}
-    for which in layouts.values():
-        found |= zip(which, _build_alike([parts[i] for i in which], origin), strict=True)
-    return [found[i] for i in range(len(parts))]
-
-
-def _build_alike(parts: Sequence[Part], origin: tuple[float, float, float]) -> list[Built]:
-    """Return the meshes of parts that have the same kinds of arrays, from their concatenation."""
-    vertex_part, face_part = (_row_parts(parts, name) for name in ("positions", "corners"))
-    matrices = np.stack([np.eye(4) if part.matrix is None else part.matrix for part in parts])
-    turns = matrices[:, :3, :3]
-    corners = _joined(parts, "corners").astype(np.int64)
-    with np.errstate(all="ignore"):
-        world = times(_joined(parts, "positions").astype(float), _per_row(turns, vertex_part))
-        world += _per_row(matrices[:, :3, 3] - origin, vertex_part)
-        determinants = np.linalg.det(turns)
-        usable = np.isfinite(determinants) & (determinants != 0.0)
-        usable[vertex_part[~np.isfinite(world.astype(np.float32)).all(1)]] = False
-    counts = np.array([[len(part.positions)] for part in parts])
-    usable[face_part[((corners < 0) | (corners >= _per_row(counts, face_part))).any(1)]] = False
-    if not usable.all():
-        kept = [part for part, good in zip(parts, usable, strict=True) if good]
-        rest = iter(_build_alike(kept, origin) if kept else ())
-        return [next(rest) if good else Built(part, problem=_problem(part)) for part, good in zip(parts, usable, strict=True)]
-
-    normals = np.zeros((0, 3))
-    if parts[0].normals is not None:
-        normals = np.nan_to_num(_joined(parts, "normals").astype(float), posinf=0.0, neginf=0.0)
-    if normals.any():
-        with np.errstate(all="ignore"):
-            inverses = np.linalg.inv(turns).transpose(0, 2, 1)
-            normals = unit(times(normals, _per_row(inverses, _row_parts(parts, "normals"))))
-    corners = _global(corners, parts, "positions", face_part)
-    columns = [corners]  # the indices that a corner consists of
-    if parts[0].corner_normals is not None:
-        columns.append(_global(_joined(parts, "corner_normals"), parts, "normals", face_part))
-    elif parts[0].normals is None:
-        columns.append(np.full_like(corners, -1))
-    if parts[0].corner_uvs is not None:
-        columns.append(_global(_joined(parts, "corner_uvs"), parts, "uvs", face_part))
-    return _assembled(parts, world, normals, columns, vertex_part, face_part)
-
-
-def _assembled(
-    parts: Sequence[Part],
-    world: np.ndarray,
-    normals: np.ndarray,
-    columns: list[np.ndarray],
-    vertex_part: np.ndarray,
-    face_part: np.ndarray,
-) -> list[Built]:
-    """Return the meshes of concatenated triangles.
-
-    world: (V, 3). normals: (N, 3), unit or 0. columns: (F, 3) each, indices of positions, then of normals if there are others
-    than one a position, then of texture coordinates if likewise. vertex_part: (V,), face_part: (F,) numbers of parts.
-    """
-    a, b, c = (world[columns[0][:, i]] for i in range(3))
-    cross = cross_product(b - a, c - a)
-    double_area = np.linalg.norm(cross, axis=1)
-    longest = np.max([((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1), ((a - c) ** 2).sum(1)], axis=0)
-    good = double_area > _FLAT * longest
-    dropped = np.bincount(face_part[~good], minlength=len(parts))
-    if dropped.any():
-        columns, cross, face_part = [column[good] for column in columns], cross[good], face_part[good]
-
-    normal_column = 0 if parts[0].corner_normals is None and parts[0].normals is not None else 1
-    nonzero = np.append(normals.any(axis=1), False)  # the last row is that of index -1
-    shaded: np.ndarray = nonzero[columns[normal_column]].all(axis=1)
-    smooth, flat = np.flatnonzero(shaded), np.flatnonzero(~shaded)
-    vertices, inverse = _vertices([column[smooth] for column in columns])
-    smooth_part, flat_part = vertex_part[vertices[0]], np.repeat(face_part[flat], 3)
-    smooth_counts, flat_counts = (np.bincount(which, minlength=len(parts)) for which in (smooth_part, flat_part))
-    faces = np.empty((len(face_part), 3), np.int32)
-    faces[smooth] = inverse - _per_row(_starts(smooth_counts)[:, None], face_part[smooth])
-    flat_starts = smooth_counts - _starts(flat_counts)
-    faces[flat] = np.arange(3 * len(flat)).reshape(-1, 3) + _per_row(flat_starts[:, None], face_part[flat])
-
-    order = slice(None) if len(parts) == 1 else np.argsort(np.concatenate([smooth_part, flat_part]), kind="stable")
-    sources = [np.concatenate([v, column[flat].reshape(-1)])[order] for v, column in zip(vertices, columns, strict=True)]
-    out_normals = np.concatenate([normals[vertices[normal_column]], np.repeat(unit(cross[flat]), 3, axis=0)])[order]
-    arrays: dict[str, np.ndarray] = {
-        "positions": world[sources[0]].astype(np.float32),
-        "normals": out_normals.astype(np.float32),
-    }
-    for name in ("colors", "opacities"):
-        if getattr(parts[0], name) is not None:
-            arrays[name] = _joined(parts, name)[sources[0]].astype(np.float32)
-    if parts[0].uvs is not None:
-        source = sources[0] if parts[0].corner_uvs is None else sources[-1]
-        arrays["uvs"] = _joined(parts, "uvs")[source].astype(np.float32)
-        arrays["uvs"][source < 0] = 0.0
-    found = []
-    vertex_ends = np.cumsum(smooth_counts + flat_counts).tolist()
-    face_ends = np.cumsum(np.bincount(face_part, minlength=len(parts))).tolist()
-    low = first = 0
-    for part, lost, high, last in zip(parts, dropped.tolist(), vertex_ends, face_ends, strict=True):
-        own = {name: array[low:high] for name, array in arrays.items()}
-        own_faces = faces[first:last]
         try:
-            closed = is_closed(own["positions"], own_faces)
-            mesh = Mesh(faces=own_faces, material=part.material, closed=closed, name=part.name, **own)
-            found.append(Built(part, mesh, lost))
+            yield _build(part, origin)
         except InputError as error:
-            found.append(Built(part, problem=str(error)))
-        low, first = high, last
-    return found
+            yield Built(part, problem=str(error))
 
 
-def _problem(part: Part) -> str:
-    """Return the reason why a part cannot be built."""
-    if problem := corner_problem(part.corners, len(part.positions)):
-        return problem
-    if not np.isfinite(part.positions).all():
-        return "a vertex is not finite (NaN or infinity); expected finite coordinates"
-    return "the transformed coordinates exceed the range of 32-bit floats, or all collapse; change the scale"
+def _build(part: Part, origin: tuple[float, float, float]) -> Built:
+    """Return the mesh of a part; raise InputError with the problem of a part that cannot be built."""
+    corners, matrix = part.corners.astype(np.int64), np.eye(4) if part.matrix is None else part.matrix
+    turn = matrix[:3, :3]
+    if problem := corner_problem(corners, len(part.positions)):
+        raise InputError(problem)
+    with np.errstate(all="ignore"):
+        world = times(part.positions.astype(float), turn) + (matrix[:3, 3] - origin)
+        positions, determinant = world.astype(np.float32), np.linalg.det(turn)
+        if not np.isfinite(positions).all() or not np.isfinite(determinant) or determinant == 0.0:
+            if not np.isfinite(part.positions).all():
+                raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates")
+            reason = "the transformed coordinates exceed the range of 32-bit floats, or all collapse; change the scale"
+            raise InputError(reason)
+        normals = np.zeros((0, 3))
+        if part.normals is not None:
+            normals = np.nan_to_num(part.normals.astype(float), posinf=0.0, neginf=0.0)
+            normals = unit(times(normals, np.linalg.inv(turn).T)) if normals.any() else normals
 
-
-def _joined(parts: Sequence[Part], name: str) -> np.ndarray:
-    """Return the parts' arrays of this name, one after another."""
-    arrays: list[np.ndarray] = [getattr(part, name) for part in parts]
-    return np.asarray(np.concatenate(arrays)) if len(arrays) > 1 else arrays[0]
-
-
-def _row_parts(parts: Sequence[Part], name: str) -> np.ndarray:
-    """Return (N,) the number of the part that each row of the joined arrays of this name belongs to."""
-    return np.repeat(np.arange(len(parts)), [len(getattr(part, name)) for part in parts])
-
-
-def _per_row(values: np.ndarray, row_parts: np.ndarray) -> np.ndarray:
-    """Return the values (P, …) of parts for each row (N, …); those of a single part (1, …) are broadcast."""
-    return values[row_parts] if len(values) > 1 else values
-
-
-def _starts(counts: np.ndarray) -> np.ndarray:
-    """Return the first row of each part for so many rows a part."""
-    starts: np.ndarray = np.cumsum(counts) - counts
-    return starts
-
-
-def _global(indices: np.ndarray, parts: Sequence[Part], name: str, face_part: np.ndarray) -> np.ndarray:
-    """Return indices (F, 3) into the parts' own arrays as indices into the joined ones; -1 stays."""
-    if len(parts) == 1:
-        return indices
-    starts = _starts(np.array([len(getattr(part, name)) for part in parts]))
-    return np.where(indices < 0, indices, indices + starts[face_part][:, None])
+    a, b, c = (world[corners[:, i]] for i in range(3))
+    cross = cross_product(b - a, c - a)
+    longest = np.maximum(np.maximum(((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1)), ((a - c) ** 2).sum(1))
+    good = np.linalg.norm(cross, axis=1) > _FLAT * longest
+    columns, normal_column = [corners], 0 if part.corner_normals is None and part.normals is not None else 1
+    if normal_column:
+        columns.append(np.full_like(corners, -1) if part.corner_normals is None else part.corner_normals)
+    if part.corner_uvs is not None:
+        columns.append(part.corner_uvs)
+    if not good.all():
+        columns, cross = [column[good] for column in columns], cross[good]
+    nonzero = np.append(normals.any(axis=1), False)  # the last row is that of index -1
+    shaded = np.asarray(nonzero[columns[normal_column]].all(axis=1))
+    vertices, inverse = _vertices([column[shaded] for column in columns])
+    faces = np.empty((len(cross), 3), np.int32)
+    faces[shaded] = inverse
+    faces[~shaded] = len(vertices[0]) + np.arange(3 * np.count_nonzero(~shaded)).reshape(-1, 3)
+    sources = [np.concatenate([v, column[~shaded].reshape(-1)]) for v, column in zip(vertices, columns, strict=True)]
+    smooth, flat = normals[vertices[normal_column]], np.repeat(unit(cross[~shaded]), 3, axis=0)
+    uvs = None
+    if part.uvs is not None:
+        source = sources[0] if part.corner_uvs is None else sources[-1]
+        uvs = part.uvs[source].astype(np.float32)
+        uvs[source < 0] = 0.0
+    positions = positions[sources[0]]
+    colors, opacities = (
+        None if values is None else values[sources[0]].astype(np.float32) for values in (part.colors, part.opacities)
+    )
+    mesh = Mesh(
+        positions,
+        np.concatenate([smooth, flat]).astype(np.float32),
+        faces,
+        part.material,
+        colors,
+        is_closed(positions, faces),
+        part.name,
+        uvs,
+        opacities,
+    )
+    return Built(part, mesh, int(np.count_nonzero(~good)))
 
 
 def _vertices(columns: list[np.ndarray]) -> tuple[list[np.ndarray], np.ndarray]:
