@@ -77,7 +77,7 @@ def tessellate(
     edges = _edges(p)
     longest = edges.max(0)
     n = steps(p, longest, spacing)
-    strips = np.ceil(longest / np.maximum(np.maximum(edges.min(0), spacing), 1e-30)).astype(np.intp)
+    strips = _strips(longest, np.maximum(np.maximum(edges.min(0), spacing), 1e-30))
     sliver = strips >= _SLIVER
     near = np.zeros(len(p), bool)
     if lights is not None and len(lights):
@@ -149,6 +149,19 @@ def _halvings(p: np.ndarray, spacing: np.ndarray, lights: np.ndarray | None) -> 
         np.minimum(step, np.sqrt(squares_from_boxes(low, high, place)) + size, out=step)
     halvings: np.ndarray = np.minimum(np.ceil(np.log2(spacing / np.maximum(step, 1e-30))), _FINEST).astype(np.intp)
     return halvings
+
+
+def _strips(longest: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return (F,) the strips of triangles by their longest edges and the least width of a strip, (F,) metres.
+
+    Strips are wider where slivers would have more than _MAX_CELLS parts in all.
+    """
+    while True:
+        strips = np.ceil(longest / width)
+        if 2.0 * strips[strips >= _SLIVER].sum() <= _MAX_CELLS:
+            found: np.ndarray = strips.astype(np.intp)
+            return found
+        width = 1.25 * width
 
 
 def _count(n: np.ndarray, apex: np.ndarray) -> np.ndarray:

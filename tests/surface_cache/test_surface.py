@@ -14,7 +14,7 @@ from irrsplat.gpu.world import World
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.surface_cache import clustering
+from irrsplat.surface_cache import clustering, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import FULL, Detail, SiteChooser, detail_for
@@ -90,6 +90,8 @@ def test_strips_cross_the_long_edges_of_a_sliver(corner: int) -> None:
     assert found.table[0].tolist() == [-21 - 0.25 * ((corner + 1) % 3 + 1), 1] and found.cells == 41
     longest = max(np.linalg.norm(parts[:, k] - parts[:, k - 1], axis=-1).max() for k in range(3))
     assert size.sum() == pytest.approx(0.5) and longest <= 0.5 and np.allclose(found.geometric, (0, -1, 0))
+    many = tessellate(sliver, np.tile([0, 1, 2], (10_000, 1)), 0.5, 0.0)
+    assert many.cells <= 2 * tessellation._MAX_CELLS, "wires, such as a fence, have no strips beyond the limit of cells"
 
 
 def test_planks_of_a_corridor_give_the_light_of_one_floor() -> None:
@@ -104,7 +106,7 @@ def test_planks_of_a_corridor_give_the_light_of_one_floor() -> None:
         shell = [quad((-1, 2.6, -30), (2, 0, 0), (0, 0, 60), material(0.8))]
         shell += [quad((x, 0, -30), (0, 0, 60), (0, 2.6, 0), material(0.8)) for x in (-1, 1)]
         shell += [quad((-1, 0, z), (2, 0, 0), (0, 2.6, 0), material(0.8)) for z in (-30, 30)]
-        lights = [point_light((0, 2.3, z), 4.0) for z in (-20, 0, 20)]
+        lights = tuple(point_light((0, 2.3, z), 4.0) for z in (-20, 0, 20))
         eye = Camera((0.6, 1.5, 29), (0, 1.2, 0), fov=65.0)
         found.append(render(scene(*planks, *shell, lights=lights, camera=eye), (32, 24)).irradiance.mean())
     assert found[1] == pytest.approx(found[0], rel=0.04)
