@@ -211,7 +211,7 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
     if stats.get("interrupted"):
         return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True) and "uncovered" not in stats:
-        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_end_in_words([stats])}")
     if (notice := _bounces_notice([stats])) is not None:
         say(f"notice: {notice}")
     return 0
@@ -224,7 +224,7 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
     if interrupted is not None:
         return fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
-        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
+        say(f"notice: {short} of {len(done)} frames stopped {_end_in_words(done)}")
     if (notice := _bounces_notice(done)) is not None:
         say(f"notice: {notice}")
     return 0
@@ -246,10 +246,10 @@ def _bounces_notice(stats: Sequence[Statistics]) -> str | None:
     return next(filter(None, map(bounces_notice, stats)), None)
 
 
-def _unserved(stats: Sequence[Statistics]) -> str:
+def _end_in_words(stats: Sequence[Statistics]) -> str:
     """Return the end of the notice on incomplete pictures: the limit to raise."""
     full = any(one.get("full") for one in stats)
-    return f"before every pixel was served; raise {'--max-records or ' if full else ''}--a"
+    return f"before every pixel was covered; raise {'--max-records or ' if full else ''}--a"
 
 
 COMMAND = Command(add, run, check_files=check_files)
