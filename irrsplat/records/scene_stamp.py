@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from irrsplat.scene.appearance import order
-from irrsplat.scene.model import Image, Material, Scene
+from irrsplat.scene.model import Image, Material, Scene, Texture
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,17 @@ def _material(material: Material) -> Iterator[bytes]:
     Normal maps do not count: they change shading normals, not records.
     """
     yield repr(replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)).encode()
-    for texture in (material.albedo_texture, material.emission_texture):
-        if texture is None:
-            yield b""
-        else:
-            yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest, texture.image.pixels.shape)).encode()
-            yield _image_digest(texture.image)
+    yield from texture_parts(material.albedo_texture)
+    yield from texture_parts(material.emission_texture)
+
+
+def texture_parts(texture: Texture | None) -> Iterator[bytes]:
+    """Yield the hash input of a texture: one empty part for none. Each image is read once."""
+    if texture is None:
+        yield b""
+    else:
+        yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest, texture.image.pixels.shape)).encode()
+        yield _image_digest(texture.image)
 
 
 _digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images are immutable and may be large

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import DAMAGE, _naming, write_file
-from irrsplat.records.scene_stamp import hashed, stamp
-from irrsplat.scene.model import Camera, Scene, Texture
+from irrsplat.records.scene_stamp import hashed, stamp, texture_parts
+from irrsplat.scene.model import Camera, Scene
 
 Result = TypeVar("Result")
 
@@ -30,18 +30,11 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
     """Return a hash of a scene, a view and further numbers; names do not matter, every bit of a number does."""
     numbers = (*values, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
     lights = [light.key for light in scene.lights]
-    maps = {material: _normal_map(material.normal_texture, material.normal_scale) for material in scene.materials}
+    # a stamp leaves out normal maps
+    maps = {one: hashed(repr(one.normal_scale).encode(), *texture_parts(one.normal_texture)) for one in scene.materials}
     bends = [maps[mesh.material] for mesh in scene.meshes]
     exact = [(np.asarray(value, float) + 0.0).tolist() for value in numbers]  # −0 is 0
     return hashed(repr((exact, stamp(scene).geometry, lights, bends)).encode())[:24]
-
-
-def _normal_map(texture: Texture | None, scale: float) -> object:
-    """Return the inputs of a normal map, which a stamp leaves out."""
-    if texture is None:
-        return None
-    pixels = texture.image.pixels
-    return scale, texture.uv_set, texture.transform, texture.wrap, texture.nearest, pixels.shape, hashed(pixels)
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:
