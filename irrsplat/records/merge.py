@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from irrsplat.core.record_layout import COLUMNS
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import own_radii, record_distance, record_weight
+from irrsplat.records.weight import own_radii, weights
 from irrsplat.settings import Settings
 
 # times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. At 1, up to 3 % of
@@ -118,12 +118,9 @@ class _Table:
         The formulas are those of shaders/indirect/splat.frag; 0 where a record does not contribute.
         """
         settings, columns = self.settings, self.columns
-        apart = columns["position"][place] - columns["position"][other]
         reach = self.bounded(self.radii[other], columns["screen"][place, None])
-        R = reach / settings.a
-        distance = record_distance(apart, columns["axis"][other], R)
-        w = record_weight(distance, apart, columns["normal"][place], columns["normal"][other], R[:, 1], settings.hessian)
-        return np.where(w > 1.0 / settings.a, w, 0.0)
+        records = {name: columns[name][other] for name in ("position", "normal", "axis")}
+        return weights(records, reach, columns["position"][place], columns["normal"][place], settings)
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def reach(
 
 
 def weights(columns: Mapping[str, np.ndarray], radii: np.ndarray, p: np.ndarray, n: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return (N,) the raw weight w of every record at a point p with unit normal n, (3,) each; 0 if it does not contribute.
+    """Return (N,) the raw weight w of records at a point p with unit normal n, (3,) or (N, 3) each; 0 without contribution.
 
     radii: (N, 2) from `reach`.
     """
