@@ -44,7 +44,7 @@ def levels(
     counts: Sequence[int],
     view: Judged,
     report: Callable[[float], object],
-    prepare: Callable[[int], object] = int,
+    prepare: Callable[[int], object] | None = None,
 ) -> dict[str, list[tuple[int, float, float]]]:
     """Return the levels of an `irradiance` (N, 3) by sample counts, see TimedLevels, unfiltered and with each filter.
 
@@ -56,7 +56,8 @@ def levels(
         smooth(np.zeros((len(view.normal), 3)))  # loads its weights
     found: dict[str, list[tuple[int, float, float]]] = {name: [] for name in filtered}
     for count in counts:
-        prepare(count)
+        if prepare is not None:
+            prepare(count)
         start = time.process_time()
         E = irradiance(count)
         traced = time.process_time() - start

@@ -43,4 +43,5 @@ PEERS: tuple[Peer, ...] = (
 
 def others() -> str:
     """Return the names of all other renderers, for help and messages."""
-    return " and ".join(peer.name for peer in PEERS if peer.package)
+    *names, last = (peer.name for peer in PEERS if peer.package)
+    return f"{', '.join(names)} and {last}"
