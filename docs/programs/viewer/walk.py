@@ -309,6 +309,8 @@ def truth(walker: Walker) -> None:
 def save(walker: Walker) -> None:
     walker.key("1", "ctrl+s")
     walker.wait(3)
+    walker.key("Return")  # takes the proposed name
+    walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
 
 
