@@ -1,4 +1,4 @@
-"""Tables in textures: items by number, row after row, laid out as arrays, or written, read and copied in part on the GPU."""
+"""Tables in textures: items by number, row after row, laid out as arrays, or written and read in part."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gpu.target import Target
 
 
 def row_count(items: int) -> int:
@@ -54,15 +53,6 @@ def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int
     data = window.read((0, low, width, high - low), components, dtype="f4")
     window.release()
     return np.frombuffer(data, "f4").reshape(-1, components)[first - low * width : last - low * width]
-
-
-def copy(ctx: moderngl.Context, source: moderngl.Texture, target: moderngl.Texture) -> None:
-    """Copy a texture on the GPU into the first rows of another of equal width and at least equal height."""
-    into, of = (Target(ctx, texture.size, textures=[texture]) for texture in (target, source))
-    into.use()  # resets the scissor of the last draw, which would crop the copy
-    ctx.copy_framebuffer(into.gl, of.gl)
-    for window in (into, of):
-        window.release()
 
 
 def _boxes(first: int, count: int, width: int) -> Iterator[tuple[int, tuple[int, int, int, int]]]:

@@ -98,7 +98,8 @@ class Refiner(Owner):
         if self.state is not None and self._base is not None:
             (count, limits, compared), self.state, self._steps = self._base, None, None
             self.cache.truncate(count)
-            self.cache.restore_limits(limits)
+            self.cache.set_limits(limits)
+            self.cache.revision += 1
             self.scheduler.adaptation.accept(vars(self.scheduler.settings), compared)
 
     def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:

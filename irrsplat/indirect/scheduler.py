@@ -60,23 +60,17 @@ class RecordScheduler(Owner):
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
         self.adaptation = AdaptiveRadius(world.ctx, cache, timers)
-        self._passes = Workshop()
+        self.refresh_order, self._passes = RefreshOrder(world.ctx), Workshop()
         self._checked = PlacesChecked()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.gatherer, self.adaptation, self._passes)
+        return (self.gatherer, self.adaptation, self.refresh_order, self._passes)
 
     @property
     def settings(self) -> Settings:
         """The settings by which records are gathered now."""
         return self.gatherer.settings
-
-    @property
-    def refresh_order(self) -> RefreshOrder:
-        """The order in which stale records are gathered again."""
-        gradients = self.settings.gradients
-        return self._passes.get("refresh_order", gradients, lambda: RefreshOrder(self.ctx, gradients))
 
     # ---- changes ---------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.timers import Timers
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
@@ -38,14 +38,13 @@ class AdaptiveRadius(Owner):
     """Keeps the limits of the radii of a cache's records up to date."""
 
     def __init__(self, ctx: moderngl.Context, cache: RecordCache, timers: Timers) -> None:
-        self.ctx, self.cache, self.timers = ctx, cache, timers
-        self.passes = Workshop()
+        self.cache, self.timers, self.limit_pass = cache, timers, RadiusLimitPass(ctx)
         self._progress = _Progress()
         self._floor_of = 0, 0  # record count and refresh count at the last update of the luminance floor
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.passes,)
+        return (self.limit_pass,)
 
     def keep(self, numbers: np.ndarray) -> None:
         """Drop all records except these numbers, ascending."""
@@ -78,16 +77,13 @@ class AdaptiveRadius(Owner):
             with self.timers("adapt"):
                 before = cache.limits(limited)
                 if settings.adapt > 0.0 and cache.count:
-                    self._pass(settings)(cache, first, settings, old_too)
+                    cache.set_limits(self.limit_pass(cache, first, settings, old_too))
                 elif not same:
-                    cache.reset_limits()
+                    cache.set_limits(np.ones(cache.count))
                 changed = not same or not np.array_equal(before, cache.limits(limited))
             cache.revision += changed  # unchanged limits keep the splats of old records valid
         self._progress = _Progress(cache.count, cache.count if old_too else compared, inputs)
         return changed
-
-    def _pass(self, settings: Settings) -> RadiusLimitPass:
-        return self.passes.get("limits", settings.gradients, lambda: RadiusLimitPass(self.ctx, settings.gradients))
 
     def _inputs(self, settings: Mapping[str, object]) -> tuple[object, ...]:
         return (*(settings.get(name) for name in _SETTINGS), self.cache.refresh_count, self.cache.luminance_floor)

@@ -27,76 +27,60 @@ _MAX_IN_GRID = 32768  # records: Mesa's software renderer silently ends a fragme
 
 
 class RadiusLimitPass(Owner):
-    """Pass that writes the limits of records' radii into the cache; gradients: records have derivatives."""
+    """Pass that computes the limits of records' radii."""
 
-    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+    def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        defines = record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN}
-        self.program = Program(ctx, "records/radius_limit", "lib/fullscreen", defines)
-        self.write = Program(ctx, "records/radius_limit_write")
+        defines = [record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN} for gradients in (False, True)]
+        self.programs = [Program(ctx, "records/radius_limit", "lib/fullscreen", some) for some in defines]
         self.targets = float_texture(ctx, _TABLE, 1)
         self.found = Target(ctx, _TABLE, (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.program, self.write, self.targets, self.found)
+        return (*self.programs, self.targets, self.found)
 
-    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool) -> None:
-        """Limit the records from number `first` on, each by records of lower numbers, so that batch sizes do not matter.
+    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool) -> np.ndarray:
+        """Return (N,) the limits of all records. Those from number `first` on are new.
 
-        old: limit the new records by all others, and those before `first` by the new ones.
+        A new record is limited by records of lower numbers, so that batch sizes do not matter. old: limit the new records by all
+        others, and those before `first` by the new ones.
         """
-        if first == cache.count:
-            return
-        with ExitStack() as made:
-            out = made.enter_context(Target(self.ctx, cache.records.size, textures=[cache.records.textures["limit"]]))
-            everything = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, 0)]
-            self._limit(out, cache, np.arange(first, cache.count), everything, settings, DrawState(), old)
+        limits = cache.limits(cache.count).copy()
+        if first < cache.count:
+            limits[first:] = self._limits(cache, np.arange(first, cache.count), 0, settings, old)
             if first and old:
-                new = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, first)]
-                self._limit(out, cache, _near(cache, first, settings), new, settings, DrawState(blend="min"), True)
+                near = _near(cache, first, settings)
+                limits[near] = np.minimum(limits[near], self._limits(cache, near, first, settings, True))
+        return limits
 
-    def _limit(
-        self,
-        out: Target,
-        cache: RecordCache,
-        numbers: np.ndarray,
-        others: list[_Grid],
-        settings: Settings,
-        state: DrawState,
-        by_all: bool,
-    ) -> None:
-        """Write the limits of the records of these numbers by those in the grids.
+    def _limits(self, cache: RecordCache, numbers: np.ndarray, low: int, settings: Settings, by_all: bool) -> np.ndarray:
+        """Return (K,) the limits of the records of these numbers by those from number `low` on.
 
-        out: the cache's limits. state: combination of a limit with the one in the cache.
+        by_all: compare with records of higher numbers, too.
         """
-        records, width = cache.records, _TABLE[0]
-        numbers = numbers[np.argsort(others[0].find(cache.positions[numbers]), kind="stable")]  # near records share a draw
-        for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
-            part = numbers[start : start + _TABLE[0] * _TABLE[1]]
-            texel_table.write(self.targets, 0, part[:, None])
-            for one in others:
-                self.program(
-                    self.found,
-                    state=DrawState() if one is others[0] else DrawState(blend="min"),
-                    scissor=(0, 0, width, -(-len(part) // width)),
-                    **records.uniforms,
-                    **record_uniforms(settings),
-                    **one.uniforms,
-                    adapt=settings.adapt,
-                    targets=self.targets,
-                    count=len(part),
-                    by_all=by_all,
-                )
-            self.write(
-                out,
-                state=state,
-                mode=moderngl.POINTS,
-                vertices=len(part),
-                targets=self.targets,
-                limits=self.found.textures[0],
-                table=records.size,
-            )
+        limits, width = np.ones(len(numbers), "f4"), _TABLE[0]
+        with ExitStack() as made:
+            others = [made.enter_context(grid) for grid in _grids(self.ctx, cache.positions, low)]
+            order = np.argsort(others[0].find(cache.positions[numbers]), kind="stable")  # near records share a draw
+            for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
+                part = order[start : start + _TABLE[0] * _TABLE[1]]
+                texel_table.write(self.targets, 0, numbers[part, None])
+                for one in others:
+                    self.programs[settings.gradients](
+                        self.found,
+                        state=DrawState() if one is others[0] else DrawState(blend="min"),
+                        scissor=(0, 0, width, -(-len(part) // width)),
+                        **cache.records.uniforms,
+                        **record_uniforms(settings),
+                        **one.uniforms,
+                        adapt=settings.adapt,
+                        targets=self.targets,
+                        count=len(part),
+                        by_all=by_all,
+                    )
+                limits[part] = texel_table.read(self.ctx, self.found.textures[0], 0, len(part))[:, 0]
+        return limits
 
 
 class _Grid(Owner):

@@ -79,7 +79,6 @@ class RecordCache(Owner):
         self._textures = {name: self._texture(name, _ROWS) for name in TEXTURES}
         self._view = 0  # number of the present view
         self._next_id = 0
-        self.reset_limits()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -95,13 +94,13 @@ class RecordCache(Owner):
         """(N, 3) float32, world space: a view of the cache's own array."""
         return self._columns["position"][: self.count, :3]
 
-    def _texture(self, name: str, rows: int) -> moderngl.Texture:
-        return float_texture(self.ctx, (TABLE_COLUMNS, rows), TEXTURES[name])
-
-    def _filled(self, name: str, texels: np.ndarray) -> moderngl.Texture:
-        """Return a new texture of the present size with `texels` (N, channels) in its first places."""
-        texture = self._texture(name, self._rows)
-        texel_table.write(texture, 0, texels)
+    def _texture(self, name: str, rows: int, texels: np.ndarray | None = None) -> moderngl.Texture:
+        """Return a new texture of so many rows with `texels` (N, channels) in its first places. All other limits are 1."""
+        texture = float_texture(self.ctx, (TABLE_COLUMNS, rows), TEXTURES[name])
+        if name == "limit":
+            texture.write(np.ones(rows * TABLE_COLUMNS, "f4"))
+        if texels is not None:
+            texel_table.write(texture, 0, texels)
         return texture
 
     @property
@@ -160,10 +159,10 @@ class RecordCache(Owner):
             name: np.concatenate([array, np.zeros((rows * TABLE_COLUMNS - len(array), *array.shape[1:]), array.dtype)])
             for name, array in self._columns.items()
         }
-        textures = {name: self._texture(name, rows) for name in self._textures}
-        textures["limit"].write(np.ones(rows * TABLE_COLUMNS, "f4").tobytes())
-        for name, texture in textures.items():
-            texel_table.copy(self.ctx, self._textures[name], texture)
+        textures = {
+            name: self._texture(name, rows, texel_table.read(self.ctx, texture, 0, self.count))
+            for name, texture in self._textures.items()
+        }
         self._columns = columns
         self._replace(textures)
 
@@ -203,14 +202,9 @@ class RecordCache(Owner):
         """Return (count,) float32: the share of their radii that the first `count` records may reach."""
         return texel_table.read(self.ctx, self._textures["limit"], 0, count)[:, 0]
 
-    def restore_limits(self, limits: np.ndarray) -> None:
-        """Write the limits (N,) of the first records, as `limits` returned them."""
+    def set_limits(self, limits: np.ndarray) -> None:
+        """Write the limits (N,) of the first records. The caller raises `revision` if splats have used other limits."""
         texel_table.write(self._textures["limit"], 0, limits[:, None])
-        self.revision += 1
-
-    def reset_limits(self) -> None:
-        """Set the limits of all records, future ones included, to 1."""
-        self._textures["limit"].write(np.ones(self._rows * TABLE_COLUMNS, "f4").tobytes())
 
     # ---- stale records -----------------------------------------------------------------------------------------------
 
@@ -281,7 +275,7 @@ class RecordCache(Owner):
         for array in columns.values():
             array[:count] = array[numbers]
         textures = {
-            name: self._filled(name, texel_table.read(self.ctx, texture, 0, self.count)[numbers])
+            name: self._texture(name, self._rows, texel_table.read(self.ctx, texture, 0, self.count)[numbers])
             for name, texture in self._textures.items()
         }
         evicted = self.evicted + self.count - count
@@ -313,7 +307,7 @@ class RecordCache(Owner):
             turned = {name: np.einsum("nij,ncj->nci", moved.linear_map, rows) for name, rows in directions.items()}
             texels = {name: there[name] for name in ("position", "normal")}
             texels |= self._corrected(turned | {"axis": axis}, moved.numbers)
-            textures = {name: self._filled(name, rows) for name, rows in texels.items()}
+            textures = {name: self._texture(name, self._rows, rows) for name, rows in texels.items()}
             self.revision += 1
             self._replace(textures)
         self._columns = {**self._columns, **columns}
@@ -321,7 +315,7 @@ class RecordCache(Owner):
 
     def correct(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
         """Overwrite columns of the records of these numbers (K,); values: (K, …) by the names of the columns."""
-        textures = {name: self._filled(name, rows) for name, rows in self._corrected(values, numbers).items()}
+        textures = {name: self._texture(name, self._rows, rows) for name, rows in self._corrected(values, numbers).items()}
         self.revision += 1
         self._replace(textures)
 
@@ -364,7 +358,7 @@ class RecordCache(Owner):
         texels |= {name: columns[name][:count] for name in ("position", "normal")}
         for name in _ON_GPU:
             record_layout.pack(texels, name, state[name])
-        textures = {name: self._filled(name, rows) for name, rows in texels.items()}
+        textures = {name: self._texture(name, self._rows, rows) for name, rows in texels.items()}
         epoch, view, next_id = (int(clock) for clock in state["clocks"])
         self._columns, self.count, self.luminance_floor = columns, count, float(state["luminance_floor"])
         self.invalidation_epoch, self._view, self._next_id = epoch, view, next_id

@@ -17,20 +17,18 @@ from irrsplat.settings import Settings
 
 
 class RefreshOrder(Owner):
-    """Priority order of a cache's stale records, updated for each view and each invalidation.
+    """Priority order of a cache's stale records, updated for each view and each invalidation."""
 
-    gradients: records have derivatives.
-    """
-
-    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+    def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "records/coverage", "lib/fullscreen", record_defines(gradients))
+        defines = (record_defines(gradients) for gradients in (False, True))
+        self.programs = [Program(ctx, "records/coverage", "lib/fullscreen", some) for some in defines]
         self.targets = Workshop()
         self._memo = Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.program, self.targets)
+        return (*self.programs, self.targets)
 
     def covered(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (N,) float32, the number of pixels that each record covers, by samples of its bounding box on screen.
@@ -40,7 +38,7 @@ class RefreshOrder(Owner):
         target = self.targets.get("target", records.size, lambda: Target(self.ctx, records.size, (1,)))
         width, height = gbuffer.position.size
         columns = records.size[0]
-        self.program(
+        self.programs[settings.gradients](
             target,
             scissor=(0, 0, columns, -(-records.count // columns)),
             **records.uniforms,

@@ -72,9 +72,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for gradients in (False, True):
         yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
-        yield RefreshOrder(ctx, gradients)
-        yield RadiusLimitPass(ctx, gradients)
-    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
+    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass, RefreshOrder, RadiusLimitPass):
         yield simple(ctx)
     yield textured(ctx)
     yield ExaminePass(ctx)

@@ -61,14 +61,14 @@ class Made:
         A negative count -n removes the last n records.
         """
         cache = RecordCache(self.ctx)
-        one, first = RadiusLimitPass(self.ctx, settings.gradients), 0
+        one, first = RadiusLimitPass(self.ctx), 0
         for count in (*parts, len(self.p)):
             if count < 0:
                 cache.truncate(first := first + count)
                 continue
             self.append(cache, count)
             cache.luminance_floor = self.dark
-            one(cache, first, settings, True)
+            cache.set_limits(one(cache, first, settings, True))
             first = count
         found = np.frombuffer(cache.records.textures["limit"].read(), "f4").copy()
         one.release()

@@ -75,7 +75,7 @@ def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
         cleared = fresh.render()  # redrawn: all records at once, those of the other view last
         count = rounds.stats["records"]
         fresh.cache.truncate(count)
-        fresh.cache.restore_limits(limits)
+        fresh.cache.set_limits(limits)
         fresh.forget(records=False)
         once = fresh.render()
     assert rounds.stats["rounds"] > 2 and once.stats["rounds"] == 1 and once.stats["records"] == count
