@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import unit
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
@@ -110,6 +111,12 @@ class Carried:
         inverse[~self.rigid] = np.linalg.pinv(self.linear_map[~self.rigid])
         return unit(np.einsum("nji,nj->ni", inverse, normals))
 
+    def write(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Overwrite `position`, `normal` and `geometric` of the moved points in these columns of all points, (N, 3) or (N, 4)."""
+        columns["position"][self.numbers, :3] = self.position
+        for name in ("normal", "geometric"):
+            columns[name][self.numbers, :3] = self.normals(columns[name][self.numbers, :3])
+
 
 def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> Carried:
     """Return the points (N, 3), on triangles of these numbers (N,), that move with a mesh, mapped by their triangles' corners."""
@@ -128,6 +135,14 @@ def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> 
         place = now[which, 0] + np.einsum("nij,nj->ni", linear_map[which], position[numbers] - was[which, 0])
         parts.append(Carried(numbers, place, linear_map[which], rigid[which]))
     return Carried(*(np.concatenate([getattr(part, name.name) for part in parts]) for name in fields(Carried)))
+
+
+def moved_sites(sites: Sites, change: SceneChange) -> Sites:
+    """Return `sites`, whose triangles are known, with those on moved meshes carried along."""
+    assert sites.triangle is not None
+    columns = {name: getattr(sites, name).copy() for name in ("position", "normal", "geometric")}
+    carried(sites.position, sites.triangle, change).write(columns)
+    return replace(sites, **columns)
 
 
 def _frame(corners: np.ndarray) -> np.ndarray:

@@ -296,9 +296,7 @@ class RecordCache(Owner):
         there["due"] += concerned(self.positions, geometric, triangle, change)
         moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
-            there["position"][moved.numbers, :3] = moved.position
-            for name in ("normal", "geometric"):
-                there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])
+            moved.write(there)
             there["probe"][moved.numbers[~moved.rigid]] = 0.0
             vectors = there["probe"][moved.numbers, 4:].reshape(-1, 6, 3)
             there["probe"][moved.numbers, 4:] = np.einsum("nij,nkj->nki", moved.linear_map, vectors).reshape(-1, 18)

@@ -19,7 +19,7 @@ from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.light_difference import LightDifference
-from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable
+from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, unknown
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
 from irrsplat.surface_cache.transport import BouncedLight
@@ -41,33 +41,35 @@ class SurfaceCache(Owner):
         self._in_use = self._before = self._level  # the level whose values lookups find, and the one that it refines
         self._next: SiteLevel | None = None  # the finer level after that in use, while it is made
         self._relit = False  # True while its own values are of other lights or materials
-        self._view_pass, self._viewed = SurfaceViewPass(world.ctx), Memo()
+        self._unknown, self._view_pass, self._viewed = unknown(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._view_pass, *dict.fromkeys((self._level, self._coarse, self._before, self._in_use, self._next)))
+        levels = dict.fromkeys((self._level, self._coarse, self._before, self._in_use, self._next))
+        return (self._unknown, self._view_pass, *levels)
 
     # ---- its values ------------------------------------------------------------------------------------------------
 
     @property
     def result(self) -> BouncedLight | None:
         """The values that lookups read; None before the first values exist."""
-        return self._in_use.solution.light
+        return self._in_use.light
 
     @property
     def lookup(self) -> LookupTable:
         """The table that lookups go through."""
-        return self._in_use.solution.table
+        return self._unknown if self.laid_out is None else self.laid_out.table
 
     @property
     def laid_out(self) -> LaidOut | None:
         """The sites of the values that lookups read; None before the first values exist."""
-        return self._in_use.solution.laid_out
+        return self._in_use.shown
 
     @property
     def before(self) -> LookupTable:
-        """The table of the level before that in use."""
-        return self._before.solution.table
+        """The table of the level before that in use, once there is a finer level."""
+        assert self._before.shown is not None
+        return self._before.shown.table
 
     @property
     def refinements(self) -> int:
@@ -97,7 +99,7 @@ class SurfaceCache(Owner):
     @property
     def _outdated(self) -> bool:
         """True if its own values are of another light, or missing."""
-        return self._relit or self._level.solution.light is None
+        return self._relit or self._level.light is None
 
     @property
     def complete(self) -> bool:
@@ -192,7 +194,7 @@ class SurfaceCache(Owner):
 
         They hold until the light of the scene changes.
         """
-        if self._level.solution.laid_out is None or not self.complete:
+        if self._level.light is None or not self.complete:
             return False
         self._next = self._next or self._other(self._level.detail.finer(self.refinements + 1))
         with self.timers("surface"):

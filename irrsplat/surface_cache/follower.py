@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
+from irrsplat.records.motion import moved_sites
 from irrsplat.scene.change import SceneChange, emits
 from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_rays import SiteRays
@@ -63,7 +64,7 @@ class Follower:
         held = self._laid_out
         assert held.places is not None
         held.records.move_with_meshes(change)
-        held.places = held.places.moved(change)
+        held.places = moved_sites(held.places, change)
         self._transport.known[held.records.column("due") > _OTHER_HITS] = False
 
     @property

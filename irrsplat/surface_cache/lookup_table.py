@@ -3,19 +3,19 @@ sites with these tables, on the GPU."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gather.record_frame import PLACES, rows_of_places
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.surface_cache.site_layout import SiteLayout
-from irrsplat.surface_cache.site_places import Places
 from irrsplat.surface_cache.transport import BouncedLight, Transport
 
 
@@ -66,14 +66,15 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 class LaidOut(Owner):
     """Sites on the GPU: a record for each of S values, in the order of the values, and their lookup table.
 
-    area: (S,) m² of the surface that each stands for. level: (S,) see SiteLayout. places: the origins of their rays. transport:
-    between the sites. Both are None until they are known.
+    area: (S,) m² of the surface that each stands for. level: (S,) see SiteLayout. places: (S·PLACES,) the origins of their rays,
+    site by site, with their triangles. transport: between the sites. light: at the sites. None: not known yet.
     """
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
         self.area, self.level = layout.area, layout.level
-        self.places: Places | None = None
+        self.places: Sites | None = None
         self.transport: Transport | None = None
+        self.light: BouncedLight | None = None
         self.records = RecordCache(ctx)
         self.table = LookupTable(ctx, layout.triangles, layout.cells, max(len(layout.sites), 1))
         if len(layout.sites):
@@ -86,17 +87,7 @@ class LaidOut(Owner):
 
     def origins(self, numbers: np.ndarray) -> Sites:
         """Return the origins of rays of the sites of these numbers: their places, or the sites themselves without any."""
-        return self.records.sites(numbers) if self.places is None else self.places.of(numbers)
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The data of lookups: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
-
-    complete: whether they match scene and settings.
-    """
-
-    table: LookupTable
-    laid_out: LaidOut | None = None
-    light: BouncedLight | None = None
-    complete: bool = False
+        if self.places is None:
+            return self.records.sites(numbers)
+        rows = rows_of_places(numbers, PLACES)
+        return replace(self.places[rows], frame_rotation=rows)

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.buffers import ShadowMaps
+from irrsplat.core.buffers import ShadowMaps, Sites
 from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource
@@ -25,9 +25,9 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.light_difference import LightDifference
-from irrsplat.surface_cache.lookup_table import LaidOut, Solution, unknown
+from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
-from irrsplat.surface_cache.site_places import Places, Survey, members_places
+from irrsplat.surface_cache.site_places import Survey, members_places
 from irrsplat.surface_cache.site_rays import SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
@@ -42,16 +42,17 @@ class _Steps:
 
     choosing: Steps[tuple[SiteLayout, Clusters]] | None = None
     survey: Survey | None = None
-    drawing: Steps[Places] | None = None
+    drawing: Steps[Sites] | None = None
     bouncing: Steps[BouncedLight] | None = None
 
 
 class SiteLevel(Owner):
     """A level of the surface cache of a world's scene.
 
-    detail: the density of its sites and rays. solution: the values in use. laid_out: the sites of the scene as it is; None while
-    they are still to be chosen. follower: of the values in use, while the next ones are still to be made; None if it is unknown
-    how light goes between the sites.
+    detail: the density of its sites and rays. shown: the sites whose light lookups find; None before the first values. complete:
+    True if these are complete for the scene and settings. laid_out: the sites of the scene as it is; None while they are still to
+    be chosen. follower: of the values in use, while the next ones are still to be made; None if it is unknown how light goes
+    between the sites.
     """
 
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
@@ -61,15 +62,16 @@ class SiteLevel(Owner):
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self._still = np.inf  # frames since the scene has changed
         self._moved = False  # True if meshes have moved and the sites are still the former ones
+        self.shown: LaidOut | None = None
+        self.complete = False
         self.laid_out: LaidOut | None = None
         self.follower: Follower | None = None
-        self.solution = Solution(unknown(world.ctx))
         self._before: BouncedLight | None = None  # the light before `difference`
         self.difference: LightDifference | None = None  # between this light and the scene's; None: all is gathered again
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._rays, self.solution.table, self.solution.laid_out, self.laid_out)
+        return (self._rays, self.shown, self.laid_out)
 
     @property
     def settings(self) -> Settings:
@@ -77,9 +79,9 @@ class SiteLevel(Owner):
         return self._rays.settings
 
     @property
-    def complete(self) -> bool:
-        """True if the values are complete for the scene and settings."""
-        return self.solution.complete
+    def light(self) -> BouncedLight | None:
+        """The light that lookups find; None before the first values."""
+        return None if self.shown is None else self.shown.light
 
     @property
     def changes(self) -> bool:
@@ -105,16 +107,16 @@ class SiteLevel(Owner):
 
     def may_add(self) -> bool:
         """True if a difference between lights may be added to the values."""
-        held = self.solution
-        known = held.laid_out is not None and (held.laid_out.transport is not None or self.settings.most_bounces == 2)
-        return held.complete and held.laid_out is self.laid_out and known
+        shown = self.shown
+        known = shown is not None and (shown.transport is not None or self.settings.most_bounces == 2)
+        return self.complete and shown is self.laid_out and known
 
     def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
 
         difference: of the light, if it may be added, see `may_add`.
         """
-        self.difference, self._before = difference, self.solution.light
+        self.difference, self._before = difference, self.light
         unlit, self._unlit = self._unlit, self.world.unlit_interiors
         old, relit, moved = self.settings, change.changes_light and change.dimming is None, bool(change.moved)
         other_rays = old.seed != settings.seed
@@ -142,15 +144,15 @@ class SiteLevel(Owner):
 
     def _dim(self, factor: np.ndarray) -> None:
         """Scale all finished and unfinished values by `factor`, (3,)."""
-        held, f = self.solution, np.asarray(factor, np.float32)
+        f = np.asarray(factor, np.float32)
         self._steps.bouncing = None
-        for laid_out in {self.laid_out, held.laid_out}:
+        for laid_out in {self.laid_out, self.shown}:
             if laid_out is not None:
                 dim(laid_out.records, f)
         if self.follower is not None:
             self.follower.dim(f)
-        if held.light is not None:
-            self._show(held.light.irradiance * f)
+        if self.light is not None:
+            self._show(self.light.irradiance * f)
 
     def expire(self) -> None:
         """Gather all sites again."""
@@ -159,7 +161,7 @@ class SiteLevel(Owner):
         self._bounce_again()
 
     def _bounce_again(self) -> None:
-        self.solution = replace(self.solution, complete=False)
+        self.complete = False
         self._steps.bouncing = None
 
     def _drop_sites(self) -> None:
@@ -169,13 +171,13 @@ class SiteLevel(Owner):
         before, self.laid_out = self.laid_out, None
         self._steps = _Steps()
         self._bounce_again()
-        if before is not None and before is not self.solution.laid_out:
+        if before is not None and before is not self.shown:
             before.release()
 
     def _forget_transport(self) -> None:
         """Forget the light between sites, so that it is found again, and cannot be followed until then."""
         self.follower = None
-        for laid_out in (self.laid_out, self.solution.laid_out):
+        for laid_out in (self.laid_out, self.shown):
             if laid_out is not None:
                 laid_out.transport = None
 
@@ -224,7 +226,7 @@ class SiteLevel(Owner):
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
         """Update the values in use while the scene changes from frame to frame. Return their relative change; None for none."""
-        follower, held = self.follower, self.solution
+        follower, shown = self.follower, self.shown
         changing = self._still <= (_STILL if self._moved else 0)
         self._still += 1
         if follower is None or not (changing and budget.limited):
@@ -232,10 +234,10 @@ class SiteLevel(Owner):
                 self._still, self._moved = np.inf, False
                 self._drop_sites()
             return None
-        assert held.laid_out is not None and held.light is not None
-        order, before = follower.order, held.light.irradiance
+        assert shown is not None and shown.light is not None
+        order, before = follower.order, shown.light.irradiance
         order = order[order >= FIRST_SITE]
-        done = self._gather(self._rays.quick_gather(), held.laid_out, order, shadows, budget.part(0.0, 0.0))
+        done = self._gather(self._rays.quick_gather(), shown, order, shadows, budget.part(0.0, 0.0))
         E = follower.step(shadows, before, order[:done])
         self._show(E)
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))
@@ -317,24 +319,23 @@ class SiteLevel(Owner):
 
     def _show(self, E: np.ndarray) -> None:
         """Let lookups find these values (S, 3), W/m², of the same sites."""
-        held = self.solution
-        assert held.light is not None and held.laid_out is not None
-        held.table.write(E, held.laid_out.area)
-        self.solution = replace(held, light=replace(held.light, irradiance=E))
+        shown = self.shown
+        assert shown is not None and shown.light is not None
+        shown.table.write(E, shown.area)
+        shown.light = replace(shown.light, irradiance=E)
 
     def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
         """Let lookups find the values `made` at the sites `laid_out`."""
         coarse = self.detail.level < 0  # pixels show its values
         E = _without_dark_gaps(made.irradiance, laid_out) if coarse else made.irradiance
         laid_out.table.write(E, laid_out.area)
-        before, self.solution = self.solution, Solution(laid_out.table, laid_out, made, complete=True)
+        laid_out.light = made
+        before, self.shown, self.complete = self.shown, laid_out, True
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
         if laid_out.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
             self.follower = Follower(self._rays, laid_out, self._first(laid_out.records))
-        if before.laid_out is None:
-            before.table.release()
-        elif before.laid_out is not laid_out:
-            before.laid_out.release()
+        if before is not None and before is not laid_out:
+            before.release()
 
 
 def _without_dark_gaps(E: np.ndarray, laid_out: LaidOut) -> np.ndarray:

@@ -9,16 +9,13 @@ conserves the light that is passed on. A coarse level draws its places among the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import along_a_way, triangle_normals
-from irrsplat.gather.record_frame import PLACES, rows_of_places
-from irrsplat.records.motion import carried
-from irrsplat.scene.change import SceneChange
+from irrsplat.gather.record_frame import PLACES
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.transport import RayHits, Transport
@@ -26,28 +23,6 @@ from irrsplat.surface_cache.transport import RayHits, Transport
 _NEAR = 0.3  # of a cluster's width, before halving: rays from closer emissive surfaces count by the square of the distance
 _TOUCHING = 0.01  # the least of these shares that counts: a gap thinner than that is no part of the ceiling at its rim
 _BOUNCES = 8  # along which the importance of sites is followed
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """PLACES places of each of S sites, site by site: `sites` (S·PLACES,), with their triangles."""
-
-    sites: Sites
-
-    def of(self, numbers: np.ndarray) -> Sites:
-        """Return (N·PLACES,) the places of the sites of these numbers (N,)."""
-        rows = rows_of_places(numbers, PLACES)
-        return replace(self.sites[rows], frame_rotation=rows)
-
-    def moved(self, change: SceneChange) -> Places:
-        """Return the places with those on moved meshes carried along."""
-        assert self.sites.triangle is not None
-        moved = carried(self.sites.position, self.sites.triangle, change)
-        columns = {name: getattr(self.sites, name).copy() for name in ("position", "normal", "geometric")}
-        columns["position"][moved.numbers] = moved.position
-        for name in ("normal", "geometric"):
-            columns[name][moved.numbers] = moved.normals(columns[name][moved.numbers])
-        return Places(replace(self.sites, **columns))
 
 
 class _Hits(NamedTuple):
@@ -83,8 +58,8 @@ class Survey:
 
     def places(
         self, R: np.ndarray, area: np.ndarray, level: np.ndarray, corners: np.ndarray, emissive: np.ndarray, seed: int
-    ) -> Places:
-        """Return the places of the sites. A site without a hit uses its own position.
+    ) -> Sites:
+        """Return (S·PLACES,) the places of the sites, site by site. A site without a hit uses its own position.
 
         R: (S,) harmonic mean distance from each site, metres. area: (S,) m² of its cluster. level: (S,) see SiteLayout. corners:
         (F, 3, 3) of the triangles. emissive: (F,) True for triangles that emit light.
@@ -106,7 +81,7 @@ class Survey:
         upward = triangle_normals(corners[triangle[met]])[0].T
         below = ((self.sites.position[hits.origin[hit]] - position[met]) * upward).sum(1) < 0.0
         geometric[met] = np.where(below[:, None], -upward, upward)
-        return Places(Sites(position, normal, geometric, triangle))
+        return Sites(position, normal, geometric, triangle)
 
     def _importance(self, R: np.ndarray, area: np.ndarray) -> np.ndarray:
         """Return (S,) the importance of each site for the visible light, directly or by up to _BOUNCES bounces.
@@ -121,8 +96,8 @@ class Survey:
         return importance
 
 
-def members_places(sites: Sites, clusters: Clusters, seed: int) -> Places:
-    """Return places of the `sites` among the members that they represent, drawn by the members' areas."""
+def members_places(sites: Sites, clusters: Clusters, seed: int) -> Sites:
+    """Return (S·PLACES,) places of the `sites`, site by site, drawn among the members that they represent, by area."""
     value, count = clusters.value, len(sites)
     weight = np.where(value >= FIRST_SITE, clusters.area, 0.0)
     drawn = _drawn(np.maximum(value, 0), weight, clusters.members.position, count, seed)
@@ -130,7 +105,7 @@ def members_places(sites: Sites, clusters: Clusters, seed: int) -> Places:
     members = clusters.sites(drawn[met])
     for name in ("position", "normal", "geometric", "triangle"):
         getattr(places, name)[met] = getattr(members, name)
-    return Places(places)
+    return places
 
 
 def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:

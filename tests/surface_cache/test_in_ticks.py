@@ -133,7 +133,7 @@ def test_coarse_light_does_not_wait_for_the_tree(
         assert (renderer.cache.column("gather_size") == 16).all()
         surface = renderer.scheduler.gatherer.surface_now
         assert surface is not None and surface.laid_out is not None and surface.laid_out.places is not None
-        represented, places = clusters(renderer.world, COARSE), surface.laid_out.places.sites.position
+        represented, places = clusters(renderer.world, COARSE), surface.laid_out.places.position
         there = (places[:, None] == represented.members.position).all(-1)
         assert (there & (np.arange(len(places))[:, None] // PLACES == represented.value)).any(1)[FIRST_SITE * PLACES :].all()
         built.set()

@@ -18,6 +18,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.paper_scan import read_back
+from irrsplat.records.motion import moved_sites
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import Renderer
 from irrsplat.scene.appearance import in_order
@@ -26,7 +27,7 @@ from irrsplat.scene.motion import transformed
 from irrsplat.surface_cache import site_layout
 from irrsplat.surface_cache.site_layout import COARSE
 from irrsplat.surface_cache.site_level import SiteLevel
-from irrsplat.surface_cache.site_places import Places, _drawn
+from irrsplat.surface_cache.site_places import _drawn
 from tests.support.viewing import write_room
 from tests.support.worlds import box, floor, material, quad, scene
 
@@ -130,7 +131,7 @@ def test_places_ride_along_with_their_triangles() -> None:
     change = SceneChange.between(before, scene(ground, transformed(block, matrix)))
     corners = np.concatenate([mesh.positions[mesh.faces] for mesh in in_order(before)])
     middle, normal = corners.mean(1), triangle_normals(corners)[0].T
-    moved = Places(Sites(middle, normal, -normal, np.arange(len(corners)))).moved(change).sites
+    moved = moved_sites(Sites(middle, normal, -normal, np.arange(len(corners))), change)
     on_block = np.repeat([mesh is block for mesh in in_order(before)], [len(mesh.faces) for mesh in in_order(before)])
     linear = matrix[:3, :3]
     assert np.allclose(moved.position[on_block], middle[on_block] @ linear.T + matrix[:3, 3], atol=1e-5)
@@ -219,9 +220,9 @@ def test_a_coarse_level_keeps_the_light_of_a_bulb_below_a_ceiling() -> None:
             shadows = renderer.draw_shadows()
             while not level.make(shadows, Budget(None)):
                 pass
-            held = level.solution
-            assert held.light is not None and held.laid_out is not None
-            E, area, at = held.light.irradiance.mean(1), held.laid_out.area, held.laid_out.records.read()["position"]
+            held = level.shown
+            assert held is not None and held.light is not None
+            E, area, at = held.light.irradiance.mean(1), held.area, held.records.read()["position"]
         on_walls = (np.abs(at - low) > 0.05).any(1) & (area > 0.0)
         found.append(np.average(E[on_walls], weights=area[on_walls]))
     assert np.mean(found) == pytest.approx(np.pi * radiance * 6.0 * side**2 / (73.6 * (1.0 - 0.8)), rel=0.1)
