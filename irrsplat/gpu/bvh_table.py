@@ -9,7 +9,7 @@ from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import integer_texture, table_texture
 from irrsplat.gpu.texel_table import chosen_rows, row_count, table_rows, write
 from irrsplat.scene.bvh import Bvh
@@ -28,11 +28,8 @@ class TriangleTable(Owner):
         limit = _largest_table(ctx)
         if max(len(vertices), len(faces)) > limit or limit < max(TEXELS, 3) * TABLE_COLUMNS**2:
             raise _too_many(len(faces))
-        self.corners = table_texture(ctx, self._corner_rows(vertices, faces))
-        self.vertices = table_texture(ctx, table_rows(vertex_texels(vertices)))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.corners, self.vertices)
+        self.corners = self.own(table_texture(ctx, self._corner_rows(vertices, faces)))
+        self.vertices = self.own(table_texture(ctx, table_rows(vertex_texels(vertices))))
 
     def _corner_rows(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         """Return the rows of the corner table."""
@@ -74,10 +71,9 @@ class BvhTable(Owner):
         nodes, triangles = bvh.nodes.reshape(-1, 4), len(bvh.order)
         if max(len(nodes), triangles) > _largest_table(ctx):
             raise _too_many(triangles)
-        self.nodes = ctx.texture((TABLE_COLUMNS, row_count(len(nodes))), 4, dtype="u4")
-        self.nodes.filter = moderngl.NEAREST, moderngl.NEAREST
+        self.nodes = self.own(integer_texture(ctx, (TABLE_COLUMNS, row_count(len(nodes))), 4, "u4"))
         write(self.nodes, 0, nodes)
-        self.leaves = integer_texture(ctx, (TABLE_COLUMNS, row_count(triangles)))
+        self.leaves = self.own(integer_texture(ctx, (TABLE_COLUMNS, row_count(triangles))))
         write(self.leaves, 0, bvh.order[:, None])
         self.uniforms: Uniforms = {
             "bvh_nodes": self.nodes,
@@ -86,9 +82,6 @@ class BvhTable(Owner):
             "bvh_start": bvh.grid[0],
             "bvh_step": bvh.grid[1],
         }
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.nodes, self.leaves)
 
 
 def _largest_table(ctx: moderngl.Context) -> int:

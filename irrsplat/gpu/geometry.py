@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.vectors import triangle_normals
 from irrsplat.core.vertex_layout import WIDTH, vertex_column
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.scene.seen_by_light import FaceCounts
@@ -25,11 +25,11 @@ class Geometry(Owner):
 
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
         # OpenGL has no empty buffers: an empty scene gets one vertex and one triangle that no draw uses
-        self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, WIDTH)), "f4").tobytes())
-        self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
+        self.vertices = self.own(ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, WIDTH)), "f4")))
+        self.indices = self.own(ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4")))
         self.ctx = ctx
         self.corners = vertex_column(vertices, "position")[faces]
-        self.planes = table_texture(ctx, _planes(self.corners))
+        self.planes = self.own(table_texture(ctx, _planes(self.corners)))
         self.counts = counts or FaceCounts(0, len(faces))
         self.parts = {
             "all": (0, 3 * len(faces)),
@@ -63,9 +63,6 @@ class Geometry(Owner):
         if not len(vertices):
             return
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.vertices, self.indices, self.planes)
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Protocol, Self, TypeVar
@@ -24,12 +23,20 @@ class Resource(Protocol):
 Made = TypeVar("Made", bound=Resource)
 
 
-class Owner(ABC):
-    """An owner of resources, freed at the end of a `with` block or by `release`; resources of others are not listed."""
+class Owner:
+    """An owner of resources, freed at the end of a `with` block or by `release`; resources of others are not listed.
 
-    @abstractmethod
+    An owner that replaces resources overrides `owned`. Others pass each resource to `own`.
+    """
+
+    def own(self, thing: Made) -> Made:
+        """Return `thing`, which `release` frees from now on."""
+        vars(self).setdefault("_own", []).append(thing)
+        return thing
+
     def owned(self) -> Sequence[Resource | None]:
         """Return the resources that `release` frees; None for one not made yet."""
+        return tuple(vars(self).get("_own", ()))
 
     def __enter__(self) -> Self:
         return self

@@ -32,9 +32,9 @@ def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int 
     return texture
 
 
-def integer_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """Return a texture of one int32 component, of `size` (width, height), for texelFetch."""
-    texture = ctx.texture(size, 1, dtype="i4")
+def integer_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 1, dtype: str = "i4") -> moderngl.Texture:
+    """Return a texture of int32 or, with the dtype "u4", uint32 components, of `size` (width, height), for texelFetch."""
+    texture = ctx.texture(size, components, dtype=dtype)
     texture.filter = moderngl.NEAREST, moderngl.NEAREST
     return texture
 

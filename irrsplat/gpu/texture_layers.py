@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.scene.image_means import area_means, coverage
 from irrsplat.scene.model import Image, Material, Texture
 
@@ -105,7 +105,7 @@ class TextureLayers(Owner):
 
     def __init__(self, ctx: moderngl.Context, plan: LayerPlan) -> None:
         side = plan.side
-        self.texture = ctx.texture_array((side, side, max(len(plan.layers), 1)), 4, dtype="f2")
+        self.texture = self.own(ctx.texture_array((side, side, max(len(plan.layers), 1)), 4, dtype="f2"))
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             halves = threads.map(lambda key: layer_texels(key, side).astype("f2"), plan.layers)
             for i, texels in zip(plan.layers.values(), halves, strict=True):
@@ -113,6 +113,3 @@ class TextureLayers(Owner):
         self.texture.build_mipmaps()
         self.texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = True
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.texture,)

@@ -8,7 +8,7 @@ import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Region, Target
 from irrsplat.gpu.world import World
 
@@ -31,14 +31,11 @@ class DirectPass(Owner):
         kinds = {**kinds, "IRRADIANCE": 1} if irradiance else kinds
         ways: dict[str, dict[str, int]] = {"": {}, _MARKS: {_MARKS: 1}, _RAYS: {_RAYS: 1}}
         self._programs = {
-            (bent, way): Program(ctx, "lighting/direct", "lib/fullscreen", {**kinds, "NORMAL_MAPS": bent, **defines})
+            (bent, way): self.own(Program(ctx, "lighting/direct", "lib/fullscreen", {**kinds, "NORMAL_MAPS": bent, **defines}))
             for bent in (0, 1)
             for way, defines in ways.items()
         }
-        self.target = direct_target(ctx, size)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*self._programs.values(), self.target)
+        self.target = self.own(direct_target(ctx, size))
 
     def __call__(
         self,

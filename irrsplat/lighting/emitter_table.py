@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS, TABLE_COLUMNS
 from irrsplat.core.vectors import along_a_way
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import table_texture
-from irrsplat.gpu.texel_table import row_count, table_rows
+from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.target import float_texture, table_texture
+from irrsplat.gpu.texel_table import row_count, table_rows, write
 from irrsplat.gpu.world import World
 from irrsplat.scene.emitters import emitters
 
@@ -35,7 +34,7 @@ class EmitterTable(Owner):
         before = np.cumsum(power) - power
         share = (before + power - before[first][cluster]) / total[cluster] if self.count else np.zeros(0)
         rows = np.stack([triangle, share, density, found.one_sided[order]], axis=-1)
-        self.triangles = table_texture(world.ctx, table_rows(rows[:, None].astype("f4")))
+        self.triangles = self.own(table_texture(world.ctx, table_rows(rows[:, None].astype("f4"))))
         known = np.zeros((MAX_EMITTER_CLUSTERS, 2, 4), "f4")
         known[:clusters, 0] = np.column_stack([found.centre, found.radius**2])
         known[:clusters, 1, :3] = np.stack([total, first, np.bincount(cluster, minlength=clusters)], axis=-1)
@@ -45,10 +44,8 @@ class EmitterTable(Owner):
         }
         numbers = np.zeros((len(corners), 2), "f4")
         numbers[triangle] = np.stack([density, cluster], axis=-1)
-        self.numbers = _pairs(world.ctx, numbers)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.triangles, self.numbers)
+        self.numbers = self.own(float_texture(world.ctx, (TABLE_COLUMNS, row_count(len(numbers))), 2))
+        write(self.numbers, 0, numbers)
 
     def ray_uniforms(self, samples: int) -> Uniforms:
         """Return the uniforms of shaders/lighting/emitters.glsl for ray hits; samples: number of next-event samples."""
@@ -71,13 +68,3 @@ def emitter_table(world: World) -> EmitterTable | None:
     except InputError:
         return None
     return table if table.count else None
-
-
-def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:
-    """Return a table of texels with two numbers each, by number; values: (N, 2)."""
-    rows = row_count(len(values))
-    texels = np.zeros((rows * TABLE_COLUMNS, 2), "f4")
-    texels[: len(values)] = values
-    texture = ctx.texture((TABLE_COLUMNS, rows), 2, texels.tobytes(), dtype="f4")
-    texture.filter = moderngl.NEAREST, moderngl.NEAREST
-    return texture

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import ShadowMaps, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.gpu.world import World
@@ -25,12 +25,9 @@ class SiteLightPass(Owner):
     def __init__(self, ctx: moderngl.Context, lights: Mapping[str, int], most: int, world: World | None = None) -> None:
         rows, self.world = -(-most // TABLE_COLUMNS), world
         kinds = {} if world is None else {**world.material_defines, "SHADOW_RAYS": 1}
-        self.program = Program(ctx, "lighting/site_light", "lib/fullscreen", {**lights, **kinds})
-        self.sites = float_texture(ctx, (3 * TABLE_COLUMNS, rows))
-        self.target = Target(ctx, (TABLE_COLUMNS, rows), (4,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.sites, self.target)
+        self.program = self.own(Program(ctx, "lighting/site_light", "lib/fullscreen", {**lights, **kinds}))
+        self.sites = self.own(float_texture(ctx, (3 * TABLE_COLUMNS, rows)))
+        self.target = self.own(Target(ctx, (TABLE_COLUMNS, rows), (4,)))
 
     def __call__(
         self, shadows: ShadowMaps, sites: Sites, area: np.ndarray, reach: tuple[float, float] = (0.0, 0.0)

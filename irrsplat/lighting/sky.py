@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
 from irrsplat.scene.model import Scene
 from irrsplat.sky.environment import Environment
@@ -16,13 +16,10 @@ class SkyMaps(Owner):
     """Maps of an environment as textures: `light` for rays, `seen` for the camera."""
 
     def __init__(self, ctx: moderngl.Context, environment: Environment) -> None:
-        self.light = _texture(ctx, environment.light_levels)
-        self.seen = _texture(ctx, [level[::-1] for level in environment.seen_levels])
+        self.light = self.own(_texture(ctx, environment.light_levels))
+        self.seen = self.own(_texture(ctx, [level[::-1] for level in environment.seen_levels]))
         self.seen.repeat_x = True
         self.uniforms: Uniforms = {"sky_light": self.light, "sky_from_world": environment.frame}
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.light, self.seen)
 
 
 def sky_maps(world: World) -> SkyMaps | None:

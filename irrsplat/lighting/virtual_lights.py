@@ -16,7 +16,7 @@ from irrsplat.core.buffers import ShadowMaps, Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import WORTH
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, table_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import across, light_defines, near_plane, parallel_frame
@@ -50,16 +50,13 @@ class VirtualLights(Owner):
         columns = spots.columns
         self.count, sets = columns.shape[:2]
         rows = columns.reshape(self.count, sets * columns.shape[2], 4).swapaxes(0, 1)
-        self._places = table_texture(world.ctx, rows, varying=True) if self.count else None
-        self._radiance = Target(world.ctx, (uneven(max(self.count, 1)), sets), (4,))
+        self._places = self.own(table_texture(world.ctx, rows, varying=True)) if self.count else None
+        self._radiance = self.own(Target(world.ctx, (uneven(max(self.count, 1)), sets), (4,)))
         self._lit: ShadowMaps | None = None  # lights that `_radiance` was computed for
         self.reach = np.zeros((max(len(world.scene.lights), 1), 4))
         self.reach[spots.lights, 0], self.reach[spots.lights, 1] = spots.density, spots.reach**2
         self.windows = np.zeros_like(self.reach)
         self.windows[spots.lights] = self._windows.rectangles[spots.lights]
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._places, self._radiance)
 
     def sample_uniforms(self, shadows: ShadowMaps) -> Uniforms:
         """Return the uniforms of shaders/gather/light_samples/sample.glsl for these lights."""
@@ -124,10 +121,6 @@ class LightWindows(Owner):
                     self.rectangles[i], self.rooms[i], inside = self._search(world, light, box)
                     if inside or box is world.scene.bounds:
                         break
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources to be freed."""
-        return ()
 
     def _search(self, world: World, light: Light, box: np.ndarray) -> tuple[np.ndarray, float, bool]:
         """Return the light's rectangle (4,) and room, and True for light through a window, where it meets `box` (2, 3)."""
@@ -194,12 +187,9 @@ class VirtualLightPasses(Owner):
 
     def __init__(self, world: World) -> None:
         self.ctx, materials = world.ctx, world.material_defines
-        self._find = Program(world.ctx, "lighting/virtual_lights/find", "lib/fullscreen", materials)
+        self._find = self.own(Program(world.ctx, "lighting/virtual_lights/find", "lib/fullscreen", materials))
         kinds = {**light_defines(world.scene), **materials}
-        self._emit = Program(world.ctx, "lighting/virtual_lights/emit", "lib/fullscreen", kinds)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._find, self._emit)
+        self._emit = self.own(Program(world.ctx, "lighting/virtual_lights/emit", "lib/fullscreen", kinds))
 
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
         """Return three of (K, sets, rays, 4) float64, the outputs of shaders/lighting/virtual_lights/find.frag by K lights with

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
@@ -38,13 +38,9 @@ class AdaptiveRadius(Owner):
     """Keeps the limits of the radii of a cache's records up to date."""
 
     def __init__(self, ctx: moderngl.Context, cache: RecordCache, timers: Timers) -> None:
-        self.cache, self.timers, self.limit_pass = cache, timers, RadiusLimitPass(ctx)
+        self.cache, self.timers, self.limit_pass = cache, timers, self.own(RadiusLimitPass(ctx))
         self._progress = _Progress()
         self._floor_of = 0, 0  # record count and refresh count at the last update of the luminance floor
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.limit_pass,)
 
     def keep(self, numbers: np.ndarray) -> None:
         """Drop all records except these numbers, ascending."""

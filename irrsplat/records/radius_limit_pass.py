@@ -15,7 +15,7 @@ from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture, table_texture, uneven
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
@@ -32,13 +32,9 @@ class RadiusLimitPass(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         defines = [record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN} for gradients in (False, True)]
-        self.programs = [Program(ctx, "records/radius_limit", "lib/fullscreen", some) for some in defines]
-        self.targets = float_texture(ctx, _TABLE, 1)
-        self.found = Target(ctx, _TABLE, (1,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (*self.programs, self.targets, self.found)
+        self.programs = [self.own(Program(ctx, "records/radius_limit", "lib/fullscreen", some)) for some in defines]
+        self.targets = self.own(float_texture(ctx, _TABLE, 1))
+        self.found = self.own(Target(ctx, _TABLE, (1,)))
 
     def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool) -> np.ndarray:
         """Return (N,) the limits of all records. Those from number `first` on are new.
@@ -96,10 +92,10 @@ class _Grid(Owner):
         self.planes = np.concatenate([points.min(0)[None], inner, points.max(0)[None]])
         cell = self.find(points)
         order, starts = np.argsort(cell, kind="stable"), np.cumsum([0, *np.bincount(cell, minlength=self.cells**3)])
-        self.edges = table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None], varying=True)
-        self.starts = float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(starts)))), 1)
+        self.edges = self.own(table_texture(ctx, np.pad(self.planes, ((0, 0), (0, 1)))[None], varying=True))
+        self.starts = self.own(float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(starts)))), 1))
         texel_table.write(self.starts, 0, starts[:, None])
-        self.places = float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(order)))))
+        self.places = self.own(float_texture(ctx, (TABLE_COLUMNS, uneven(texel_table.row_count(len(order))))))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
 
     def find(self, points: np.ndarray) -> np.ndarray:
@@ -107,10 +103,6 @@ class _Grid(Owner):
         x, y, z = (np.searchsorted(e, p, side="right") for e, p in zip(self.planes[1:-1].T, points.T, strict=True))
         cells: np.ndarray = (z * self.cells + y) * self.cells + x
         return cells
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.edges, self.starts, self.places)
 
     @property
     def uniforms(self) -> Uniforms:

@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Records
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, view_radius_uniforms
@@ -22,13 +22,9 @@ class RefreshOrder(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         defines = (record_defines(gradients) for gradients in (False, True))
-        self.programs = [Program(ctx, "records/coverage", "lib/fullscreen", some) for some in defines]
-        self.targets = Workshop()
+        self.programs = [self.own(Program(ctx, "records/coverage", "lib/fullscreen", some)) for some in defines]
+        self.targets = self.own(Workshop())
         self._memo = Memo()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (*self.programs, self.targets)
 
     def covered(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """Return (N,) float32, the number of pixels that each record covers, by samples of its bounding box on screen.

@@ -11,7 +11,7 @@ import numpy as np
 from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.record_frame import PLACES, rows_of_places
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.records.record_cache import RecordCache
@@ -28,13 +28,9 @@ class LookupTable(Owner):
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, count: int, known: bool = True) -> None:
         self._known = known
-        self.values = table_texture(ctx, np.zeros((row_count(count), TABLE_COLUMNS, 4)), varying=True)
-        self.cells = table_texture(ctx, table_rows(cells), varying=True)
-        self.triangles = table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]), varying=True)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return all textures."""
-        return (self.values, self.cells, self.triangles)
+        self.values = self.own(table_texture(ctx, np.zeros((row_count(count), TABLE_COLUMNS, 4)), varying=True))
+        self.cells = self.own(table_texture(ctx, table_rows(cells), varying=True))
+        self.triangles = self.own(table_texture(ctx, table_rows(np.pad(rows, ((0, 0), (0, 2)))[:, None]), varying=True))
 
     @property
     def uniforms(self) -> Uniforms:
@@ -75,15 +71,11 @@ class LaidOut(Owner):
         self.places: Sites | None = None
         self.transport: Transport | None = None
         self.light: BouncedLight | None = None
-        self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.triangles, layout.cells, max(len(layout.sites), 1))
+        self.records = self.own(RecordCache(ctx))
+        self.table = self.own(LookupTable(ctx, layout.triangles, layout.cells, max(len(layout.sites), 1)))
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.records, self.table)
 
     def origins(self, numbers: np.ndarray) -> Sites:
         """Return the origins of rays of the sites of these numbers: their places, or the sites themselves without any."""

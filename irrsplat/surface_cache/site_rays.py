@@ -13,7 +13,7 @@ from irrsplat.gather.record_frame import FEW_RAYS, PLACES, places_of_texels, tan
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
 from irrsplat.gather.trace import TraceGather
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
@@ -37,13 +37,9 @@ class SiteRays(Owner):
 
     def __init__(self, world: World, settings: Settings, detail: Detail) -> None:
         self.world, self.settings, self._detail = world, settings, detail
-        self._visibility = VisibilityPass(world.ctx, world.material_defines)
-        self._reduce = {places: ReducePass(world.ctx, gradients=False, places=places) for places in (1, PLACES)}
-        self._made = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self._visibility, *self._reduce.values(), self._made)
+        self._visibility = self.own(VisibilityPass(world.ctx, world.material_defines))
+        self._reduce = {places: self.own(ReducePass(world.ctx, gradients=False, places=places)) for places in (1, PLACES)}
+        self._made = self.own(Workshop())
 
     @property
     def _embree(self) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Sites, Uniforms
 from irrsplat.core.vectors import octahedral_encode
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.texel_table import table_rows
 
@@ -18,12 +18,8 @@ class SurfaceViewPass(Owner):
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen")
-        self.targets = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.program, self.targets)
+        self.program = self.own(Program(ctx, "surface_cache/view", "lib/fullscreen"))
+        self.targets = self.own(Workshop())
 
     def __call__(self, gbuffer: GBuffer, surface: Uniforms, target: str = "view") -> moderngl.Texture:
         """Return the RGBA32F texture of indirect irradiance in W/m²; a: 1 on a surface, else 0. It belongs to this pass.

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.texel_table import table_rows
 
@@ -22,13 +22,9 @@ class VisibilityPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
         rows = self.capacity // TABLE_COLUMNS
-        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials or {})
-        self.lines = float_texture(ctx, (2 * TABLE_COLUMNS, rows))
-        self.target = Target(ctx, (TABLE_COLUMNS, rows), (1,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self.program, self.lines, self.target)
+        self.program = self.own(Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials or {}))
+        self.lines = self.own(float_texture(ctx, (2 * TABLE_COLUMNS, rows)))
+        self.target = self.own(Target(ctx, (TABLE_COLUMNS, rows), (1,)))
 
     def __call__(self, rays: Uniforms, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return (N,) the visible share of the segments from `starts` to `ends`, (N, 3) metres each, see RayCaster.reach.
