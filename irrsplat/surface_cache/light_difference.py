@@ -7,7 +7,7 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, Uniforms
+from irrsplat.core.buffers import HitLight
 from irrsplat.core.timing.background import Steps
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -33,11 +33,10 @@ class LightPart(Owner):
     def __init__(self, world: World, settings: Settings, lights: tuple[Light, ...], sign: float) -> None:
         self.world, self.settings, self.sign = PartlyLitWorld(world, lights), settings, sign
         self._shadow_pass = ShadowPass(world.ctx)
-        self._shadows = self._shadow_pass(self.world, settings.shadow_size)
+        self.light = HitLight(self._shadow_pass(self.world, settings.shadow_size))  # at hits of records' rays
         self._rays: SiteRays | None = None
         self._sites: RecordCache | None = None  # E_1 of the first `_done` sites
         self._values: moderngl.Texture | None = None
-        self._lookup: Uniforms | None = None
         self._done = FIRST_SITE
         self._bouncing: Steps[BouncedLight] | None = None
         self._bounced: BouncedLight | None = None
@@ -45,11 +44,6 @@ class LightPart(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         return (self._rays, self._sites, self._values, self._shadow_pass, self.world)
-
-    @property
-    def light(self) -> HitLight:
-        """The light at hits of records' rays."""
-        return HitLight(self._shadows, self._lookup)
 
     @property
     def at_sites(self) -> np.ndarray:
@@ -64,7 +58,7 @@ class LightPart(Owner):
             self._rays, self._sites = SiteRays(self.world, settings, detail), RecordCache(ctx)
             self._sites.append(laid_out.records.sites(slice(0, count)))
         gather, left = self._rays.gather_for(count), np.arange(self._done, count)
-        for batch in self._rays.gathered(gather, laid_out, left, self._shadows, budget, self._sites):
+        for batch in self._rays.gathered(gather, laid_out, left, self.light.shadows, budget, self._sites):
             self._done += len(batch)
         if self._done == count and self._bounced is None:
             most, transport = settings.most_bounces, laid_out.transport if settings.most_bounces > 2 else None
@@ -73,7 +67,8 @@ class LightPart(Owner):
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
                 self._values = table_texture(ctx, table_rows(value_rows(made.irradiance, laid_out.area)[:, None]))
-                self._lookup = laid_out.table.uniforms | self.world.triangles.corner_uniforms | {"surface_values": self._values}
+                lookup = laid_out.table.uniforms | self.world.triangles.corner_uniforms | {"surface_values": self._values}
+                self.light = replace(self.light, surface=lookup)
         return self._bounced is not None
 
 
@@ -82,11 +77,7 @@ class LightDifference(Owner):
 
     def __init__(self, world: World, settings: Settings, changed: tuple[list[Light], list[Light]]) -> None:
         signed = zip(changed, (1.0, -1.0), strict=True)
-        self.parts = tuple(LightPart(world, settings, tuple(lights), sign) for lights, sign in signed if lights)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return self.parts
+        self.parts = tuple(self.own(LightPart(world, settings, tuple(lights), sign)) for lights, sign in signed if lights)
 
     def bounce(self, laid_out: LaidOut, detail: Detail, budget: Budget) -> bool:
         """Continue the light of all parts between the sites within the budget. Return True once it is complete."""

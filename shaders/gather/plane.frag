@@ -27,12 +27,8 @@ layout(location = 1) out vec4 out_plane;     // of the hit triangle: 1/distance 
 void main()
 {
     Vertex point = interpolated_vertex(vec3(0.0));
-#if TEXTURES
     vec4 u = dFdx(point.uv), v = dFdy(point.uv);  // from texel to texel
     Material material = material_mean(point, abs(vec2(u.x * v.y - u.y * v.x, u.z * v.w - u.w * v.z)));
-#else
-    Material material = material_of(point);
-#endif
 #if CUT_OUTS
     if (light_passes(point)) discard;
 #endif

@@ -84,13 +84,9 @@ void main()
     float k = dot(g, away);
     Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g, FLAT);
-#if TEXTURES
     // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
     float solid = PI / (float(cell.x) * float(cell.y) * ray.z);
     Material material = material_mean(seen, texture_area(solid * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
-#else
-    Material material = material_of(seen);
-#endif
 #if EMITTERS
     material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(ray));
 #endif

@@ -1,27 +1,13 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
 #include "indirect/splat_depth.glsl"
+#include "indirect/splat_outputs.glsl"
 #include "lib/normals.glsl"
-#include "records/view_radius.glsl"
 
 in int in_number;                      // of the record
 
 uniform mat4 clip_from_world;
 uniform vec3 forward;                  // unit, the view axis
 uniform float pixel;                   // size of a pixel at distance 1, in metres
-
-flat out vec3 v_place;                 // p_k
-flat out vec3 v_normal;
-flat out vec3 v_axis;                  // of its ellipse
-flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
-flat out float v_share;                // the share of its weight that counts in the sums
-flat out float v_sure;                 // its squared luminance without the variance of its noise
-#if GRADIENTS
-flat out vec2 v_curvature;
-flat out mat3 v_m;
-flat out mat3 v_g;
-#else
-flat out vec3 v_irradiance;
-#endif
 
 const float OWN_PIXEL = 0.75;  // pixels, reach of a record within a closed mesh
 
@@ -34,21 +20,9 @@ void main()
     float d = length(to_eye);
     float trust;
     Ellipse ellipse = view_ellipse(texel, d, trust);
-    v_share = record_share(texel);
-    v_sure = 1.0 - record_noise(texel) * record_noise(texel);
     if (record_enclosed(texel)) ellipse.along = ellipse.across = OWN_PIXEL * pixel * d;
     float r = ellipse.along;
-    v_place = p;
-    v_axis = ellipse.axis;
-    v_radii = vec2(ellipse.along, ellipse.across) / a;
-    v_normal = record_normal(texel);
-#if GRADIENTS
-    v_m = record_vectors(texel);
-    v_g = record_gradient(texel) * trust;  // the derivatives hold within the record's own radius; where the view's least radius is greater, they are scaled down
-    v_curvature = usable_curvature(texel) * trust * trust;
-#else
-    v_irradiance = record_irradiance(texel);
-#endif
+    pass_record(texel, ellipse, trust);
 
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
     r *= 1.0 + 1e-5;  // so that rounding does not cut the rim

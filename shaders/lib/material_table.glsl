@@ -1,5 +1,5 @@
-// The material at a point of a surface: by the table of materials and the vertices. At hits of light this is
-// compiled with TEXTURES 1 if the scene has textures.
+// The material at a point of a surface: by the table of materials and the vertices. Light passes define TEXTURES, which is 1 if the
+// scene has textures.
 #include "generated/constants.glsl"
 #include "generated/material.glsl"
 #include "generated/vertex.glsl"
@@ -18,11 +18,6 @@ Material material_factors(Vertex point)
     vec3 emission = material_row(int(point.material), MATERIAL_EMISSION).rgb;
     if (point.albedo.r < -0.5) return Material(vec3(0.0), emission * max(-1.0 - point.albedo, 0.0));  // unlit, of colours of its own
     return Material(point.albedo, emission);
-}
-
-Material material_of(Vertex point)
-{
-    return material_factors(point);
 }
 
 #if TEXTURES
@@ -56,6 +51,7 @@ vec4 texture_mean(Vertex point, int row, vec2 uv_area)
     vec4 found = textureLod(texture_layers, vec3(texture_place(point, across, down, margin), max(across.w, 0.0)), level);
     return across.w < 0.0 ? material_row(material, row + 2) : found;
 }
+#endif
 
 // The area in both sets of texture coordinates of `area` m² of the triangle with these corners, or of all of it if that is less:
 // texels next to it in the image may belong to another surface.
@@ -70,9 +66,10 @@ vec2 texture_area(float area, Vertex a, Vertex b, Vertex c)
 Material material_mean(Vertex point, vec2 uv_area)
 {
     Material material = material_factors(point);
+#if TEXTURES
     vec4 albedo = texture_mean(point, MATERIAL_ALBEDO_TEXTURE, uv_area);
     material.albedo *= albedo.rgb / max(albedo.a, 1e-3);
     material.emission *= texture_mean(point, MATERIAL_EMISSION_TEXTURE, uv_area).rgb;
+#endif
     return material;
 }
-#endif

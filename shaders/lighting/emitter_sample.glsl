@@ -68,9 +68,5 @@ vec3 emitter_radiance(int triangle, vec3 share, float area)
 #if CUT_OUTS
     if (triangle_corner(triangle, 0).w < 0.0 && light_passes(point)) return vec3(0.0);
 #endif
-#if TEXTURES
     return material_mean(point, texture_area(area, A, B, C)).emission;
-#else
-    return material_of(point).emission;
-#endif
 }

@@ -18,11 +18,7 @@ void main()
     int triangle = int(share.w);
     ivec3 number = triangle_vertices(triangle);
     Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share.xyz, A, B, C);
-#if TEXTURES
     Material material = material_mean(point, texture_area(1.0 / place.w, A, B, C));
-#else
-    Material material = material_of(point);
-#endif
     vec3 g = normal.xyz;
     vec3 E = light_irradiance(int(normal.w), Receiver(place.xyz, shading_normal(point.normal, g), g, FLAT));
     out_radiance = vec4(reflected_radiance(material, E), 0.0);
