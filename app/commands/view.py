@@ -68,8 +68,7 @@ def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues, up
 
     files.check_file(path)
     if os.path.exists(path):
-        read = cache_file.read_of_any_scene if update else cache_file.read
-        read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)))
+        cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)), update)
 
 
 COMMAND = Command(add, run)

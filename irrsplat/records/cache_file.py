@@ -108,30 +108,23 @@ def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneSt
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
 
 
-def read(path: files.Pathlike, key: CacheKey) -> CacheState:
-    """Return the records of a file.
+def read(path: files.Pathlike, key: CacheKey, update: bool = False) -> tuple[Content, str]:
+    """Return the content of a file, and a text of how its scene or its lights differ from the key's; empty if they do not.
 
-    Raises InputError if the file cannot be read, is no record cache, is damaged, or was made for another key.
-    """
-    content, reason = read_of_any_scene(path, key)
-    if reason:
-        raise InputError(f"this record cache was made {reason}; {_REMEDY}; --cache-mode update renews it", path)
-    return content.state
-
-
-def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str]:
-    """Return the content of a file for any scene and lights, and a text of how these differ from the key's.
-
-    Raises InputError as `read` does, except for another scene or other lights.
+    update: accept another scene or other lights. Raises InputError if the file cannot be read, is no record cache, is damaged, or
+    was made for another key.
     """
     content = read_any(path)
     if content.key.settings != key.settings:
         raise InputError(f"this record cache was made with {_differing(content.key.settings, key.settings)}; {_REMEDY}", path)
-    return content, difference(content.key, key)
+    reason = difference(content.key, key)
+    if reason and not update:
+        raise InputError(f"this record cache was made {reason}; {_REMEDY}; --cache-mode update renews it", path)
+    return content, reason
 
 
 def renewal(path: files.Pathlike, reason: str) -> str:
-    """Return the message for a file that is used although its scene differs; reason: as `read_of_any_scene` returns it."""
+    """Return the message for a file that is used although its scene differs; reason: as `read` returns it."""
     return f"{path} was made {reason}; what that concerns is gathered again"
 
 

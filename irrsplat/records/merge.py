@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from irrsplat.core.record_layout import COLUMNS
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import own_radii, weights
+from irrsplat.records.weight import bounded, own_radii, weights
 from irrsplat.settings import Settings
 
 # times the Σw below which a pixel requests a record: the pixels around the requesting one need cover as well. At 1, up to 3 % of
@@ -98,19 +98,11 @@ class _Table:
     def __len__(self) -> int:
         return len(self.radii)
 
-    def bounded(self, radii: np.ndarray, screen: np.ndarray) -> np.ndarray:
-        """Return radii a·R in metres, clamped to the bounds of views with an image `screen` metres high; 0: no bounds."""
-        least, most = (share / 100.0 * screen for share in (self.settings.radius_min, self.settings.radius_max))
-        found: np.ndarray = np.maximum(radii, least)
-        found = np.where(most > 0.0, np.minimum(found, most), found)
-        return found
-
     @cached_property
     def widest(self) -> np.ndarray:
         """(N,) metres, the greatest distance of records that may contribute to each place."""
         widest = float(self.radii.max(initial=0.0))
-        found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
-        return found
+        return bounded(np.full(len(self), widest), self.columns["screen"], self.settings) * (1.0 + 1e-6)
 
     def weights(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Return (P,) the weights w of the records `other` at the places of the records `place` (P,).
@@ -118,7 +110,7 @@ class _Table:
         The formulas are those of shaders/indirect/splat.frag; 0 where a record does not contribute.
         """
         settings, columns = self.settings, self.columns
-        reach = self.bounded(self.radii[other], columns["screen"][place, None])
+        reach = bounded(self.radii[other], columns["screen"][place, None], settings)
         records = {name: columns[name][other] for name in ("position", "normal", "axis")}
         return weights(records, reach, columns["position"][place], columns["normal"][place], settings)
 

@@ -87,9 +87,18 @@ def view_radius(
 
     R: the record's own radius; distance: of the record from the eye; metres, of shapes that broadcast.
     """
-    percent = camera.measure(size) * np.asarray(distance) / 100.0  # of the picture's measure, in metres
-    r = np.maximum(settings.a * np.asarray(R), settings.radius_min * percent)
-    return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
+    return bounded(settings.a * np.asarray(R), camera.measure(size) * np.asarray(distance), settings)
+
+
+def bounded(radii: np.ndarray, screen: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return radii a·R in metres, clamped to radius_min and radius_max of an image that is `screen` metres high at the record.
+
+    screen = 0: no bounds.
+    """
+    percent = screen / 100.0
+    least, most = settings.radius_min * percent, settings.radius_max * percent
+    found: np.ndarray = np.maximum(radii, least)
+    return np.where(most > 0.0, np.minimum(found, most), found)
 
 
 def reach(

@@ -360,14 +360,10 @@ class Renderer(Tenant):
         self._use()
         self._frames.leave_refinement()
         scene, scheduler = self._state.scene, self.scheduler
-        key, reason = cache_file.key(scene, scheduler.settings), ""
-        if update:
-            found, reason = cache_file.read_of_any_scene(named(path), key)
-            scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
-            if reason:
-                scheduler.cache.invalidate()
-        else:
-            scheduler.restore(cache_file.read(named(path), key))
+        found, reason = cache_file.read(named(path), cache_file.key(scene, scheduler.settings), update)
+        scheduler.restore(cache_file.carried_over(found, stamp(scene)) if reason else found.state)
+        if reason:
+            scheduler.cache.invalidate()
         self.forget(records=False)
         return reason
 
