@@ -19,9 +19,9 @@ from irrsplat.gpu.world import World
 from irrsplat.scene.change import SceneChange
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.light_difference import LightDifference
-from irrsplat.surface_cache.lookup_table import LaidOut, LookupTable, unknown
 from irrsplat.surface_cache.site_layout import COARSE, MAX_LEVEL, Detail
 from irrsplat.surface_cache.site_level import SiteLevel
+from irrsplat.surface_cache.surface_sites import SurfaceSites, no_sites
 from irrsplat.surface_cache.transport import BouncedLight
 from irrsplat.surface_cache.view import SurfaceViewPass
 
@@ -41,12 +41,12 @@ class SurfaceCache(Owner):
         self._in_use = self._before = self._level  # the level whose values lookups find, and the one that it refines
         self._next: SiteLevel | None = None  # the finer level after that in use, while it is made
         self._relit = False  # True while its own values are of other lights or materials
-        self._unknown, self._view_pass, self._viewed = unknown(world.ctx), SurfaceViewPass(world.ctx), Memo()
+        self._no_sites, self._view_pass, self._viewed = no_sites(world.ctx), SurfaceViewPass(world.ctx), Memo()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
         levels = dict.fromkeys((self._level, self._coarse, self._before, self._in_use, self._next))
-        return (self._unknown, self._view_pass, *levels)
+        return (self._no_sites, self._view_pass, *levels)
 
     # ---- its values ------------------------------------------------------------------------------------------------
 
@@ -56,20 +56,19 @@ class SurfaceCache(Owner):
         return self._in_use.light
 
     @property
-    def lookup(self) -> LookupTable:
-        """The table that lookups go through."""
-        return self._unknown if self.laid_out is None else self.laid_out.table
+    def lookup(self) -> SurfaceSites:
+        """The sites whose values lookups read; none before the first values exist."""
+        return self.laid_out or self._no_sites
 
     @property
-    def laid_out(self) -> LaidOut | None:
+    def laid_out(self) -> SurfaceSites | None:
         """The sites of the values that lookups read; None before the first values exist."""
         return self._in_use.shown
 
     @property
-    def before(self) -> LookupTable:
-        """The table of the level before that in use, once there is a finer level."""
-        assert self._before.shown is not None
-        return self._before.shown.table
+    def before(self) -> SurfaceSites | None:
+        """The sites of the level before that in use."""
+        return self._before.shown
 
     @property
     def refinements(self) -> int:
@@ -111,9 +110,9 @@ class SurfaceCache(Owner):
         """The completed share of the values for the scene and settings, 0..1."""
         return self._level.progress
 
-    def uniforms(self, table: LookupTable | None = None) -> Uniforms:
-        """Return the uniforms of shaders/surface_cache/lookup.glsl with this `table`; None for the table in use."""
-        return (table or self.lookup).uniforms | self.world.triangles.corner_uniforms
+    def uniforms(self, sites: SurfaceSites | None = None) -> Uniforms:
+        """Return the uniforms of shaders/surface_cache/lookup.glsl for these `sites`; None for those in use."""
+        return (sites or self.lookup).uniforms(self.world)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the cache's values at every pixel, see SurfaceViewPass; valid until the next call."""

@@ -13,8 +13,8 @@ import numpy as np
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.records.motion import moved_sites
 from irrsplat.scene.change import SceneChange, emits
-from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
@@ -26,7 +26,7 @@ class Follower:
     E_1: (S, 3) W/m², as gathered with the present lights.
     """
 
-    def __init__(self, rays: SiteRays, laid_out: LaidOut, E_1: np.ndarray) -> None:
+    def __init__(self, rays: SiteRays, laid_out: SurfaceSites, E_1: np.ndarray) -> None:
         self._rays, self._laid_out = rays, laid_out
         self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
         self._beyond = E_1  # c once `begin` has taken F·D away

@@ -19,9 +19,9 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.lookup_table import LaidOut, value_rows
 from irrsplat.surface_cache.site_layout import FIRST_SITE, Detail
 from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, sum_bounces
 
 _FEW = 8  # the rays are traced once for added and once for removed lights: it pays up to one of so many lights
@@ -51,7 +51,7 @@ class LightPart(Owner):
         assert self._sites is not None and self._bounced is not None
         return self.sign * np.stack([self._sites.read()["irradiance"], self._bounced.irradiance])
 
-    def bounce(self, laid_out: LaidOut, detail: Detail, budget: Budget) -> bool:
+    def bounce(self, laid_out: SurfaceSites, detail: Detail, budget: Budget) -> bool:
         """Continue the light between the sites within the budget. Return True once it is complete."""
         ctx, settings, count = self.world.ctx, self.settings, laid_out.records.count
         if self._rays is None or self._sites is None:
@@ -66,8 +66,8 @@ class LightPart(Owner):
             self._bouncing = self._bouncing or sum_bounces(E_1, transport, laid_out.area, most, settings.bounces == "all")
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
-                self._values = table_texture(ctx, table_rows(value_rows(made.irradiance, laid_out.area)[:, None]))
-                lookup = laid_out.table.uniforms | self.world.triangles.corner_uniforms | {"surface_values": self._values}
+                self._values = table_texture(ctx, table_rows(laid_out.texels(made.irradiance)[:, None]))
+                lookup = laid_out.uniforms(self.world) | {"surface_values": self._values}
                 self.light = replace(self.light, surface=lookup)
         return self._bounced is not None
 
@@ -79,7 +79,7 @@ class LightDifference(Owner):
         signed = zip(changed, (1.0, -1.0), strict=True)
         self.parts = tuple(self.own(LightPart(world, settings, tuple(lights), sign)) for lights, sign in signed if lights)
 
-    def bounce(self, laid_out: LaidOut, detail: Detail, budget: Budget) -> bool:
+    def bounce(self, laid_out: SurfaceSites, detail: Detail, budget: Budget) -> bool:
         """Continue the light of all parts between the sites within the budget. Return True once it is complete."""
         return all(part.bounce(laid_out, detail, budget) for part in self.parts)
 

@@ -25,10 +25,10 @@ from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import Clusters
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.light_difference import LightDifference
-from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, SKY_VALUE, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_places import Survey, members_places
 from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
 _UNLIT, _NARROW = 0.03, 0.5  # of the mean light, and of a site's extent: darker sites with nearer surroundings lie in a gap
@@ -62,9 +62,9 @@ class SiteLevel(Owner):
         self._unlit = world.unlit_interiors  # of the scene that the sites are of
         self._still = np.inf  # frames since the scene has changed
         self._moved = False  # True if meshes have moved and the sites are still the former ones
-        self.shown: LaidOut | None = None
+        self.shown: SurfaceSites | None = None
         self.complete = False
-        self.laid_out: LaidOut | None = None
+        self.laid_out: SurfaceSites | None = None
         self.follower: Follower | None = None
         self._before: BouncedLight | None = None  # the light before `difference`
         self.difference: LightDifference | None = None  # between this light and the scene's; None: all is gathered again
@@ -212,7 +212,7 @@ class SiteLevel(Owner):
             raise
         return True
 
-    def _add(self, difference: LightDifference, laid_out: LaidOut, budget: Budget) -> bool:
+    def _add(self, difference: LightDifference, laid_out: SurfaceSites, budget: Budget) -> bool:
         """Continue the `difference` between the sites within the budget. Return True once it is added."""
         if not difference.bounce(laid_out, self.detail, budget):
             return False
@@ -242,7 +242,7 @@ class SiteLevel(Owner):
         self._show(E)
         return float(np.abs(E - before).mean() / max(float(before.mean()), 1e-20))
 
-    def _lay_out(self, budget: Budget) -> LaidOut | None:
+    def _lay_out(self, budget: Budget) -> SurfaceSites | None:
         """Return the sites once all are chosen; None if the budget ends before."""
         if self.laid_out is None:
             steps = self._steps
@@ -251,12 +251,12 @@ class SiteLevel(Owner):
             if chosen is None:
                 return None
             layout, clusters = chosen
-            self.laid_out, steps.choosing = LaidOut(self.world.ctx, layout), None
+            self.laid_out, steps.choosing = SurfaceSites(self.world.ctx, layout), None
             if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
                 self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
         return self.laid_out
 
-    def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
+    def _find_places(self, laid_out: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:
         """Find the origins of the rays of sites by a survey along few rays. Return True once all are known."""
         if laid_out.places is not None:
             return True
@@ -279,7 +279,7 @@ class SiteLevel(Owner):
         steps.survey = steps.drawing = None
         return True
 
-    def _gather_sites(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
+    def _gather_sites(self, laid_out: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and find the sites that their rays hit if these are not known yet."""
         records = laid_out.records
         gather = self._rays.gather_for(records.count)
@@ -290,7 +290,9 @@ class SiteLevel(Owner):
         records.mark_refreshed(stale[stale < FIRST_SITE])
         self._gather(gather, laid_out, stale[stale >= FIRST_SITE], shadows, budget)
 
-    def _gather(self, gather: TraceGather, laid_out: LaidOut, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget) -> int:
+    def _gather(
+        self, gather: TraceGather, laid_out: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget
+    ) -> int:
         """Gather E_1 at sites of these numbers, and unknown rows of their transport, within the budget. Return their number."""
         done, transport = 0, laid_out.transport
         for batch in self._rays.gathered(gather, laid_out, numbers, shadows, budget):
@@ -300,7 +302,7 @@ class SiteLevel(Owner):
             done += len(batch)
         return done
 
-    def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
+    def _bounce(self, laid_out: SurfaceSites, budget: Budget) -> BouncedLight | None:
         """Return the light of all bounces from E_1, up to the settings' last one; None if the budget ends before."""
         if self._steps.bouncing is None:
             most, everything = self.settings.most_bounces, self.settings.bounces == "all"
@@ -321,14 +323,14 @@ class SiteLevel(Owner):
         """Let lookups find these values (S, 3), W/m², of the same sites."""
         shown = self.shown
         assert shown is not None and shown.light is not None
-        shown.table.write(E, shown.area)
+        shown.write(E)
         shown.light = replace(shown.light, irradiance=E)
 
-    def _use(self, laid_out: LaidOut, made: BouncedLight) -> None:
+    def _use(self, laid_out: SurfaceSites, made: BouncedLight) -> None:
         """Let lookups find the values `made` at the sites `laid_out`."""
         coarse = self.detail.level < 0  # pixels show its values
         E = _without_dark_gaps(made.irradiance, laid_out) if coarse else made.irradiance
-        laid_out.table.write(E, laid_out.area)
+        laid_out.write(E)
         laid_out.light = made
         before, self.shown, self.complete = self.shown, laid_out, True
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
@@ -338,7 +340,7 @@ class SiteLevel(Owner):
             before.release()
 
 
-def _without_dark_gaps(E: np.ndarray, laid_out: LaidOut) -> np.ndarray:
+def _without_dark_gaps(E: np.ndarray, laid_out: SurfaceSites) -> np.ndarray:
     """Return E (S, 3), where dark sites within and below objects have the light of the nearest lit site that faces alike.
 
     The corners of cells at such sites would leave a black patch around each object.

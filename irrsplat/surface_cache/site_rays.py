@@ -21,8 +21,8 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
-from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_layout import Detail
+from irrsplat.surface_cache.surface_sites import SurfaceSites
 from irrsplat.surface_cache.transport import RayHits
 from irrsplat.surface_cache.visibility import VisibilityPass
 
@@ -91,7 +91,7 @@ class SiteRays(Owner):
     def gathered(
         self,
         gather: TraceGather,
-        laid_out: LaidOut,
+        laid_out: SurfaceSites,
         numbers: np.ndarray,
         shadows: ShadowMaps,
         budget: Budget,
@@ -103,13 +103,13 @@ class SiteRays(Owner):
         """
         # neither a survey nor coarse light waits for the tree of the rays of virtual point lights
         virtual = laid_out.places is not None and (self._detail.level >= 0 or self.world.has_tree)
-        light = HitLight(shadows, laid_out.table.uniforms | self.world.triangles.corner_uniforms, virtual)
+        light = HitLight(shadows, laid_out.uniforms(self.world), virtual)
         reduce, records, seed = self._reduce[gather.places], into or laid_out.records, self.settings.seed
         for some in gather.batches(len(numbers), budget):
             gather_records(gather, reduce, light, records, numbers[some], seed, where=laid_out.origins)
             yield numbers[some]
 
-    def hits(self, gather: TraceGather, laid_out: LaidOut, numbers: np.ndarray) -> RayHits:
+    def hits(self, gather: TraceGather, laid_out: SurfaceSites, numbers: np.ndarray) -> RayHits:
         """Return the hits of the last gather's rays, those of the sites of these numbers."""
         sites = laid_out.origins(numbers)
         assert sites.frame_rotation is not None
@@ -123,7 +123,7 @@ class SiteRays(Owner):
             share[:, texels] = np.where(below, 0.0, table[texels, 3])
         return RayHits(share, *gather.hits(len(upward)))
 
-    def direct_light(self, laid_out: LaidOut, shadows: ShadowMaps) -> np.ndarray:
+    def direct_light(self, laid_out: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:
         """Return (S, 3) the direct irradiance of lights at the sites, W/m², a mean over a disc of each site's area."""
         lights, records = light_defines(self.world.scene), laid_out.records
         inputs = lights, records.count

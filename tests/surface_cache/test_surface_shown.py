@@ -15,8 +15,8 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.image.tonemap import tonemap
 from irrsplat.renderer import Renderer
-from irrsplat.surface_cache.lookup_table import LaidOut
 from irrsplat.surface_cache.site_level import _without_dark_gaps
+from irrsplat.surface_cache.surface_sites import SurfaceSites
 
 SIZE = (97, 61)
 EXPOSURE = -1.0  # stops
@@ -53,5 +53,5 @@ def test_a_coarse_level_has_no_black_corners_under_objects() -> None:
     read = {"position": np.array(place), "normal": np.array(normal), "radius": np.array(radius)}
     sites = SimpleNamespace(records=SimpleNamespace(read=lambda: read), area=np.ones(7))
     E = np.array([9.0, 0.0, 0.0, 1.0, 3.0, 0.0, 5.0])[:, None] * np.ones(3)
-    shown = _without_dark_gaps(E, cast(LaidOut, sites))[:, 0]
+    shown = _without_dark_gaps(E, cast(SurfaceSites, sites))[:, 0]
     assert shown.tolist() == [9.0, 0.0, 1.0, 1.0, 3.0, 0.0, 5.0]

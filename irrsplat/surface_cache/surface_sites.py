@@ -1,0 +1,76 @@
+"""The sites of a surface cache on the GPU: their records, and the tables by which shaders look up their values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Sites, Uniforms
+from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gather.record_frame import PLACES, rows_of_places
+from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.texel_table import row_count, table_rows
+from irrsplat.gpu.world import World
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.surface_cache.site_layout import SiteLayout
+from irrsplat.surface_cache.transport import BouncedLight, Transport
+
+
+class SurfaceSites(Owner):
+    """Sites on the GPU: a record for each of S values, in the order of the values, and the textures of their lookup.
+
+    area: (S,) m² of the surface that each stands for. level: (S,) see SiteLayout. places: (S·PLACES,) the origins of their rays,
+    site by site, with their triangles. transport: between the sites. light: at the sites. None: not known yet.
+    """
+
+    def __init__(self, ctx: moderngl.Context, layout: SiteLayout) -> None:
+        self.area, self.level, count = layout.area, layout.level, len(layout.sites)
+        self.places: Sites | None = None
+        self.transport: Transport | None = None
+        self.light: BouncedLight | None = None
+        self.records = self.own(RecordCache(ctx))
+        self.values = self.own(table_texture(ctx, np.zeros((row_count(count), TABLE_COLUMNS, 4)), varying=True))
+        self.cells = self.own(table_texture(ctx, table_rows(layout.cells), varying=True))
+        triangles = np.pad(layout.triangles, ((0, 0), (0, 2)))[:, None]
+        self._triangles = self.own(table_texture(ctx, table_rows(triangles), varying=True))
+        if count:
+            self.records.append(layout.sites)
+            self.records.invalidate()
+
+    def origins(self, numbers: np.ndarray) -> Sites:
+        """Return the origins of rays of the sites of these numbers: their places, or the sites themselves without any."""
+        if self.places is None:
+            return self.records.sites(numbers)
+        rows = rows_of_places(numbers, PLACES)
+        return replace(self.places[rows], frame_rotation=rows)
+
+    def uniforms(self, world: World) -> Uniforms:
+        """Return the uniforms of shaders/surface_cache/lookup.glsl in this `world`."""
+        return world.triangles.corner_uniforms | {
+            "surface_triangles": self._triangles,
+            "surface_cells": self.cells,
+            "surface_values": self.values,
+            "surface_known": int(self.records.count > 0),
+        }
+
+    def write(self, E: np.ndarray) -> None:
+        """Let lookups find the values E, (S, 3) in W/m²."""
+        rows = np.zeros((self.values.width * self.values.height, 4), "f4")
+        rows[: len(E)] = self.texels(E)
+        self.values.write(rows.tobytes())
+
+    def texels(self, E: np.ndarray) -> np.ndarray:
+        """Return (S, 4) float32, the texels of surface_values: E (S, 3) in W/m², and the extents of the sites in metres."""
+        return np.column_stack([E, np.sqrt(self.area)]).astype("f4")
+
+
+def no_sites(ctx: moderngl.Context) -> SurfaceSites:
+    """Return sites for any scene among which every lookup finds no value, so that no light is added.
+
+    The only triangle stands for all.
+    """
+    none, cells = np.zeros((0, 3)), np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2])
+    return SurfaceSites(ctx, SiteLayout(Sites(none, none, none), none[:, 0], none[:, 0], np.array([[1.0, 0.0]]), cells))
