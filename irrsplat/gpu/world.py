@@ -55,7 +55,6 @@ class World(Owner):
         self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
         self._pending_tree: Future[Bvh] | None = None
-        self._ray_structures_fit: bool | None = None  # True if the GPU can hold the ray structures; None: not tried yet
         self._pending_caster: Future[RayCaster] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -132,12 +131,10 @@ class World(Owner):
         if hurried and not self.has_tree:
             self.prebuild(tree=True)
             return False
-        if self._ray_structures_fit is None:
-            try:
-                self._ray_structures_fit = bool(self.trace_uniforms)
-            except InputError:
-                self._ray_structures_fit = False
-        return self._ray_structures_fit
+        try:
+            return bool(self.trace_uniforms)
+        except InputError:
+            return False
 
     @property
     def has_tree(self) -> bool:
@@ -166,7 +163,7 @@ class World(Owner):
         return self._pending_caster
 
     def _discard_ray_structures(self) -> None:
-        """Discard ray structures of moved triangles, and cancel builds that have not builds."""
+        """Discard ray structures of moved triangles, and cancel builds that have not begun."""
         tree, self._tree = self._tree, None
         if tree is not None:
             tree.release()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import moderngl
 
@@ -46,21 +45,6 @@ def view_bytes(scene: Scene, settings: Settings) -> int:
     return gbuffer + splats + refined + summed + direct + image
 
 
-@dataclass(frozen=True)
-class Shortage:
-    """Needed and free memory for a picture of `size`, in bytes. alone: only image and alpha are read."""
-
-    size: tuple[int, int]
-    need: int
-    free: int
-    alone: bool
-
-    def __str__(self) -> str:
-        """Return the message."""
-        (width, height), need, free = self.size, self.need / 1e9, self.free / 1e9
-        return f"size {width}x{height} needs {need:.1f} GB of memory, and {free:.1f} GB are free here"
-
-
 def shortage(
     size: tuple[int, int],
     scene: Scene,
@@ -68,30 +52,26 @@ def shortage(
     software: bool,
     buffers: Collection[str] | None = PICTURE,
     tile: int = 0,
-) -> Shortage | None:
-    """Return the shortage if a picture of `size`, with `buffers` as arrays (None: all), certainly exceeds free memory; else None.
+) -> str:
+    """Return the error if a picture of `size`, with `buffers` as arrays (None: all), certainly exceeds free memory; else "".
 
     GPU memory is not known: on a GPU only the arrays count. tile: pixels, side of the tiles that are drawn one by one; 0: draw
     the picture whole.
     """
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
-    alone = PICTURE.issuperset(names)
     arrays = 4 * sum(CHANNELS[name].components for name in names)
     pixel = view_bytes(scene, settings) if software else 0
     if tile:
         drawn = min(_AROUND * tile, max(size)) ** 2  # with the margin of a tile
         need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
     else:
-        need = size[0] * size[1] * (pixel + arrays + (0 if alone else _READING))
+        need = size[0] * size[1] * (pixel + arrays + (0 if PICTURE.issuperset(names) else _READING))
     need += _BESIDE if software else 0
     free = memory.available()
-    return Shortage(size, need, free, alone) if size[0] * size[1] >= LARGE and free is not None and need > free else None
-
-
-def check_memory(found: Shortage | None) -> None:
-    """Raise InputError for a shortage."""
-    if found is not None:
-        raise InputError(f"{found}: take a smaller size" + ("" if found.alone else ", or fewer buffers: a .png needs least"))
+    if size[0] * size[1] < LARGE or free is None or need <= free:
+        return ""
+    found = f"size {size[0]}x{size[1]} needs {need / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free here"
+    return f"{found}: take a smaller size" + ("" if PICTURE.issuperset(names) else ", or fewer buffers: a .png needs least")
 
 
 def largest(ctx: moderngl.Context) -> int:

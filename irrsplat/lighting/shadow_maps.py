@@ -25,27 +25,22 @@ class ShadowPass(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "lighting/shadow")
-        self._cut_outs, self._tables = Workshop(), Workshop()
+        self._made = Workshop()
         self.target: Target | None = None
         self._drawn: tuple[object, Sequence[object]] = None, []  # what all tiles depend on, and each one
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self._cut_outs, self._tables, self.target)
+        return (self.program, self._made, self.target)
 
     def forget(self) -> None:
         """Draw all tiles again next time."""
         self._drawn = None, []
 
-    def _cutting(self, world: World) -> Program:
-        """Return the program that discards cut-out texels."""
-        defines = world.material_defines
-        return self._cut_outs.get("program", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
-
     def _photometry(self, world: World) -> moderngl.Texture | None:
         """Return the candela of the scene's luminaires; None for none."""
         different = photometries(world.scene.lights)
         if not different:
-            self._tables.clear()
+            self._made.drop("photometry")
             return None
 
         def make() -> moderngl.Texture:
@@ -54,7 +49,7 @@ class ShadowPass(Owner):
             texture.write(texels.tobytes())
             return texture
 
-        return self._tables.get("photometry", different, make)
+        return self._made.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
         """Return the shadow maps of all lights, and the light table. side: of a tile in texels, reduced to fit.
@@ -67,6 +62,8 @@ class ShadowPass(Owner):
         made_of, before = (world.scene.meshes, side, columns, lines, near, lights.far), self._drawn
         tiles = [(matrix.tobytes(), bool(parallel)) for matrix, parallel in zip(lights.tiles, lights.parallel, strict=True)]
         self._drawn = None, []  # until all are drawn
+        defines = world.material_defines
+        cutting = self._made.get("cut_out", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
         if self.target is None or before[0] != made_of:
             before = made_of, []
             if self.target is not None:
@@ -87,7 +84,7 @@ class ShadowPass(Owner):
                 if not draws:
                     continue
                 cut_out = part == "cut_out"
-                program = self._cutting(world) if cut_out else self.program
+                program = cutting if cut_out else self.program
                 program(
                     self.target,
                     geometry=world.geometry,

@@ -30,9 +30,9 @@ def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.n
     free = np.array([*lamps, *(camera.eye for camera in scene.cameras), *glowing], float).reshape(-1, 3)
     for mesh in scene.meshes:
         if len(mesh.faces) and sort_of(mesh) in (CLOSED, OPEN):
-            near = np.flatnonzero(~found & _in_box(points, mesh))
+            near = np.flatnonzero(~found & in_box(points, mesh))
             near = near[enclosed(points[near], normals[near], mesh)]
-            held = free[_in_box(free, mesh)]
+            held = free[in_box(free, mesh)]
             if len(near) and not enclosed(held, np.broadcast_to(normals[near[0]], held.shape), mesh).any():
                 found[near] = True
     return found
@@ -45,12 +45,12 @@ def in_the_dark(scene: Scene, unlit: Sequence[bool], eye: tuple[float, float, fl
     """
     place, up = np.array([eye], float), np.array([[0.0, 0.0, 1.0]])
     meshes = (mesh for mesh, dark in zip(in_order(scene), unlit, strict=True) if dark and len(mesh.faces) <= _LARGE)
-    return any(_in_box(place, mesh)[0] and bool(enclosed(place, up, mesh)[0]) for mesh in meshes)
+    return any(in_box(place, mesh)[0] and bool(enclosed(place, up, mesh)[0]) for mesh in meshes)
 
 
-def _in_box(points: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """Return (N,) True for points in the mesh's bounding box."""
-    found: np.ndarray = ((points >= mesh.bounds[0]) & (points <= mesh.bounds[1])).all(1)
+def in_box(points: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
+    """Return (N,) True for points in the mesh's bounding box, enlarged by `margin` metres."""
+    found: np.ndarray = ((points >= mesh.bounds[0] - margin) & (points <= mesh.bounds[1] + margin)).all(1)
     return found
 
 

@@ -20,7 +20,7 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
 
     The greatest radius on screen (`radius_max`) bounds their spheres, or else R.
     """
-    offset = _offset(cache.positions[first:], camera)
+    offset = np.ascontiguousarray(cache.positions[first:].T) - np.asarray(camera.eye, "f4")[:, None]  # (3, N) from the eye
     distance = np.sqrt((offset * offset).sum(0))
     percent = camera.measure(size) / 100.0 * distance  # of the picture's measure, in metres
     if settings.radius_max > 0.0:
@@ -31,12 +31,6 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
     return first + np.flatnonzero(_outside(offset, camera, size) <= radius)
-
-
-def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """Return (3, N) float32: points (N, 3) relative to the eye, a row for each axis."""
-    offset: np.ndarray = np.ascontiguousarray(points.T, "f4") - np.asarray(camera.eye, "f4")[:, None]
-    return offset
 
 
 def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:

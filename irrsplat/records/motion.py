@@ -9,6 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import unit
+from irrsplat.lighting.solids import in_box
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Mesh
@@ -41,19 +42,12 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, ch
     """
     found = np.zeros(len(position), bool)
     for old, new, own, _ in _of_moved(triangle, change):
-        found |= (triangle < 0) & _within(position, old)
+        found |= (triangle < 0) & in_box(position, old)
         lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
         found |= own & new.is_point
-        near = np.flatnonzero(~own & ~found & _within(position, new, lift))
+        near = np.flatnonzero(~own & ~found & in_box(position, new, lift))
         found[near] = np.abs(winding(position[near] + lift * normal[near], new)) > _INSIDE
     return found
-
-
-def _within(position: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
-    """Return (N,) True for points in the bounding box of a mesh, enlarged by `margin` metres."""
-    low, high = mesh.bounds
-    within: np.ndarray = ((position >= low - margin) & (position <= high + margin)).all(1)
-    return within
 
 
 def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:

@@ -35,10 +35,11 @@ class Tiling:
         software = bool(context.describe(ctx)["software"])
         tile, size = self._requested or state.tile, state.size
         short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        if self._requested is None and not tile and (short is not None or max(size) > gl_limits.largest(ctx)):
+        if self._requested is None and not tile and (short or max(size) > gl_limits.largest(ctx)):
             tile = TILE
             short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        gl_limits.check_memory(short)
+        if short:
+            raise InputError(short)
         return replace(state, tile=tile)
 
     def checked(self, state: State, ctx: moderngl.Context, again: bool) -> State:

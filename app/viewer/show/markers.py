@@ -81,8 +81,8 @@ class Markers(Owner):
             self._draw(program, layer.new, uniforms, chosen, state=_CLIPPED, vertices=2 * _SEGMENTS + 2, scissor=region)
         layer.count = cache.count if len(chosen) == len(numbers) else int(chosen[-1]) + 1
         layer.renews &= layer.count < cache.count
-        shown = {"layer": (layer.old if layer.renews else layer.new).textures[0]}
-        self._draw(self.programs("viewer/markers/layer"), target, shown, state=_LAYER, scissor=region)
+        shown = {"part_0": (layer.old if layer.renews else layer.new).textures[0], "start": (0, 0)}
+        self._draw(self.programs("lib/place"), target, shown, state=_LAYER, scissor=region)
         return layer.count >= cache.count and layer.revision == cache.revision
 
     def _of_records(self, target: Target, view: View, records: Records, settings: Settings) -> Uniforms:
