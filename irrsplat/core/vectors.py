@@ -107,7 +107,7 @@ def triangle_areas(corners: np.ndarray) -> np.ndarray:
 
 
 def octahedral_encode(directions: np.ndarray) -> np.ndarray:
-    """Return (2, N) octahedral coordinates of unit vectors (N, 3), as in shaders/lib/octahedral.glsl."""
+    """Return (2, N) octahedral coordinates of unit vectors (N, 3), as in shaders/lib/normals.glsl."""
     x, y, z = directions.T / np.abs(directions).sum(1)
     folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
     found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
@@ -115,7 +115,7 @@ def octahedral_encode(directions: np.ndarray) -> np.ndarray:
 
 
 def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the unit vectors (..., 3) of octahedral coordinates x and y, as in shaders/lib/octahedral.glsl."""
+    """Return the unit vectors (..., 3) of octahedral coordinates x and y, as in shaders/lib/normals.glsl."""
     z = 1.0 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0.0)
     v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)

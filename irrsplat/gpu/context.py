@@ -25,10 +25,8 @@ _DEVICES = 8  # EGL devices to try
 # Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
 _APT = "sudo apt-get install -y"
 _ADVICE = (
-    ("libGL.so not loaded", f"the library libGL is missing; run: {_APT} libgl1"),
-    ("libGL.so.1", f"the library libGL is missing; run: {_APT} libgl1"),
-    ("libEGL.so not loaded", f"the library libEGL is missing; run: {_APT} libegl1"),
-    ("libEGL.so.1", f"the library libEGL is missing; run: {_APT} libegl1"),
+    ("libGL.so", f"the library libGL is missing; run: {_APT} libgl1"),
+    ("libEGL.so", f"the library libEGL is missing; run: {_APT} libegl1"),
     ("but found 0 devices", f"EGL finds no driver; install the GPU's driver, or run: {_APT} libegl-mesa0"),
     ("eglInitialize failed", f"the EGL driver does not start; run: {_APT} libgl1-mesa-dri"),
     ("eglCreateContext failed", f"the driver has no OpenGL 3.3; update it, or run: {_APT} libgl1-mesa-dri"),

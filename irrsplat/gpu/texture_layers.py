@@ -53,11 +53,6 @@ class LayerPlan:
     side: int
     means: Mapping[LayerKey, np.ndarray]
 
-    @property
-    def size(self) -> int:
-        """Bytes on the GPU."""
-        return round(len(self.layers) * self.side**2 * _BYTES)
-
 
 def plan(keys: Iterable[LayerKey], most_bytes: float, most_layers: int) -> LayerPlan:
     """Return the plan for these layers, sorted by importance, with the largest useful side that fits.

@@ -24,7 +24,7 @@ from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
-from irrsplat.records.eviction import kept
+from irrsplat.records.culling import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange

@@ -70,9 +70,7 @@ class SplatPass(Owner):
 
         unlit_sides: from `unlit_sides`.
         """
-        of: Uniforms = {}
-        if unlit_sides:
-            of = {"normal": gbuffer.normal, "albedo": gbuffer.albedo, "emission": gbuffer.emission, **unlit_sides}
+        of = {"normal": gbuffer.normal, **gbuffer.material_uniforms, **unlit_sides} if unlit_sides else {}
         self.empty[int(bool(of))](
             target or self.target(pixel_stride),
             state=DrawState(depth="1"),

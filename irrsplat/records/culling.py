@@ -1,4 +1,4 @@
-"""Culling of records: a view needs only records whose spheres of influence touch its frustum."""
+"""Records that a view needs, whose spheres of influence touch its frustum, and records to drop when there are too many."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ _SLACK = 1e-3, 1e-5
 # pixels around the view: more than the offset of antialiasing samples from pixel centres, and than the least reach of a record
 # within a closed mesh, see shaders/indirect/splat.vert
 _MARGIN = 1.6
+_LEFT = 0.75  # share of max_records that stays, so that evictions are rare
 
 
 def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
@@ -31,6 +32,24 @@ def reaching(cache: RecordCache, first: int, camera: Camera, size: tuple[int, in
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
     return first + np.flatnonzero(_outside(offset, camera, size) <= radius)
+
+
+def kept(cache: RecordCache, requested: int, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray | None:
+    """Return the numbers of the records to keep, so that so many more fit within `max_records`; None: keep all.
+
+    Records unseen for the most views go first, the farthest of them foremost. Records that this view needs always stay, even
+    beyond the limit.
+    """
+    most = settings.max_records
+    if cache.count + requested <= most:
+        return None
+    unneeded = np.ones(cache.count, bool)
+    unneeded[reaching(cache, 0, camera, size, settings)] = False
+    numbers = np.flatnonzero(unneeded)
+    goal = max(min(int(_LEFT * most), most - requested), 0)
+    distance = np.linalg.norm(cache.positions[numbers] - np.asarray(camera.eye, "f4"), axis=1)
+    going = numbers[np.lexsort((-distance, cache.column("last_view")[numbers]))][: cache.count - goal]
+    return np.delete(np.arange(cache.count), going) if len(going) else None
 
 
 def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:

@@ -178,7 +178,7 @@ class SurfaceCache(Owner):
             level = self._level
             made, changed = level, level.follow(shadows, budget)
             if changed is None and budget.limited and self._outdated and self.starts_coarse and level.difference is None:
-                self._coarse = self._coarse or self._other(COARSE)
+                self._coarse = self._coarse or SiteLevel(self.world, level.settings, COARSE)
                 made = level if self._coarse.complete else self._coarse
             if made is self._coarse:
                 changed = made.advance(shadows, budget)
@@ -195,7 +195,8 @@ class SurfaceCache(Owner):
         """
         if self._level.light is None or not self.complete:
             return False
-        self._next = self._next or self._other(self._level.detail.finer(self.refinements + 1))
+        finer = self._level.detail.finer(self.refinements + 1)
+        self._next = self._next or SiteLevel(self.world, self._level.settings, finer)
         with self.timers("surface"):
             if self._next.advance(shadows, budget) is None:
                 return False
@@ -203,7 +204,3 @@ class SurfaceCache(Owner):
             self._before.release()
         self._before, self._in_use, self._next = self._in_use, self._next, None
         return True
-
-    def _other(self, detail: Detail) -> SiteLevel:
-        """Return a level of the scene in another detail."""
-        return SiteLevel(self.world, self._level.settings, detail)

@@ -45,7 +45,7 @@ void main()
     for (int j = 0; j < rays; ++j)
     {
         vec3 d = normalize(frame * texel_at(closer_rays, ivec2(inside.x * RAYS + j, inside.y)).xyz);
-        found += bvh_closest(eye, d, 0.0).t < FARTHEST_HIT ? 0 : 1;
+        found += bvh_between(eye, d, 0.0, FARTHEST_HIT).t < FARTHEST_HIT ? 0 : 1;
     }
     out_share = rays > 0 ? float(found) / float(RAYS) : float(own);
 }

@@ -73,7 +73,7 @@ void main()
     int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
     Hit hit = known_hit(eye, d, texel_at(first_hits, table_texel(number)).r);
 #else
-    Hit hit = bvh_closest(eye, d, 0.0);
+    Hit hit = bvh_between(eye, d, 0.0, FARTHEST_HIT);
 #endif
     vec3 corner[3] = vec3[](triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2));
     ivec3 at = triangle_vertices(hit.triangle);

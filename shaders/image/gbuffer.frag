@@ -2,7 +2,6 @@
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
-#include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
 
 in vec3 v_position;

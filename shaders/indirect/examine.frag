@@ -1,11 +1,7 @@
 // Where records are missing: the pixel of least effective weight in each tile of the screen (Jones 2010, section 2.3).
 #include "indirect/effective_weight.glsl"
-#include "lib/texel.glsl"
+#include "lib/gbuffer.glsl"
 
-uniform sampler2D position;  // g-buffer
-uniform sampler2D normal;
-uniform sampler2D albedo;
-uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k
 uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN without a surface; Σ k·(Y² - σ²)
 #if REFINED

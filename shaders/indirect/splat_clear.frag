@@ -2,17 +2,15 @@
 #include "generated/constants.glsl"
 #include "indirect/splat_depth.glsl"
 #if UNLIT_SIDES
-#include "lib/octahedral.glsl"
+#include "lib/gbuffer.glsl"
 #include "lib/surface.glsl"
-#endif
+#else
 #include "lib/texel.glsl"
-
 uniform sampler2D position;  // g-buffer
+#endif
+
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
 #if UNLIT_SIDES
-uniform sampler2D normal;    // g-buffer
-uniform sampler2D albedo;
-uniform sampler2D emission;
 uniform sampler2D unlit_sides;  // table of triangles: 1 where no light reaches the inner side
 uniform bool all_unlit;         // true if the camera lies within such a mesh
 #endif
@@ -25,9 +23,8 @@ bool unlit(ivec2 pixel)
 {
 #if UNLIT_SIDES
     if (all_unlit) return true;
-    int triangle = int(texel_at(emission, pixel).w);
-    vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
-    return texel_at(unlit_sides, table_texel(triangle)).r > 0.0 && dot(g, face_plane(triangle).xyz) < 0.0;
+    int triangle = triangle_at(pixel);
+    return texel_at(unlit_sides, table_texel(triangle)).r > 0.0 && dot(geometric_normal_at(pixel), face_plane(triangle).xyz) < 0.0;
 #else
     return false;
 #endif

@@ -1,11 +1,7 @@
 // One pixel of each square of a view: position and cached irradiance, for comparison with a probe there.
 #include "generated/constants.glsl"
-#include "lib/texel.glsl"
+#include "lib/gbuffer.glsl"
 
-uniform sampler2D position;  // g-buffer
-uniform sampler2D normal;
-uniform sampler2D albedo;
-uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k, of every pixel
 uniform float pixel_size;    // metres between pixels at distance 1
 uniform int stride;          // pixels along a side of the squares; each square has one probed pixel

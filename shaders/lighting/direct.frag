@@ -1,18 +1,13 @@
 // Direct light at every pixel, with four shadow samples per light (Jones 2010, sections 2.4 and 3.3). They are dithered by default.
 // With SHADOW_MARKS, the pixels at which they differ are marked in the depth buffer. With SHADOW_RAYS, a ray decides there.
-#include "generated/gbuffer_material.glsl"
-#include "lib/texel.glsl"
+#include "lib/gbuffer.glsl"
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
-#include "lib/octahedral.glsl"
 #if SHADOW_RAYS
 #include "generated/vertex_table.glsl"
 #include "lib/rays/triangles.glsl"
-#include "lib/normals.glsl"
 #endif
 
-uniform sampler2D position;  // g-buffer
-uniform sampler2D normal;
 #if NORMAL_MAPS
 uniform sampler2D lit_normal;  // bent by the normal map
 #endif
@@ -58,12 +53,12 @@ void main()
 #if NORMAL_MAPS
     m = texel_at(lit_normal, pixel).xyz;
 #endif
-    vec3 g = octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w));
+    vec3 g = geometric_normal_at(pixel);
     Receiver receiver = Receiver(p.xyz, m, g, FLAT);
     if (dot(n.xyz, g) < SMOOTH)
     {
 #if SHADOW_RAYS
-        int triangle = int(texel_at(emission, pixel).w);
+        int triangle = triangle_at(pixel);
         if (triangle < lit) receiver.p = curved_place(p.xyz, n.xyz, triangle);
         receiver.g = n.xyz;
 #else

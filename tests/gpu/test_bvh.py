@@ -65,7 +65,7 @@ def shaded(
     (tmp_path / "walk.frag").write_text(
         '#include "lib/rays/bvh.glsl"\nuniform sampler2D rays;\nlayout(location = 0) out vec4 out_hit;\nvoid main()\n{\n'
         "    int x = int(gl_FragCoord.x), y = int(gl_FragCoord.y);\n    vec3 o = texelFetch(rays, ivec2(2 * x, y), 0).xyz;\n"
-        "    Hit hit = bvh_closest(o, texelFetch(rays, ivec2(2 * x + 1, y), 0).xyz, 0.0);\n"
+        "    Hit hit = bvh_between(o, texelFetch(rays, ivec2(2 * x + 1, y), 0).xyz, 0.0, FARTHEST_HIT);\n"
         "    vec3 p = mat3(triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2))"
         " * hit.share;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
     )

@@ -64,12 +64,6 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
     return hit;
 }
 
-// The same however far.
-Hit bvh_closest(vec3 o, vec3 d, float nearest)
-{
-    return bvh_between(o, d, nearest, FARTHEST_HIT);
-}
-
 // True if the segment from the eye to the point `away` from it, at the distance r, is free. No ray is traced unless light from
 // there is `possible`, nor for r = 0 (unused cells of an atlas).
 bool bvh_way_free(vec3 eye, vec3 away, float r, bool possible)

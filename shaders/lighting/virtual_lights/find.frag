@@ -33,7 +33,7 @@ void main()
         from += part * axis.xyz + fract(number * GOLDEN + set * PLASTIC) * edge;
         d = normalize(cross(edge, axis.xyz));
     }
-    Hit hit = bvh_closest(from, d, near);
+    Hit hit = bvh_between(from, d, near, FARTHEST_HIT);
     vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
     g = dot(g, d) > 0.0 ? -g : g;
@@ -43,7 +43,7 @@ void main()
     {
         float z = 1.0 - 2.0 * fract(number * PLASTIC + float(i) * GOLDEN), turn = angle + float(i) * GOLDEN_ANGLE;
         vec3 aside = vec3(sqrt(1.0 - z * z) * vec2(cos(turn), sin(turn)), z);
-        float t = bvh_closest(end + 1e-4 * hit.t * g, normalize(g + 0.999 * aside), 0.0).t;
+        float t = bvh_between(end + 1e-4 * hit.t * g, normalize(g + 0.999 * aside), 0.0, FARTHEST_HIT).t;
         far = i == 0 ? t : max(far, t);
     }
     out_place = vec4(end, far);

@@ -1,5 +1,5 @@
 // The test if the visible surface at a pixel hides a point.
-#include "lib/octahedral.glsl"
+#include "lib/normals.glsl"
 
 uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
 uniform sampler2D normal;
