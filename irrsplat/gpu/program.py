@@ -139,19 +139,16 @@ class Program:
             faulty = self._source[0] if "vertex_shader" in log.lower().replace(" ", "_") else self._source[1]
             raise shader_source.ShaderError(shader_source.explain(log, faulty)) from error
 
-    def _install(self, linked: _Linked) -> None:
-        self.active = set(linked.gl)
-        for name in self.units.keys() & self.active:
-            linked.gl[name].value = self.units[name]  # type: ignore[union-attr]
-        self._array_inputs: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
-        self._linked = linked  # last: marks the program as linked
-
     @property
     def gl(self) -> moderngl.Program:
         """The linked program; raises ShaderError if it does not compile."""
         if self._linked is None:
-            self._install(self._link())
-        assert self._linked is not None
+            linked = self._link()
+            self.active = set(linked.gl)
+            for name in self.units.keys() & self.active:
+                linked.gl[name].value = self.units[name]  # type: ignore[union-attr]
+            self._array_inputs: list[Any] = []  # keeps the arrays' inputs alive, so that no id is reused
+            self._linked = linked  # last: marks the program as linked
         return self._linked.gl
 
     def declared(self, uniforms: Uniforms) -> dict[str, Any]:

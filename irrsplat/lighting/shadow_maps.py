@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu.program import Draw, DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_table, near_plane, sheet, tile_count
@@ -24,13 +24,9 @@ class ShadowPass(Owner):
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "lighting/shadow")
-        self._made = Workshop()
-        self.target: Target | None = None
+        self.program = self.own(Program(ctx, "lighting/shadow"))
+        self._made = self.own(Workshop())
         self._drawn: tuple[object, Sequence[object]] = None, []  # what all tiles depend on, and each one
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self._made, self.target)
 
     def forget(self) -> None:
         """Draw all tiles again next time."""
@@ -64,19 +60,18 @@ class ShadowPass(Owner):
         self._drawn = None, []  # until all are drawn
         defines = world.material_defines
         cutting = self._made.get("cut_out", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
-        if self.target is None or before[0] != made_of:
+        size = side * columns, side * lines
+        target = self._made.get("target", size, lambda: Target(self.ctx, size, depth=True))
+        if before[0] != made_of:
             before = made_of, []
-            if self.target is not None:
-                self.target.release()
-            self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
-            self.target.clear()
+            target.clear()
         for i, (matrix, parallel) in enumerate(zip(lights.tiles, lights.parallel, strict=True)):
             if before[1][i : i + 1] == tiles[i : i + 1]:
                 continue
             cell = (side * (i % columns), side * (i // columns), side, side)
             if before[1]:
-                self.target.use()
-                self.target.gl.clear(depth=1.0, viewport=cell)
+                target.use()
+                target.gl.clear(depth=1.0, viewport=cell)
             seen = world.parts.seen(matrix[0], matrix[1], _ONE if parallel else matrix[2], lights.far)
             for part in _PARTS:
                 first, count = world.geometry.parts[part]
@@ -86,7 +81,7 @@ class ShadowPass(Owner):
                 cut_out = part == "cut_out"
                 program = cutting if cut_out else self.program
                 program(
-                    self.target,
+                    target,
                     geometry=world.geometry,
                     draws=draws,
                     # geometry before the near plane casts a shadow in parallel light only
@@ -101,7 +96,7 @@ class ShadowPass(Owner):
                     **(world.materials.light_uniforms if cut_out else {}),
                 )
         self._drawn = made_of, tiles
-        assert self.target.depth is not None
+        assert target.depth is not None
         photometry = self._photometry(world)
         luminaires = None if photometry is None else luminaire_rows(world.scene.lights)
-        return ShadowMaps(self.target.depth, lights.rows, (side, columns, lights.far), luminaires, photometry)
+        return ShadowMaps(target.depth, lights.rows, (side, columns, lights.far), luminaires, photometry)

@@ -59,9 +59,7 @@ def stamp(scene: Scene) -> SceneStamp:
     materials = {material: hashed(*_material(material)) for material in scene.materials}
     meshes = tuple(
         MeshStamp(
-            hashed(
-                *(mesh.positions, mesh.normals, mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
-            ),
+            hashed(mesh.positions, mesh.normals, mesh.faces, mesh.uvs, mesh.colors, mesh.opacities, np.array(mesh.closed)),
             materials[mesh.material],
             len(mesh.faces),
         )

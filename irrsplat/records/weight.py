@@ -22,10 +22,7 @@ def record_defines(gradients: bool) -> dict[str, object]:
 
 def record_uniforms(settings: Settings) -> Uniforms:
     """Return the uniforms of shaders/records/weight.glsl and record.glsl that depend on the settings."""
-    return {
-        "a": settings.a,
-        "hessian": settings.hessian,
-    }
+    return {"a": settings.a, "hessian": settings.hessian}
 
 
 def error_scale(Y: np.ndarray, luminance_floor: float) -> np.ndarray:

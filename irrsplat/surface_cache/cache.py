@@ -83,7 +83,8 @@ class SurfaceCache(Owner):
     @property
     def starts_coarse(self) -> bool:
         """True if ticks make a coarse level first."""
-        return self._level.detail.rays_in_all > COARSE.rays_in_all
+        detail = self._level.detail
+        return detail.points * detail.rays > COARSE.points * COARSE.rays
 
     @property
     def is_coarse(self) -> bool:

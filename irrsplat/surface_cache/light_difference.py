@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import HitLight
 from irrsplat.core.timing.background import Steps
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.gpu.time_budget import Budget
@@ -31,19 +30,14 @@ class LightPart(Owner):
     """The light of some `lights` of a world alone. sign: 1 if a change adds them, -1 if it removes them."""
 
     def __init__(self, world: World, settings: Settings, lights: tuple[Light, ...], sign: float) -> None:
-        self.world, self.settings, self.sign = PartlyLitWorld(world, lights), settings, sign
-        self._shadow_pass = ShadowPass(world.ctx)
-        self.light = HitLight(self._shadow_pass(self.world, settings.shadow_size))  # at hits of records' rays
+        self.world, self.settings, self.sign = self.own(PartlyLitWorld(world, lights)), settings, sign
+        shadows = self.own(ShadowPass(world.ctx))(self.world, settings.shadow_size)
+        self.light = HitLight(shadows)  # at hits of records' rays
         self._rays: SiteRays | None = None
         self._sites: RecordCache | None = None  # E_1 of the first `_done` sites
-        self._values: moderngl.Texture | None = None
         self._done = FIRST_SITE
         self._bouncing: Steps[BouncedLight] | None = None
         self._bounced: BouncedLight | None = None
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
-        return (self._rays, self._sites, self._values, self._shadow_pass, self.world)
 
     @property
     def at_sites(self) -> np.ndarray:
@@ -55,7 +49,7 @@ class LightPart(Owner):
         """Continue the light between the sites within the budget. Return True once it is complete."""
         ctx, settings, count = self.world.ctx, self.settings, laid_out.records.count
         if self._rays is None or self._sites is None:
-            self._rays, self._sites = SiteRays(self.world, settings, detail), RecordCache(ctx)
+            self._rays, self._sites = self.own(SiteRays(self.world, settings, detail)), self.own(RecordCache(ctx))
             self._sites.append(laid_out.records.sites(slice(0, count)))
         gather, left = self._rays.gather_for(count), np.arange(self._done, count)
         for batch in self._rays.gathered(gather, laid_out, left, self.light.shadows, budget, self._sites):
@@ -66,9 +60,8 @@ class LightPart(Owner):
             self._bouncing = self._bouncing or sum_bounces(E_1, transport, laid_out.area, most, settings.bounces == "all")
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
-                self._values = table_texture(ctx, table_rows(laid_out.texels(made.irradiance)[:, None]))
-                lookup = laid_out.uniforms(self.world) | {"surface_values": self._values}
-                self.light = replace(self.light, surface=lookup)
+                values = self.own(table_texture(ctx, table_rows(laid_out.texels(made.irradiance)[:, None])))
+                self.light = replace(self.light, surface=laid_out.uniforms(self.world) | {"surface_values": values})
         return self._bounced is not None
 
 

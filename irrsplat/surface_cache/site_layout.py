@@ -63,11 +63,6 @@ class Detail:
         return Detail(self.points * 2.0**level, self.rays, level)
 
     @property
-    def rays_in_all(self) -> float:
-        """The rays of all sites, as a share of those of the full surface cache."""
-        return self.points * self.rays
-
-    @property
     def most(self) -> int:
         """The greatest number of sites."""
         return COARSE_SITES if self.level < 0 else MAX_REFINED_SITES if self.level > 0 else MAX_SITES

@@ -34,8 +34,7 @@ def directed(
     position, normal = draw.target.read(0), draw.target.read(1)
     found = {"direct": light.target.read()[..., :3].copy(), "position": position[..., :3], "depth": position[..., 3]}
     ctx.detect_framebuffer(0).use()
-    if shadows.target is not None:
-        shadows.target.release()
+    shadows.release()
     return found | {"normal": normal[..., :3]}
 
 
