@@ -58,10 +58,10 @@ class SurfaceCache(Owner):
     @property
     def lookup(self) -> SurfaceSites:
         """The sites whose values lookups read; none before the first values exist."""
-        return self.laid_out or self._no_sites
+        return self.sites or self._no_sites
 
     @property
-    def laid_out(self) -> SurfaceSites | None:
+    def sites(self) -> SurfaceSites | None:
         """The sites of the values that lookups read; None before the first values exist."""
         return self._in_use.shown
 

@@ -21,13 +21,13 @@ _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cove
 
 
 class Follower:
-    """Follows the light at the sites `laid_out`, between which the transport is known, from `begin` on.
+    """Follows the light at `sites`, between which the transport is known, from `begin` on.
 
     E_1: (S, 3) W/m², as gathered with the present lights.
     """
 
-    def __init__(self, rays: SiteRays, laid_out: SurfaceSites, E_1: np.ndarray) -> None:
-        self._rays, self._laid_out = rays, laid_out
+    def __init__(self, rays: SiteRays, sites: SurfaceSites, E_1: np.ndarray) -> None:
+        self._rays, self._sites = rays, sites
         self._direct: np.ndarray | None = None  # D of the last step; None before `begin`
         self._beyond = E_1  # c once `begin` has taken F·D away
         self._relit = False  # True if lights have changed since
@@ -35,8 +35,8 @@ class Follower:
     @property
     def _transport(self) -> Transport:
         """F between the sites."""
-        assert self._laid_out.transport is not None
-        return self._laid_out.transport
+        assert self._sites.transport is not None
+        return self._sites.transport
 
     @property
     def begun(self) -> bool:
@@ -46,7 +46,7 @@ class Follower:
     def begin(self, shadows: ShadowMaps) -> None:
         """Measure the direct light before the first change of the scene."""
         if self._direct is None:
-            self._direct = self._rays.direct_light(self._laid_out, shadows)
+            self._direct = self._rays.direct_light(self._sites, shadows)
             self._beyond = self._beyond - self._transport(self._direct)
 
     def relight(self) -> None:
@@ -61,7 +61,7 @@ class Follower:
 
     def move(self, change: SceneChange) -> None:
         """Move the sites on moved meshes, and their places, along. The hits of rays from near sites become unknown."""
-        held = self._laid_out
+        held = self._sites
         assert held.places is not None
         held.records.move_with_meshes(change)
         held.places = moved_sites(held.places, change)
@@ -71,7 +71,7 @@ class Follower:
     def order(self) -> np.ndarray:
         """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
         again: those around which most has changed come first."""
-        due = self._laid_out.records.column("due")
+        due = self._sites.records.column("due")
         order = np.argsort(-due, kind="stable")
         return order[: np.count_nonzero(due > 0.0)]
 
@@ -79,13 +79,13 @@ class Follower:
         """Return (S, 3) the present irradiance, W/m², from that of the frame before, E. gathered: the sites that were gathered
         with the present lights."""
         assert self._direct is not None
-        D = self._rays.direct_light(self._laid_out, shadows)
+        D = self._rays.direct_light(self._sites, shadows)
         if self._relit:
-            kept = overlap(self._direct, D, self._laid_out.area)
+            kept = overlap(self._direct, D, self._sites.area)
             self._beyond *= np.where(emits(self._rays.world.scene), 1.0, kept).astype(np.float32)
         self._direct, self._relit = D, False
         if len(gathered):
-            self._beyond[gathered] = self._laid_out.records.values[gathered, :3] - self._transport(D, gathered)
+            self._beyond[gathered] = self._sites.records.values[gathered, :3] - self._transport(D, gathered)
         present: np.ndarray = np.maximum(self._beyond + self._transport(D + E), 0.0)
         return present
 

@@ -45,23 +45,23 @@ class LightPart(Owner):
         assert self._sites is not None and self._bounced is not None
         return self.sign * np.stack([self._sites.read()["irradiance"], self._bounced.irradiance])
 
-    def bounce(self, laid_out: SurfaceSites, detail: Detail, budget: Budget) -> bool:
+    def bounce(self, sites: SurfaceSites, detail: Detail, budget: Budget) -> bool:
         """Continue the light between the sites within the budget. Return True once it is complete."""
-        ctx, settings, count = self.world.ctx, self.settings, laid_out.records.count
+        ctx, settings, count = self.world.ctx, self.settings, sites.records.count
         if self._rays is None or self._sites is None:
             self._rays, self._sites = self.own(SiteRays(self.world, settings, detail)), self.own(RecordCache(ctx))
-            self._sites.append(laid_out.records.sites(slice(0, count)))
+            self._sites.append(sites.records.sites(slice(0, count)))
         gather, left = self._rays.gather_for(count), np.arange(self._done, count)
-        for batch in self._rays.gathered(gather, laid_out, left, self.light.shadows, budget, self._sites):
+        for batch in self._rays.gathered(gather, sites, left, self.light.shadows, budget, self._sites):
             self._done += len(batch)
         if self._done == count and self._bounced is None:
-            most, transport = settings.most_bounces, laid_out.transport if settings.most_bounces > 2 else None
+            most, transport = settings.most_bounces, sites.transport if settings.most_bounces > 2 else None
             E_1 = self._sites.read()["irradiance"]
-            self._bouncing = self._bouncing or sum_bounces(E_1, transport, laid_out.area, most, settings.bounces == "all")
+            self._bouncing = self._bouncing or sum_bounces(E_1, transport, sites.area, most, settings.bounces == "all")
             self._bounced = made = budget.advance(self._bouncing)
             if made is not None:
-                values = self.own(table_texture(ctx, table_rows(laid_out.texels(made.irradiance)[:, None])))
-                self.light = replace(self.light, surface=laid_out.uniforms(self.world) | {"surface_values": values})
+                values = self.own(table_texture(ctx, table_rows(sites.texels(made.irradiance)[:, None])))
+                self.light = replace(self.light, surface=sites.uniforms(self.world) | {"surface_values": values})
         return self._bounced is not None
 
 
@@ -72,9 +72,9 @@ class LightDifference(Owner):
         signed = zip(changed, (1.0, -1.0), strict=True)
         self.parts = tuple(self.own(LightPart(world, settings, tuple(lights), sign)) for lights, sign in signed if lights)
 
-    def bounce(self, laid_out: SurfaceSites, detail: Detail, budget: Budget) -> bool:
+    def bounce(self, sites: SurfaceSites, detail: Detail, budget: Budget) -> bool:
         """Continue the light of all parts between the sites within the budget. Return True once it is complete."""
-        return all(part.bounce(laid_out, detail, budget) for part in self.parts)
+        return all(part.bounce(sites, detail, budget) for part in self.parts)
 
     @property
     def at_sites(self) -> np.ndarray:

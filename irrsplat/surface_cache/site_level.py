@@ -50,7 +50,7 @@ class SiteLevel(Owner):
     """A level of the surface cache of a world's scene.
 
     detail: the density of its sites and rays. shown: the sites whose light lookups find; None before the first values. complete:
-    True if these are complete for the scene and settings. laid_out: the sites of the scene as it is; None while they are still to
+    True if these are complete for the scene and settings. sites: those of the scene as it is; None while they are still to
     be chosen. follower: of the values in use, while the next ones are still to be made; None if it is unknown how light goes
     between the sites.
     """
@@ -64,14 +64,14 @@ class SiteLevel(Owner):
         self._moved = False  # True if meshes have moved and the sites are still the former ones
         self.shown: SurfaceSites | None = None
         self.complete = False
-        self.laid_out: SurfaceSites | None = None
+        self.sites: SurfaceSites | None = None
         self.follower: Follower | None = None
         self._before: BouncedLight | None = None  # the light before `difference`
         self.difference: LightDifference | None = None  # between this light and the scene's; None: all is gathered again
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self._rays, self.shown, self.laid_out)
+        return (self._rays, self.shown, self.sites)
 
     @property
     def settings(self) -> Settings:
@@ -93,9 +93,9 @@ class SiteLevel(Owner):
         """The completed share of the values for the scene and settings, 0..1; 0 while sites are chosen."""
         if self.complete:
             return 1.0
-        if self.laid_out is None:
+        if self.sites is None:
             return 0.0
-        records = self.laid_out.records
+        records = self.sites.records
         return 0.99 * (1.0 - len(records.stale) / max(records.count, 1))
 
     # ---- changes ---------------------------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ class SiteLevel(Owner):
         """True if a difference between lights may be added to the values."""
         shown = self.shown
         known = shown is not None and (shown.transport is not None or self.settings.most_bounces == 2)
-        return self.complete and shown is self.laid_out and known
+        return self.complete and shown is self.sites and known
 
     def change(self, settings: Settings, change: SceneChange, difference: LightDifference | None = None) -> None:
         """Use other settings, and the world's scene after a `change`. The former values hold until `advance` makes others.
@@ -146,9 +146,9 @@ class SiteLevel(Owner):
         """Scale all finished and unfinished values by `factor`, (3,)."""
         f = np.asarray(factor, np.float32)
         self._steps.bouncing = None
-        for laid_out in {self.laid_out, self.shown}:
-            if laid_out is not None:
-                dim(laid_out.records, f)
+        for sites in {self.sites, self.shown}:
+            if sites is not None:
+                dim(sites.records, f)
         if self.follower is not None:
             self.follower.dim(f)
         if self.light is not None:
@@ -156,8 +156,8 @@ class SiteLevel(Owner):
 
     def expire(self) -> None:
         """Gather all sites again."""
-        if self.laid_out is not None:  # one by one, since their order after a move is decided later
-            self.laid_out.records.invalidate(np.arange(self.laid_out.records.count))
+        if self.sites is not None:  # one by one, since their order after a move is decided later
+            self.sites.records.invalidate(np.arange(self.sites.records.count))
         self._bounce_again()
 
     def _bounce_again(self) -> None:
@@ -168,7 +168,7 @@ class SiteLevel(Owner):
         """Choose the sites again; the present sites stay until new values are complete."""
         if self.follower is None:
             self._forget_transport()
-        before, self.laid_out = self.laid_out, None
+        before, self.sites = self.sites, None
         self._steps = _Steps()
         self._bounce_again()
         if before is not None and before is not self.shown:
@@ -177,9 +177,9 @@ class SiteLevel(Owner):
     def _forget_transport(self) -> None:
         """Forget the light between sites, so that it is found again, and cannot be followed until then."""
         self.follower = None
-        for laid_out in (self.laid_out, self.shown):
-            if laid_out is not None:
-                laid_out.transport = None
+        for sites in (self.sites, self.shown):
+            if sites is not None:
+                sites.transport = None
 
     # ---- making ----------------------------------------------------------------------------------------------------
 
@@ -195,33 +195,33 @@ class SiteLevel(Owner):
     def make(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Continue the next solution until the budget ends. Return True if lookups find its values now."""
         try:
-            laid_out = self._lay_out(budget)
-            if laid_out is None or not self._find_places(laid_out, shadows, budget):
+            sites = self._lay_out(budget)
+            if sites is None or not self._find_places(sites, shadows, budget):
                 return False
             if self.difference is not None:
-                return self._add(self.difference, laid_out, budget)
-            self._gather_sites(laid_out, shadows, budget)
-            if len(laid_out.records.stale):
+                return self._add(self.difference, sites, budget)
+            self._gather_sites(sites, shadows, budget)
+            if len(sites.records.stale):
                 return False
-            made = self._bounce(laid_out, budget)
+            made = self._bounce(sites, budget)
             if made is None:
                 return False
-            self._use(laid_out, made)
+            self._use(sites, made)
         except BaseException:  # a generator that was interrupted is over
             self._steps = _Steps()
             raise
         return True
 
-    def _add(self, difference: LightDifference, laid_out: SurfaceSites, budget: Budget) -> bool:
+    def _add(self, difference: LightDifference, sites: SurfaceSites, budget: Budget) -> bool:
         """Continue the `difference` between the sites within the budget. Return True once it is added."""
-        if not difference.bounce(laid_out, self.detail, budget):
+        if not difference.bounce(sites, self.detail, budget):
             return False
         assert self._before is not None
-        records, numbers, (first, bounced) = laid_out.records, np.arange(laid_out.records.count), difference.at_sites
+        records, numbers, (first, bounced) = sites.records, np.arange(sites.records.count), difference.at_sites
         records.correct({"irradiance": np.maximum(records.read()["irradiance"] + first, 0.0)}, numbers)
         records.mark_refreshed(numbers)
         self.difference = None
-        self._use(laid_out, replace(self._before, irradiance=np.maximum(self._before.irradiance + bounced, 0.0)))
+        self._use(sites, replace(self._before, irradiance=np.maximum(self._before.irradiance + bounced, 0.0)))
         return True
 
     def follow(self, shadows: ShadowMaps, budget: Budget) -> float | None:
@@ -244,70 +244,68 @@ class SiteLevel(Owner):
 
     def _lay_out(self, budget: Budget) -> SurfaceSites | None:
         """Return the sites once all are chosen; None if the budget ends before."""
-        if self.laid_out is None:
+        if self.sites is None:
             steps = self._steps
             steps.choosing = steps.choosing or SiteChooser(self.world.scene, self._rays.reach, self.detail).layout()
             chosen = budget.advance(steps.choosing)
             if chosen is None:
                 return None
             layout, clusters = chosen
-            self.laid_out, steps.choosing = SurfaceSites(self.world.ctx, layout), None
+            self.sites, steps.choosing = SurfaceSites(self.world.ctx, layout), None
             if self.detail.level < 0:  # a survey takes a sixth of the time to the first light, and hardly changes the error
-                self.laid_out.places = members_places(layout.sites, clusters, self.settings.seed)
-        return self.laid_out
+                self.sites.places = members_places(layout.sites, clusters, self.settings.seed)
+        return self.sites
 
-    def _find_places(self, laid_out: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:
+    def _find_places(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> bool:
         """Find the origins of the rays of sites by a survey along few rays. Return True once all are known."""
-        if laid_out.places is not None:
+        if sites.places is not None:
             return True
-        steps, records, gather = self._steps, laid_out.records, self._rays.survey_gather()
+        steps, records, gather = self._steps, sites.records, self._rays.survey_gather()
         survey = steps.survey = steps.survey or Survey(records.sites(slice(0, records.count)), gather.share.size)
         left = np.arange(survey.done, records.count)
-        for batch in self._rays.gathered(gather, laid_out, left, shadows, budget):
-            survey.store(batch, self._rays.hits(gather, laid_out, batch), gather.met(len(batch)))
+        for batch in self._rays.gathered(gather, sites, left, shadows, budget):
+            survey.store(batch, self._rays.hits(gather, sites, batch), gather.met(len(batch)))
         if survey.done < records.count:
             return False
         if steps.drawing is None:
             R, corners, meshes = records.read()["radius"], self.world.geometry.corners, in_order(self.world.scene)
             emissive = np.repeat([any(mesh.material.emission) for mesh in meshes], [len(mesh.faces) for mesh in meshes])
             steps.drawing = in_background(
-                partial(survey.places, R, laid_out.area, laid_out.level, corners, emissive, self.settings.seed)
+                partial(survey.places, R, sites.area, sites.level, corners, emissive, self.settings.seed)
             )
-        laid_out.places = budget.advance(steps.drawing)
-        if laid_out.places is None:
+        sites.places = budget.advance(steps.drawing)
+        if sites.places is None:
             return False
         steps.survey = steps.drawing = None
         return True
 
-    def _gather_sites(self, laid_out: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> None:
+    def _gather_sites(self, sites: SurfaceSites, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and find the sites that their rays hit if these are not known yet."""
-        records = laid_out.records
+        records = sites.records
         gather = self._rays.gather_for(records.count)
-        if self.settings.most_bounces > 2 and laid_out.transport is None:
+        if self.settings.most_bounces > 2 and sites.transport is None:
             records.invalidate()
-            laid_out.transport = Transport(records.count, gather.share.size)
+            sites.transport = Transport(records.count, gather.share.size)
         stale = records.stale
         records.mark_refreshed(stale[stale < FIRST_SITE])
-        self._gather(gather, laid_out, stale[stale >= FIRST_SITE], shadows, budget)
+        self._gather(gather, sites, stale[stale >= FIRST_SITE], shadows, budget)
 
-    def _gather(
-        self, gather: TraceGather, laid_out: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget
-    ) -> int:
+    def _gather(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray, shadows: ShadowMaps, budget: Budget) -> int:
         """Gather E_1 at sites of these numbers, and unknown rows of their transport, within the budget. Return their number."""
-        done, transport = 0, laid_out.transport
-        for batch in self._rays.gathered(gather, laid_out, numbers, shadows, budget):
+        done, transport = 0, sites.transport
+        for batch in self._rays.gathered(gather, sites, numbers, shadows, budget):
             if transport is not None and not transport.known[batch].all():
-                transport.fill(batch, self._rays.hits(gather, laid_out, batch))
-            laid_out.records.mark_refreshed(batch)
+                transport.fill(batch, self._rays.hits(gather, sites, batch))
+            sites.records.mark_refreshed(batch)
             done += len(batch)
         return done
 
-    def _bounce(self, laid_out: SurfaceSites, budget: Budget) -> BouncedLight | None:
+    def _bounce(self, sites: SurfaceSites, budget: Budget) -> BouncedLight | None:
         """Return the light of all bounces from E_1, up to the settings' last one; None if the budget ends before."""
         if self._steps.bouncing is None:
             most, everything = self.settings.most_bounces, self.settings.bounces == "all"
-            transport = laid_out.transport if most > 2 else None
-            self._steps.bouncing = sum_bounces(self._first(laid_out.records), transport, laid_out.area, most, everything)
+            transport = sites.transport if most > 2 else None
+            self._steps.bouncing = sum_bounces(self._first(sites.records), transport, sites.area, most, everything)
         return budget.advance(self._steps.bouncing)
 
     def _first(self, records: RecordCache) -> np.ndarray:
@@ -326,26 +324,26 @@ class SiteLevel(Owner):
         shown.write(E)
         shown.light = replace(shown.light, irradiance=E)
 
-    def _use(self, laid_out: SurfaceSites, made: BouncedLight) -> None:
-        """Let lookups find the values `made` at the sites `laid_out`."""
+    def _use(self, sites: SurfaceSites, made: BouncedLight) -> None:
+        """Let lookups find the values `made` at these `sites`."""
         coarse = self.detail.level < 0  # pixels show its values
-        E = _without_dark_gaps(made.irradiance, laid_out) if coarse else made.irradiance
-        laid_out.write(E)
-        laid_out.light = made
-        before, self.shown, self.complete = self.shown, laid_out, True
+        E = _without_dark_gaps(made.irradiance, sites) if coarse else made.irradiance
+        sites.write(E)
+        sites.light = made
+        before, self.shown, self.complete = self.shown, sites, True
         self._steps.bouncing, self.follower, self._still, self._moved = None, None, np.inf, False
-        if laid_out.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
-            self.follower = Follower(self._rays, laid_out, self._first(laid_out.records))
-        if before is not None and before is not laid_out:
+        if sites.transport is not None and self.settings.bounces == "all" and self.detail.level <= 0:
+            self.follower = Follower(self._rays, sites, self._first(sites.records))
+        if before is not None and before is not sites:
             before.release()
 
 
-def _without_dark_gaps(E: np.ndarray, laid_out: SurfaceSites) -> np.ndarray:
+def _without_dark_gaps(E: np.ndarray, sites: SurfaceSites) -> np.ndarray:
     """Return E (S, 3), where dark sites within and below objects have the light of the nearest lit site that faces alike.
 
     The corners of cells at such sites would leave a black patch around each object.
     """
-    read, area, light = laid_out.records.read(), laid_out.area, E.sum(1)
+    read, area, light = sites.records.read(), sites.area, E.sum(1)
     lit = light > _UNLIT * np.average(light, weights=np.maximum(area, 1e-30))
     dark = ~lit & (read["radius"] < _NARROW * np.sqrt(area))
     to, of = (FIRST_SITE + np.flatnonzero(which[FIRST_SITE:]) for which in (dark, lit))

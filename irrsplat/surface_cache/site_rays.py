@@ -91,7 +91,7 @@ class SiteRays(Owner):
     def gathered(
         self,
         gather: TraceGather,
-        laid_out: SurfaceSites,
+        sites: SurfaceSites,
         numbers: np.ndarray,
         shadows: ShadowMaps,
         budget: Budget,
@@ -99,22 +99,22 @@ class SiteRays(Owner):
     ) -> Iterator[np.ndarray]:
         """Gather E_1 at the sites of these `numbers` within the budget. Yield the numbers of each batch once records hold it.
 
-        into: other records of the sites; None: those of `laid_out`.
+        into: other records of the sites; None: those of `sites`.
         """
         # neither a survey nor coarse light waits for the tree of the rays of virtual point lights
-        virtual = laid_out.places is not None and (self._detail.level >= 0 or self.world.has_tree)
-        light = HitLight(shadows, laid_out.uniforms(self.world), virtual)
-        reduce, records, seed = self._reduce[gather.places], into or laid_out.records, self.settings.seed
+        virtual = sites.places is not None and (self._detail.level >= 0 or self.world.has_tree)
+        light = HitLight(shadows, sites.uniforms(self.world), virtual)
+        reduce, records, seed = self._reduce[gather.places], into or sites.records, self.settings.seed
         for some in gather.batches(len(numbers), budget):
-            gather_records(gather, reduce, light, records, numbers[some], seed, where=laid_out.origins)
+            gather_records(gather, reduce, light, records, numbers[some], seed, where=sites.origins)
             yield numbers[some]
 
-    def hits(self, gather: TraceGather, laid_out: SurfaceSites, numbers: np.ndarray) -> RayHits:
+    def hits(self, gather: TraceGather, sites: SurfaceSites, numbers: np.ndarray) -> RayHits:
         """Return the hits of the last gather's rays, those of the sites of these numbers."""
-        sites = laid_out.origins(numbers)
-        assert sites.frame_rotation is not None
-        frames = tangent_frames(sites.normal, sites.frame_rotation, self.settings.seed)
-        upward = np.einsum("nij,nj->ni", frames, sites.geometric).reshape(-1, gather.places, 3)
+        origins = sites.origins(numbers)
+        assert origins.frame_rotation is not None
+        frames = tangent_frames(origins.normal, origins.frame_rotation, self.settings.seed)
+        upward = np.einsum("nij,nj->ni", frames, origins.geometric).reshape(-1, gather.places, 3)
         table, place_of = gather.table.reshape(-1, 4), places_of_texels(gather.cell, gather.places)
         share = np.empty((len(upward), len(table)))
         for place in range(gather.places):
@@ -123,12 +123,12 @@ class SiteRays(Owner):
             share[:, texels] = np.where(below, 0.0, table[texels, 3])
         return RayHits(share, *gather.hits(len(upward)))
 
-    def direct_light(self, laid_out: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:
+    def direct_light(self, sites: SurfaceSites, shadows: ShadowMaps) -> np.ndarray:
         """Return (S, 3) the direct irradiance of lights at the sites, W/m², a mean over a disc of each site's area."""
-        lights, records = light_defines(self.world.scene), laid_out.records
+        lights, records = light_defines(self.world.scene), sites.records
         inputs = lights, records.count
         light_pass = self._made.get("direct", inputs, lambda: SiteLightPass(self.world.ctx, lights, max(records.count, 1)))
-        E, _ = light_pass(shadows, records.sites(slice(0, records.count)), laid_out.area)
+        E, _ = light_pass(shadows, records.sites(slice(0, records.count)), sites.area)
         return E
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -2,11 +2,12 @@
 #include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
 #include "image/filtered.glsl"
-#include "image/neighbouring_sums.glsl"
 #include "lib/material.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
 uniform sampler2D direct;
+uniform sampler2D sums;    // Σ k·E, Σ k
+uniform sampler2D centre;  // the same of the pixels' centres
 uniform vec2 blend;          // weights of direct and indirect light
 uniform float share;         // weight of this sample in the mean: 1/n for the n-th
 
@@ -15,6 +16,19 @@ layout(location = 1) out vec4 out_direct;
 layout(location = 2) out vec4 out_indirect;
 layout(location = 3) out vec4 out_emission;
 layout(location = 4) out vec4 out_alpha;     // r: the share of the samples that see a surface
+
+// The pixel's own sums, or else the sum of its neighbours', or else those of its own centre. Records are made for pixels' centres alone, so
+// that they may miss another sample of a pixel.
+vec4 own_or_neighbouring_sums(ivec2 pixel)
+{
+    vec4 s = texelFetch(sums, pixel, 0);
+    if (s.a > COVERED) return s;
+    ivec2 last = textureSize(sums, 0) - 1;
+    s = vec4(0.0);
+    for (int y = -1; y <= 1; ++y)
+        for (int x = -1; x <= 1; ++x) s += texelFetch(sums, clamp(pixel + ivec2(x, y), ivec2(0), last), 0);
+    return s.a > COVERED ? s : texelFetch(centre, pixel, 0);
+}
 
 void main()
 {

@@ -15,6 +15,8 @@ flat out mat3 v_g;
 flat out vec3 v_irradiance;
 #endif
 
+const float HARDLY = 1e-20;  // so small a share that any other record decides
+
 // Passes the record at `texel` on. ellipse, trust: from view_ellipse.
 void pass_record(ivec2 texel, Ellipse ellipse, float trust)
 {
@@ -22,7 +24,7 @@ void pass_record(ivec2 texel, Ellipse ellipse, float trust)
     v_normal = record_normal(texel);
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
-    v_share = record_share(texel);
+    v_share = record_enclosed(texel) ? HARDLY : 1.0;
     v_sure = 1.0 - record_noise(texel) * record_noise(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);

@@ -15,8 +15,6 @@ struct Ellipse
     float across;  // radius across it, metres
 };
 
-const float HARDLY = 1e-20;  // so small a share that any other record decides
-
 // True if the record lies in the dark within a closed mesh, which is invisible: it contributes to its own pixel only.
 bool record_enclosed(ivec2 texel)
 {
@@ -25,12 +23,6 @@ bool record_enclosed(ivec2 texel)
 #else
     return false;
 #endif
-}
-
-// The share of the record's weight that counts where light is summed.
-float record_share(ivec2 texel)
-{
-    return record_enclosed(texel) ? HARDLY : 1.0;
 }
 
 // The record's second derivatives along its axis and across it; 0 where they are not known or the weights are the paper's.

@@ -132,8 +132,8 @@ def test_coarse_light_does_not_wait_for_the_tree(
         assert not renderer.world.has_tree and early.surface < 1.0 and not early.still
         assert (renderer.cache.column("gather_size") == 16).all()
         surface = renderer.scheduler.gatherer.surface_now
-        assert surface is not None and surface.laid_out is not None and surface.laid_out.places is not None
-        represented, places = clusters(renderer.world, COARSE), surface.laid_out.places.position
+        assert surface is not None and surface.sites is not None and surface.sites.places is not None
+        represented, places = clusters(renderer.world, COARSE), surface.sites.places.position
         there = (places[:, None] == represented.members.position).all(-1)
         assert (there & (np.arange(len(places))[:, None] // PLACES == represented.value)).any(1)[FIRST_SITE * PLACES :].all()
         built.set()
@@ -155,8 +155,8 @@ def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
             surface.advance(renderer.draw_shadows(), Budget(TICK))
         other.relight(lit(1.0))
         advance(other)
-        assert not surface.complete and surface.laid_out is not None
-        area, found, true = surface.laid_out.area[:, None], values(renderer), values(other)
+        assert not surface.complete and surface.sites is not None
+        area, found, true = surface.sites.area[:, None], values(renderer), values(other)
         assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.15
         assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
 

@@ -68,7 +68,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
     with Renderer(grooves(), (48, 36), bounces=2, gather="trace", shadow_size=512) as renderer:
         renderer.frame()
         surface = renderer.scheduler.gatherer.surface_now
-        assert surface is not None and surface.complete and surface.laid_out is not None and surface.result is not None
+        assert surface is not None and surface.complete and surface.sites is not None and surface.result is not None
         seen = read_back(renderer.draw_gbuffer(renderer.scene.camera()))
         eyes = seen.sites(np.nonzero(seen.mask))[::97]
         with TraceGather(renderer.world, 16, hits=True, survey=True) as gather:
@@ -90,7 +90,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(monkeypatch: pytest.
         E = surface.result.irradiance
         assert reflected(E).sum() == pytest.approx(true.sum(), rel=0.04)
         alone, used = np.zeros_like(E), np.unique(values[hit])
-        alone[used] = gathered(renderer, replace(surface.laid_out.records.sites(used), frame_rotation=None))
+        alone[used] = gathered(renderer, replace(surface.sites.records.sites(used), frame_rotation=None))
         small = np.ptp(renderer.world.geometry.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
         assert reflected(alone).sum() < 0.94 * true.sum() and reflected(alone)[small].sum() < 0.75 * true[small].sum()
         assert reflected(E)[small].sum() > 0.82 * true[small].sum()

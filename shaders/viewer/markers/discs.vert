@@ -34,7 +34,7 @@ const float DIP = 0.05;
 
 // The distance in metres by which a point of a disc is hidden, negative for a visible point. A surface in front of the disc's
 // plane hides the disc, and so does a surface nearer to the eye by more than the disc's radius. A test of depths alone is not
-// enough, see hidden.glsl. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
+// enough, see plane.frag. Vertices are tested, since a test of all pixels costs a software renderer half as much again.
 float hidden_by(vec4 clip, vec3 point, vec3 facing, float radius)
 {
     vec2 place = (0.5 + 0.5 * clip.xy / clip.w) * vec2(textureSize(position, 0));

@@ -1,7 +1,11 @@
 // Measured values in false colours with isolines, bilinear between the points with a value.
 #include "generated/constants.glsl"
-#include "viewer/markers/hidden.glsl"
+#include "lib/normals.glsl"
 
+uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 without a surface
+uniform sampler2D normal;
+uniform sampler2D albedo;
+uniform float pixel;         // size of a pixel at distance 1, in metres
 uniform vec2 scale;           // pixels of the view per pixel of the target
 uniform sampler2D places;     // by point: r its position 0..1 on the scale, g 1 if it has a value, else 0
 uniform float steps;          // number of steps with a line between each two; 0 for no lines
@@ -15,6 +19,16 @@ layout(location = 0) out vec4 out_color;
 
 const float LINE = 0.35;  // factor on the colour of a line
 const float WIDTH = 0.8;  // half the width of a line, pixels
+
+// True if p lies behind the plane of the visible surface at the pixel, by more than a pixel's size. A test of depths alone is not
+// enough: at grazing angles depths differ much from pixel to pixel, and a surface would hide its own markers.
+bool hidden(vec3 p, ivec2 at)
+{
+    at = clamp(at, ivec2(0), textureSize(position, 0) - 1);
+    vec4 q = texelFetch(position, at, 0);
+    vec3 g = octahedral_decode(vec2(texelFetch(normal, at, 0).w, texelFetch(albedo, at, 0).w));
+    return q.w > 0.0 && dot(p - q.xyz, g) < -pixel * q.w;
+}
 
 void main()
 {
