@@ -43,9 +43,6 @@ class Members:
     def __len__(self) -> int:
         return len(self.position)
 
-    def __getitem__(self, numbers: np.ndarray) -> Members:
-        return Members(self.position[numbers], self.normal[numbers], self.geometric[numbers], self.eye[numbers])
-
 
 def both_sides(tessellation: Tessellation, offset: float, outer: np.ndarray, inner: np.ndarray) -> Members:
     """Return the points `outer` (N,) on their front by the winding, then `inner` (K,) on their back; eyes `offset` metres up."""
@@ -200,14 +197,15 @@ def near_sites(members: Members, requesting: np.ndarray, sites: np.ndarray, size
     return found
 
 
-def raised_lines(a: Members, b: Members) -> tuple[np.ndarray, np.ndarray]:
-    """Return starts and ends (N, 3) of the lines from `a` to `b` (N,), raised by a part of their length.
+def raised_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return starts and ends (N, 3) of the lines from members `a` to members `b` (N,), raised by a part of their length.
 
     Where an object is closer to the surface than that, as a wall with a gap below, little light crosses, though a and b see each
     other through the gap.
     """
-    rise = np.float32(_RAISED) * np.linalg.norm(b.eye - a.eye, axis=-1, keepdims=True)
-    return a.eye + rise * a.geometric, b.eye + rise * b.geometric
+    start, end = members.eye[a], members.eye[b]
+    rise = np.float32(_RAISED) * np.linalg.norm(end - start, axis=-1, keepdims=True)
+    return start + rise * members.geometric[a], end + rise * members.geometric[b]
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -283,9 +283,9 @@ class SiteChooser:
         corners, steps = np.indices((3, 2)).reshape(2, -1)
         ends = (corners + 1 + steps) % 3
         cell, way = np.nonzero(~free[:, 3 - corners - ends])
-        a, b = members[cells[cell, corners[way]]], members[cells[cell, ends[way]]]
-        straight = yield from self._free_shares(a.eye, b.eye)
-        raised = yield from self._free_shares(*clustering.raised_lines(a, b))
+        a, b = cells[cell, corners[way]], cells[cell, ends[way]]
+        straight = yield from self._free_shares(members.eye[a], members.eye[b])
+        raised = yield from self._free_shares(*clustering.raised_lines(members, a, b))
         reach[cell, corners[way], steps[way]] = np.minimum(straight, raised)
         return reach
 
@@ -296,7 +296,7 @@ class SiteChooser:
         """
         found: np.ndarray = np.isfinite(reach).all(2)
         cell, corner = np.nonzero(found)
-        a, b, c = (members[cells[cell, (corner + step) % 3]].eye for step in range(3))
+        a, b, c = (members.eye[cells[cell, (corner + step) % 3]] for step in range(3))
         along, across = (_BEFORE * reach[cell, corner, step][:, None] for step in range(2))
         place = a + along * (b - a) + across * (c - a)
         seen = yield from self._free_shares(np.concatenate([a, b, c]), np.tile(place, (3, 1)))
@@ -310,10 +310,12 @@ class SiteChooser:
         apart = np.flatnonzero(a != b)
         starts, ends, bent = clustering.sight_lines(members, a[apart], b[apart])
         free = (yield from self._free_shares(starts, ends)) >= 1.0
-        seen[apart] = free[: len(apart)]
-        seen[apart[bent]] &= free[len(apart) :]
-        flat = np.setdiff1d(apart[free[: len(apart)] >= 1.0], apart[bent])
-        seen[flat] = (yield from self._free_shares(*clustering.raised_lines(members[a[flat]], members[b[flat]]))) >= 1.0
+        first, second = free[: len(apart)], free[len(apart) :]
+        seen[apart] = first
+        seen[apart[bent]] &= second
+        first[bent] = False
+        flat = apart[first]
+        seen[flat] = (yield from self._free_shares(*clustering.raised_lines(members, a[flat], b[flat]))) >= 1.0
         return seen
 
     def _free_shares(self, starts: np.ndarray, ends: np.ndarray) -> Steps[np.ndarray]:
