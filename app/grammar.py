@@ -40,7 +40,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     if rest:
         raise InputError(f"unexpected '{rest[0]}'; see {top.prog} {args.command} --help")
     if hasattr(args, "up_axis"):
-        args.loading = LoadOptions(args.up_axis, args.crease_angle, args.sky, tuple(args.allow))
+        args.loading = LoadOptions(args.up_axis, args.crease_angle, args.sky, tuple(args.allow), args.photometric)
     if any(name.startswith("set_") for name in vars(args)):
         args.values = {
             name: declaration.parse(text)

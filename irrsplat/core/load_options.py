@@ -1,4 +1,4 @@
-"""The options of `load`: up axis, smoothing and sky."""
+"""The options of `load`: up axis, smoothing, sky and units."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 
 UpAxis = Literal["auto", "x", "y", "z"]
@@ -20,17 +21,20 @@ class LoadOptions:
     up_axis: world axis that points up; "auto": by format or exporter. crease_angle: degrees, 0 to 180; without normals in the
     file, edges between triangles that meet at a smaller angle are smooth. sky: replaces the sky of the file or its substitute, in
     the words after `sky` in a `.scene`; None: the file's. allow: folders from which the scene may read files, in addition to its
-    own.
+    own. photometric: True if light in glTF files is in candela, lux and cd/m²; False: in W/sr, W/m² and W/(m² sr).
     """
 
     up_axis: UpAxis = "auto"
     crease_angle: float = CREASE_ANGLE
     sky: str | None = None
     allow: tuple[str | os.PathLike[str], ...] = ()
+    photometric: bool = False
 
     def __post_init__(self) -> None:
         if self.up_axis not in UP_AXES:
             raise InputError(f"up_axis is one of {', '.join(UP_AXES)}, not {self.up_axis!r}")
+        if not isinstance(self.photometric, bool):
+            raise InputError(f"photometric is True or False, not {self.photometric!r:.60}")
         angle: object = self.crease_angle
         if not isinstance(angle, (int, float)) or isinstance(angle, bool) or not 0.0 <= angle <= 180.0:
             raise InputError(f"crease_angle lies between 0 and 180 degrees, not {self.crease_angle!r}")
@@ -41,3 +45,8 @@ class LoadOptions:
         for one in self.allow:
             if not isinstance(one, (str, os.PathLike)) or not os.path.isdir(one):
                 raise InputError(f"allow: there is no folder {str(one)!r:.60}; give one that is there")
+
+    @property
+    def per_unit(self) -> float:
+        """The watts of a unit of light in glTF files."""
+        return 1.0 / LUMINOUS_EFFICACY if self.photometric else 1.0

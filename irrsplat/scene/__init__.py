@@ -52,6 +52,7 @@ def load(
     crease_angle: float = CREASE_ANGLE,
     sky: str | None = None,
     allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+    photometric: bool = False,
 ) -> Scene:
     """Load the scene at a path, or the bundled scene of that name, such as ``"cornell"``; an existing file takes precedence.
 
@@ -61,7 +62,8 @@ def load(
     A scene may refer to files in its own folder and below, and in the folders in `allow`.
     Raises InputError, one line, for an invalid file, name or keyword.
     """
-    options = LoadOptions(up_axis, crease_angle, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
+    folders = tuple(allow) if isinstance(allow, (list, tuple)) else (allow,)
+    options = LoadOptions(up_axis, crease_angle, sky, folders, photometric)
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)

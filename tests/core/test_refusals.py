@@ -18,6 +18,7 @@ from irrsplat.image.frame import check_writable
     ("call", "says"),
     [
         (lambda: irrsplat.load(5), "load takes a path or the name of a bundled scene, not int"),  # type: ignore[arg-type]
+        (lambda: irrsplat.load("cornell", photometric="lux"), "photometric is True or False, not 'lux'"),  # type: ignore[arg-type]
         (lambda: irrsplat.load("cornell", up_axis="w"), "up_axis is one of .*, not 'w'"),  # type: ignore[arg-type]
         (lambda: irrsplat.load("cornell", sky=1.0), "sky is a text such as .*, not 1.0"),  # type: ignore[arg-type]
         (lambda: LoadOptions(allow=["a"]), r"allow is a list of folders, not \['a'\]"),  # type: ignore[arg-type]

@@ -187,6 +187,20 @@ def test_lights_keep_their_units_directions_and_cones(file, show):
     assert (default.spot_inner, default.spot_cutoff, default.color) == (0, pytest.approx(45), (1, 1, 1))
 
 
+def test_photometric_files_have_179_lumen_in_a_watt(file, show):
+    """glTF has candela, lux and cd/m². Radiance's 179 lm/W make them watts. Reflectances, and so unlit colours, have no unit."""
+    lights = [{"type": "point", "intensity": 500}, {"type": "directional", "intensity": 179 * math.pi}]
+    file.tree["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    for i in range(len(lights)):
+        file.node(extensions={"KHR_lights_punctual": {"light": i}})
+    glow = {"emissiveFactor": [1, 0.5, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 358}}}
+    file.node(mesh=file.mesh(glow))
+    file.node(mesh=file.mesh(base(baseColorFactor=[0.25, 0.5, 1, 1]) | {"extensions": {"KHR_materials_unlit": {}}}))
+    scene = show(photometric=True)
+    assert [light.color for light in scene.lights] == [pytest.approx((500 / 179,) * 3), pytest.approx((1,) * 3)]
+    assert [mesh.material.emission for mesh in scene.meshes] == [pytest.approx((2, 1, 0)), (0.25, 0.5, 1)]
+
+
 def test_a_damaged_material_camera_or_light_costs_only_itself(file, show):
     file.node(mesh=file.mesh())
     paint = file.mesh(base(baseColorFactor=[1, "x", 0, 1]))

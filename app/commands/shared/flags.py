@@ -36,6 +36,8 @@ def add_loading(parser: argparse.ArgumentParser) -> None:
         metavar="DEG",
         help=f"{words} (0..180; default: {CREASE_ANGLE:g})",
     )
+    words = "light in glTF files is in candela, lux and cd/m² (default: in W/sr, W/m² and W/(m² sr))"
+    add("--photometric", action="store_true", help=words)
     words = "let the scene read files from this folder, in addition to its own folder; may be repeated"
     add("--allow", metavar="FOLDER", action="append", default=[], help=words)
     add(

@@ -67,13 +67,13 @@ def lights(document: Document, nodes: Iterable[Node]) -> list[Light]:
             continue
         with document.part(f"the light of {node_name(document, node.index)}"):
             entry = document.entry("lights", asked.get("light"), extension(document.tree, _LIGHTS) or {})
-            found.append(_light(entry, node))
+            found.append(_light(entry, node, document.per_unit))
     return found
 
 
-def _light(entry: Mapping[str, Any], node: Node) -> Light:
+def _light(entry: Mapping[str, Any], node: Node, per_unit: float) -> Light:
     position, backward = node.world[:3, 3], _direction(node.world[:, 2])
-    color = number(entry, "intensity", 1.0) * np.array(numbers(entry, "color", (1.0, 1.0, 1.0)))
+    color = per_unit * number(entry, "intensity", 1.0) * np.array(numbers(entry, "color", (1.0, 1.0, 1.0)))
     if not (color >= 0.0).all():
         raise Damaged("its intensity is negative")
     name, kind = node.name or printable(entry.get("name") or ""), entry.get("type")

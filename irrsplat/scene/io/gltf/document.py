@@ -55,12 +55,13 @@ class Document:
 
     tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
     lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: unsupported features.
-    unpacked: the bytes of compressed buffer views, by index.
+    unpacked: the bytes of compressed buffer views, by index. per_unit: see LoadOptions.
     """
 
     path: Path
     tree: dict[str, Any]
     chunk: bytes | None = None
+    per_unit: float = 1.0
     size: int = 0
     files: list[Path] = field(default_factory=list)
     lost: dict[str, list[str]] = field(default_factory=dict)

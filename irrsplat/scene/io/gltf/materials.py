@@ -101,7 +101,7 @@ class Materials:
             self.document.unshown["more than two sets of texture coordinates in a material"] = None
         color, emission, normal = (self._texture(info, uv_sets) for info in infos)
 
-        glow = _emission(entry)
+        glow = _emission(entry, self.document.per_unit)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
@@ -234,9 +234,9 @@ class _Pictures:
         return [info for info in (self.color, self.emission, self.normal) if isinstance(info, dict)]
 
 
-def _emission(entry: Mapping[str, Any]) -> _Color:
-    """Return the emission of a material without its texture."""
-    strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
+def _emission(entry: Mapping[str, Any], per_unit: float = 1.0) -> _Color:
+    """Return the emission of a material without its texture. per_unit: see LoadOptions."""
+    strength = per_unit * number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
     r, g, b = (min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0)))
     return r, g, b
 

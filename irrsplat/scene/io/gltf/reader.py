@@ -68,6 +68,7 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
     """
     sky = sky_of(options.sky)
     document = read(path)
+    document.per_unit = options.per_unit
     with np.errstate(all="ignore"):
         reader = _Reader(document, origin)
         meshes = reader.meshes()
