@@ -97,6 +97,11 @@ class SurfaceCache(Owner):
         return self._in_use.complete or self._level.changes or not self._outdated
 
     @property
+    def follows(self) -> bool:
+        """True if the values that lookups find follow changes of the light until others are made."""
+        return self._in_use.follower is not None
+
+    @property
     def _outdated(self) -> bool:
         """True if its own values are of another light, or missing."""
         return self._relit or self._level.light is None
@@ -181,10 +186,10 @@ class SurfaceCache(Owner):
             if changed is None and budget.limited and self._outdated and self.starts_coarse and level.difference is None:
                 self._coarse = self._coarse or SiteLevel(self.world, level.settings, COARSE)
                 made = level if self._coarse.complete else self._coarse
-            if made is self._coarse:
-                changed = made.advance(shadows, budget)
-            elif changed is None and made.make(shadows, budget):
-                self._relit, changed = False, 1.0
+            if made is self._in_use is self._coarse:
+                changed = made.follow(shadows, budget)
+            if changed is None and made.make(shadows, budget):
+                self._relit, changed = self._relit and made is self._coarse, 1.0
         if changed is not None:
             self._in_use = made
         return changed
@@ -199,7 +204,7 @@ class SurfaceCache(Owner):
         finer = self._level.detail.finer(self.refinements + 1)
         self._next = self._next or SiteLevel(self.world, self._level.settings, finer)
         with self.timers("surface"):
-            if self._next.advance(shadows, budget) is None:
+            if not self._next.make(shadows, budget):
                 return False
         if self._before is not self._level:
             self._before.release()

@@ -183,15 +183,6 @@ class SiteLevel(Owner):
 
     # ---- making ----------------------------------------------------------------------------------------------------
 
-    def advance(self, shadows: ShadowMaps, budget: Budget) -> float | None:
-        """Make values until the budget ends. Return their relative change, 1 for a new solution; None if they are as before."""
-        if self.complete:
-            return None
-        followed = self.follow(shadows, budget)
-        if followed is not None:
-            return followed
-        return 1.0 if self.make(shadows, budget) else None
-
     def make(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Continue the next solution until the budget ends. Return True if lookups find its values now."""
         try:

@@ -11,6 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
+from irrsplat.core.timing.clock import use_clock
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
@@ -18,6 +19,7 @@ from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.motion import repainted
 from tests.renderer.test_live import TICK, dimmed, ticks
 from tests.renderer.test_renderer import FAST, SIZE, room
+from tests.support.counted_clock import RayClock
 from tests.support.skies import mapped
 from tests.support.worlds import box, floor, material, point_light, scene
 
@@ -183,3 +185,24 @@ def test_another_sky_lights_in_proportion_and_a_map_of_one_radiance_as_that(boun
             assert after.mean() == pytest.approx(times * before.mean(), rel=0.01) and before.mean() > 0.5
             assert np.quantile(np.abs(after - times * before), 0.95) < 0.03 * times * before.mean()
             assert renderer.cache.count <= 1.1 * count
+
+
+def test_no_picture_is_worse_once_a_carried_light_rests() -> None:
+    """The values that follow a light are off by more than coarse ones, and these by more than full ones.
+
+    So each picture after the last step is nearer to a fresh render than the picture at that step.
+    """
+    cornell = irrsplat.load("cornell")
+    x, y, z = cornell.lights[0].position
+    carried = [replace(cornell.lights[0], position=(x + 0.15 * step, y, z)) for step in range(1, 5)]
+    with Renderer(replace(cornell, lights=(carried[-1],)), (64, 48)) as fresh:
+        reference = fresh.render().irradiance
+    with use_clock(RayClock(4e6)), Renderer(cornell, (64, 48)) as renderer:
+        renderer.frame(seconds=0.05)  # makes the coarse values
+        renderer.render()
+        errors = []
+        for light in (*carried, *12 * [carried[-1]]):
+            renderer.relight([light])
+            view, _ = renderer.frame(seconds=0.05)
+            errors.append(np.sqrt(np.mean((view.read().irradiance - reference) ** 2)) / reference.mean())
+    assert max(errors[len(carried) :]) < errors[len(carried) - 1] < 0.1

@@ -327,14 +327,14 @@ class RecordGatherer(Owner):
         first, coarse = surface.result is None, surface.is_coarse
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
-        before = surface.at(sites) if follows else None
+        before, followed = surface.at(sites) if follows else None, surface.follows
         part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
         first_records, self._count = coarse and not idle and self._count < cache.count < _FIRST_RECORDS, cache.count
         waits = budget.limited and coarse and (self._without_tree or first_records)  # its own values have virtual lights
         change = None if waits else surface.advance(shadows, part)
         made = change is not None
         if change is not None and basis.from_file is None:
-            self._follow_values(surface, change, first, before, sites)
+            self._follow_values(surface, change, first, before, sites, followed)
             if surface.complete:  # a moving light may have left provisional records behind
                 cache.invalidate(np.flatnonzero(coarse | (cache.column("gather_size") == SIDE)))
         if made:
@@ -344,10 +344,13 @@ class RecordGatherer(Owner):
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
         return ready
 
-    def _follow_values(self, surface: SurfaceCache, change: float, first: bool, before: np.ndarray | None, sites: Sites) -> None:
+    def _follow_values(
+        self, surface: SurfaceCache, change: float, first: bool, before: np.ndarray | None, sites: Sites, followed: bool
+    ) -> None:
         """Let records follow a relative `change` of the values of the surface cache.
 
-        first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`.
+        first: True if it had none. before: (N, 3) W/m², the former values at the records `sites`. followed: True if these values,
+        and so the records, have followed the light: other sites add their error alone.
         """
         cache, relit = self.cache, self._basis.relit and surface.current
         if self._difference is not None:  # the stale records get exactly this difference
@@ -361,7 +364,7 @@ class RecordGatherer(Owner):
             cache.invalidate(np.arange(cache.count))
         cache.column("due")[:] += change
         self._basis = replace(self._basis, moved=True)
-        if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
+        if before is not None and cache.count and (not surface.current or (relit and not followed)):
             scale_by_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def probe_changed(self, shadows: ShadowMaps, budget: Budget) -> None:
