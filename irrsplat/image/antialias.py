@@ -4,51 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import moderngl
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
+from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.timing.clock import now
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Region, Target, bands
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import Region, Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
-from irrsplat.gpu.world import World
 from irrsplat.image.composite import NoFilters
-from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
-from irrsplat.image.jitter import jittered, sample_offset
+from irrsplat.image.gbuffer import GBufferTarget
 from irrsplat.image.view import View
-from irrsplat.indirect.splat import SplatPass, batches, splat_target
-from irrsplat.lighting.direct import DirectPass, direct_target
+from irrsplat.indirect.splat import splat_target
+from irrsplat.lighting.direct import direct_target
 from irrsplat.lighting.sky import sky_defines
-from irrsplat.records.culling import reaching
-from irrsplat.records.record_cache import RecordCache
-from irrsplat.settings import Settings
 
 _DRAWN = object()  # marks the end of a sample
 OnProgress = Callable[[float], None]  # called with the share of finished samples, 0..1
-
-
-@dataclass(frozen=True)
-class FramePasses:
-    """The frame's passes, used again for every further sample."""
-
-    gbuffer: GBufferPass
-    splat: SplatPass
-    direct: DirectPass
-
-
-@dataclass(frozen=True)
-class FrameInputs:
-    """The inputs of a frame except its camera. casting: the world of shadow rays; None: no shadow rays."""
-
-    world: World
-    shadows: ShadowMaps
-    casting: World | None
-    cache: RecordCache
-    settings: Settings
+DrawSample = Callable[[int, "SampleBuffers"], Iterator[None]]  # draws a sample by its number; pauses between its stages
 
 
 class Antialiaser(Owner):
@@ -56,7 +32,7 @@ class Antialiaser(Owner):
 
     def __init__(self, ctx: moderngl.Context, timers: Timers) -> None:
         self.ctx, self.timers = ctx, timers
-        self._buffers: SampleBuffers | None = None
+        self._buffers = Workshop()
         self._source: View | None = None  # the view being sampled, before antialiasing
         self._sampled: View | None = None  # the sampled view
         self._sample: Iterator[None] | None = None  # a sample interrupted by the budget
@@ -69,36 +45,36 @@ class Antialiaser(Owner):
         view: View,
         samples: int,
         budget: Budget,
-        passes: FramePasses,
-        inputs: FrameInputs,
+        mix: tuple[float, float],
+        draw: DrawSample,
         on_progress: OnProgress | None = None,
     ) -> View:
         """Return `view` with `samples` per pixel, or with as many additional samples as the budget allows.
 
         A limited budget is checked after each stage of a sample. At least one stage is drawn, unless input waits, and the next
         call continues there. A new view starts again; while a view is refined, the previous result keeps its textures. Ctrl-C
-        ends an unlimited call early. on_progress: called after each sample.
+        ends an unlimited call early. mix: see MeanPass. draw: blends a sample into the means. on_progress: called after each
+        sample.
         """
         if samples <= 1:
             return view
-        buffers = self._buffers_for(view.image.size)
+        size = view.image.size
+        buffers = self._buffers.get("buffers", size, lambda: SampleBuffers(self.ctx, size))
         if self._sampled is None or self._source is not view or self._sampled.samples > samples:
             if view.splats.reach is not None:
-                buffers.mean, buffers.other = buffers.other or MeanPass(self.ctx, buffers.size), buffers.mean
-            behind = view.backdrop.uniforms(view.camera, buffers.size)
-            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, inputs.settings.mix)
+                buffers.mean, buffers.other = buffers.other or MeanPass(self.ctx, size), buffers.mean
+            behind = view.backdrop.uniforms(view.camera, size)
+            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, mix)
             image, direct, indirect, emission, alpha = means
             self._source = view
             self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission, alpha=alpha)
             self._sample = None
-        if self._sampled.samples == samples:
-            return self._sampled
         done, last_seconds = self._sampled.samples, -math.inf
         with self.timers("samples"):
             try:
                 while done < samples and last_seconds < budget.left:
                     start = now()
-                    self._sample = self._sample or _add_sample(done, view, passes, inputs, buffers)
+                    self._sample = self._sample or draw(done, buffers)
                     if next(self._sample, _DRAWN) is _DRAWN:
                         self._sample, done = None, done + 1
                         if on_progress is not None:
@@ -111,17 +87,9 @@ class Antialiaser(Owner):
                 self._sample = None
                 if budget.limited:
                     raise
-        if done == self._sampled.samples:
-            return self._sampled
-        self._sampled = replace(self._sampled, samples=done)  # a new object, since the textures have new contents
+        if done > self._sampled.samples:
+            self._sampled = replace(self._sampled, samples=done)  # a new object, since the textures have new contents
         return self._sampled
-
-    def _buffers_for(self, size: tuple[int, int]) -> SampleBuffers:
-        if self._buffers is None or self._buffers.size != size:
-            if self._buffers is not None:
-                self._buffers.release()
-            self._buffers, self._sampled = SampleBuffers(self.ctx, size), None
-        return self._buffers
 
 
 class SampleBuffers(Owner):
@@ -137,29 +105,6 @@ class SampleBuffers(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.mean, self.other, self.gbuffer, self.splat, self.direct)
-
-
-def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> Iterator[None]:
-    """Draw sample `number` through the frame's stages, and blend it into the means; yield between the stages."""
-    x, y, rotation = sample_offset(number)
-    camera, settings = jittered(view.camera, (x, y), buffers.size), inputs.settings
-    gbuffer = passes.gbuffer(inputs.world, camera, buffers.gbuffer)
-    yield
-    passes.splat.clear(gbuffer, target=buffers.splat)
-    if settings.most_bounces > 0 and inputs.cache.count:
-        numbers = reaching(inputs.cache, 0, camera, buffers.size, settings)
-        for some in batches(numbers, buffers.size):
-            passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
-            yield
-    sums = buffers.splat.textures[0]
-    for band in bands(buffers.size):
-        direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.casting, band)
-        yield
-    behind = view.backdrop.uniforms(camera, buffers.size)
-    for band in bands(buffers.size):
-        if band[1]:
-            yield
-        buffers.mean(number + 1, gbuffer, direct, sums, view.sums, behind, settings.mix, band)
 
 
 class MeanPass(Owner):

@@ -245,7 +245,7 @@ class Refiner(Owner):
             of, call = (splats, settings.request_criteria), self._call
             if not fill.ended(of):
                 screen = self.scheduler.screen(call.gbuffer, splats, camera)
-                fill, _ = self.scheduler.gather_missing(fill, screen, call.shadows, camera, call.budget, side)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, call.shadows, camera, call.budget, side)
             if fill.ended(of):
                 self._show(splats=splats)
                 yield

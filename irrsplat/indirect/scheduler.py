@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import cast
 
 import numpy as np
@@ -34,17 +34,6 @@ from irrsplat.settings import Settings
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
 _AROUND = 8  # records that measure the noise at a place, half of them before it along a space-filling curve
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
-
-
-@dataclass(frozen=True)
-class RoundResult:
-    """Result of one step on the splat buffer: the number of new records; True if all sites of the round are gathered."""
-
-    new: int
-    complete: bool
-
-
-NOTHING_REQUESTED = RoundResult(0, True)
 
 
 class RecordScheduler(Owner):
@@ -137,36 +126,36 @@ class RecordScheduler(Owner):
 
     def gather_missing(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
-    ) -> tuple[ViewState, RoundResult]:
+    ) -> tuple[ViewState, int, bool]:
         """Gather records that the view requests, within the budget.
 
         side: of the gathers for a view that is refined, 0 for any other. Refinement evicts no record, and checks no spots.
+        Return the view, the number of new records, and True if the round is complete.
         """
-        scan = self.settings.placement == "scan" and not side
-        result = NOTHING_REQUESTED
+        scan, new, complete = self.settings.placement == "scan" and not side, 0, True
         if scan:
-            view, result = self._scan(view, screen, shadows, camera, budget)
+            view, new, complete = self._scan(view, screen, shadows, camera, budget)
         elif view.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
             if self._changing:
                 view = replace(view, check=None)
             elif view.check is not None:
-                return self._check(view, screen, shadows, budget, True), replace(NOTHING_REQUESTED, complete=False)
+                return self._check(view, screen, shadows, budget, True), 0, False
             view = self._requested(view, screen, camera, side)
         if view.queue is not None:
             self.gatherer.restore_surface(shadows, budget)
             sites, near = view.queue
-            done = self.gatherer.gather(shadows, _requested_by(sites, camera, screen.size), budget, side, near)
-            view = replace(view, queue=view.queue.without(done))
-            result = RoundResult(done, view.queue is None)
+            new = self.gatherer.gather(shadows, _requested_by(sites, camera, screen.size), budget, side, near)
+            view = replace(view, queue=view.queue.without(new))
+            complete = view.queue is None
 
-        if not result.complete:
-            return view, result
+        if not complete:
+            return view, new, False
         settled = False
-        if not result.new:
+        if not new:
             view, ended, settled = self._close(view, screen, shadows, budget, not (scan or side))
             if not ended:
-                return view, replace(result, complete=False)
+                return view, 0, False
         gained = view.need.less_than(view.before)
         view = replace(
             view,
@@ -175,7 +164,7 @@ class RecordScheduler(Owner):
             stalled_rounds=0 if gained else view.stalled_rounds + 1,
             before=view.need,
         )
-        return view, replace(result, complete=result.new > 0 or settled)
+        return view, new, new > 0 or settled
 
     def _requested(self, view: ViewState, screen: Screen, camera: Camera, side: int) -> ViewState:
         """Return the view with the queue of a new round, coarse to fine; None without a request."""
@@ -284,7 +273,7 @@ class RecordScheduler(Owner):
 
     def _scan(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget
-    ) -> tuple[ViewState, RoundResult]:
+    ) -> tuple[ViewState, int, bool]:
         """Gather by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
         scan, gbuffer, splats = view.scan, screen.gbuffer, screen.splats
         assert gbuffer is not None and splats is not None  # the scan draws whole views alone
@@ -295,7 +284,7 @@ class RecordScheduler(Owner):
         room, of = self._room(1, camera, gbuffer.position.size), (screen.sums, self.settings.request_criteria)
         view = replace(view, scan=scan, full=not room)
         if not room:
-            return replace(view, need=self.need(screen)), NOTHING_REQUESTED
+            return replace(view, need=self.need(screen)), 0, True
         more = iter(range(1, room))
 
         def goes_on() -> bool:
@@ -306,7 +295,7 @@ class RecordScheduler(Owner):
             sites, values, missing = scan.advance(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
             self.cache.append(_requested_by(sites, camera, gbuffer.position.size), values)
-        return replace(view, need=Need(missing, of=of)), RoundResult(len(sites), not record.stopped)
+        return replace(view, need=Need(missing, of=of)), len(sites), not record.stopped
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
 

@@ -17,10 +17,11 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.composite import CompositePass
+from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, Reader, View
 from irrsplat.indirect.examine import Screen
 from irrsplat.indirect.refinement import Refiner
-from irrsplat.indirect.scheduler import NOTHING_REQUESTED, RecordScheduler, RoundResult
+from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import Need, Phase, ViewState
 from irrsplat.lighting.light_table import unshadowed_luminance
@@ -43,15 +44,15 @@ class Frames(Owner):
 
     def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State, reader: Reader) -> None:
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
-        self.stages = Stages(world, scheduler, timers, reader)
-        self.cache = scheduler.cache
-        self.moving = MovingViews(Stages(world, scheduler, timers, reader, self.stages), self.round)
+        self.cache, self.maps = scheduler.cache, TextureMaps(world.ctx)
+        self.stages = Stages(world, scheduler, self.maps, timers, reader)
+        self.moving = MovingViews(Stages(world, scheduler, self.maps, timers, reader), self.round)
         self._tiles = TileScreens(self.stages, scheduler)
         self._passes = Workshop()  # the refiner
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.stages, self.moving, self._passes)
+        return (self.stages, self.moving, self.maps, self._passes)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
@@ -109,7 +110,7 @@ class Frames(Owner):
         """
         scheduler, cache, bounces = self.scheduler, self.cache, state.settings.most_bounces > 0
         stages, later = stages or self.stages, state.costs.picture if picture else 0.0  # seconds
-        shadows = self.follow_scene(state, stages)  # 3.3
+        shadows = self.follow_scene(state)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
         view = self.view_state(state, camera)
         if stages is self.moving.stages:
@@ -126,7 +127,7 @@ class Frames(Owner):
             view = replace(view, stalled_rounds=0)  # other light may end the stall
         if renewed and not picture and len(cache.stale) and (shown := stages.splats(state).sums) is not None:
             # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
-            progress = self.progress(view, NOTHING_REQUESTED, renewed)
+            progress = self.progress(view, renewed=renewed)
             return replace(state, view=view), Round(camera, shadows, gbuffer, shown, progress)
 
         start = now()
@@ -138,19 +139,17 @@ class Frames(Owner):
             self.ctx.finish()
         costs = replace(state.costs, splat=now() - start)
 
-        of = screen.sums, state.settings.request_criteria
+        of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
         if not bounces:
-            view, requests = replace(view, need=Need(missing=0.0)), NOTHING_REQUESTED
+            view = replace(view, need=Need(missing=0.0))
         elif not ready or view.stalled:
-            view, requests = self._examine(view, screen, of, ready, gather)
-        elif view.ended(of):
-            requests = NOTHING_REQUESTED
-        else:  # 2.3 and 2.1
-            view, requests = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
-        if requests.new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
+            view, complete = self._examine(view, screen, of, ready, gather)
+        elif not view.ended(of):  # 2.3 and 2.1
+            view, new, complete = scheduler.gather_missing(view, screen, shadows, camera, budget.part(1.0, later))
+        if new and picture and budget.limited and len(cache.stale):  # a moving scene differs one frame later
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
-        progress = self.progress(view, requests, renewed)
+        progress = self.progress(view, new, complete, renewed)
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, camera: Camera) -> Round:
@@ -167,10 +166,10 @@ class Frames(Owner):
         whole = any(run.appearance.normal is not None for run in self.stages.world.runs)
         return ViewState(subject, 1 if whole else first_stride(state.settings, state.size))
 
-    def follow_scene(self, state: State, stages: Stages) -> ShadowMaps:
+    def follow_scene(self, state: State) -> ShadowMaps:
         """Let records and surface cache follow the scene's changes, and return its shadow maps."""
-        self.scheduler.apply(state.settings, self.scheduler.gatherer.change_to(state.scene), stages.shadows(state))
-        return stages.draw_shadows(state)
+        self.scheduler.apply(state.settings, self.scheduler.gatherer.change_to(state.scene), self.stages.shadows(state))
+        return self.stages.draw_shadows(state)
 
     def _light_records(self, view: ViewState, shadows: ShadowMaps, budget: Budget, reserve: float) -> bool:
         """Advance the surface cache, which lights the records. Return True if records may be gathered in this round."""
@@ -192,25 +191,24 @@ class Frames(Owner):
 
     def _examine(
         self, view: ViewState, screen: Screen, of: tuple[object, ...], ready: bool, gather: bool
-    ) -> tuple[ViewState, RoundResult]:
+    ) -> tuple[ViewState, bool]:
         """Examine a view that gathers no record in this round: records wait for their light, or rounds gain no coverage.
 
         of: the sums and the criteria of the examination. ready: True if records have light. gather: True if they may be gathered.
+        Return the view, and True if the round is complete.
         """
         # the last round of a stalled view may have covered all pixels; the first record comes before any examination
         if view.need.of != of and (self.cache.count or not gather):
             view = replace(view, need=self.scheduler.need(screen))
         if gather:  # records that wait for their light are left to gather
-            return view, replace(NOTHING_REQUESTED, complete=ready)
-        return replace(view, pixel_stride=1), replace(NOTHING_REQUESTED, complete=view.pixel_stride == 1)
+            return view, ready
+        return replace(view, pixel_stride=1), view.pixel_stride == 1
 
-    def progress(self, view: ViewState, requests: RoundResult = NOTHING_REQUESTED, renewed: int = 0) -> Progress:
-        """Return the progress of a view by a round. renewed: the number of records that were gathered again."""
+    def progress(self, view: ViewState, new: int = 0, complete: bool = True, renewed: int = 0) -> Progress:
+        """Return the progress of a view by a round with so many `new` and `renewed` records. complete: True if no site waits."""
         gathers = self.state.settings.most_bounces > 0
         stale, made = (self.cache.waiting, self.scheduler.gatherer.surface_share) if gathers else (0, 1.0)
-        return Progress(
-            view.rounds, self.cache.count, requests.new, view.coverage, renewed, stale, requests.complete, made, view.full
-        )
+        return Progress(view.rounds, self.cache.count, new, view.coverage, renewed, stale, complete, made, view.full)
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """True if the last picture can stay for another frame: only new records differ, and drawing takes time from gathering."""

@@ -59,7 +59,7 @@ class MovingViews(Owner):
         seen = now() - start
         small, done = self.rounds(small, camera, budget, gather, stages=self.stages)
         start = now()
-        view = self.stages.draw_picture(small, done, state.settings.placement != "scan", hurried=True, moving=True)
+        view = self.stages.draw_picture(small, done, state.settings.placement != "scan", moving=True)
         self.stages.ctx.finish()
         for texture in (view.image, view.alpha):
             texture.filter = moderngl.LINEAR, moderngl.LINEAR  # a larger target interpolates the picture

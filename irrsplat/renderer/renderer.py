@@ -138,7 +138,7 @@ class Renderer(Tenant):
         return (
             *self._tiling.notices(self._state),
             *gl_limits.shadow_notices(self.ctx, self._state.scene, self.settings.shadow_size),
-            *self.stages.texture_maps(self._state).notices(self.world.runs),
+            *self.stages.maps.notices(self.world.runs),
             *self.world.materials.notices,
         )
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -18,42 +18,36 @@ from irrsplat.gpu.target import bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
+from irrsplat.image.antialias import Antialiaser, OnProgress, SampleBuffers
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
 from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.splat import batches
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
+from irrsplat.records.culling import reaching
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
 from irrsplat.surface_cache.cache import SurfaceCache
 
 
-class Lighting(NamedTuple):
-    """The inputs of direct light. casting: the world of shadow rays; None for shadow maps alone."""
-
-    shadows: ShadowMaps
-    casting: World | None
-
-
 class Stages(Owner):
     """The stages of the `world`'s pictures. Each result is kept until an input changes.
 
-    reader: see View. whole: the stages of pictures of the full size, whose shadow maps and images these use.
+    maps: the textures of its surfaces. reader: see View.
     """
 
-    def __init__(
-        self, world: World, scheduler: RecordScheduler, timers: Timers, reader: Reader, whole: Stages | None = None
-    ) -> None:
-        self.ctx, self.world, self.scheduler, self.timers, self.whole = world.ctx, world, scheduler, timers, whole
-        self.reader = reader
+    def __init__(self, world: World, scheduler: RecordScheduler, maps: TextureMaps, timers: Timers, reader: Reader) -> None:
+        self.ctx, self.world, self.scheduler, self.maps = world.ctx, world, scheduler, maps
+        self.timers, self.reader = timers, reader
         self.antialiaser = Antialiaser(self.ctx, timers)
         self._passes = Workshop()  # passes by their size, lights and settings
         self._memo = Memo()  # the results of the stages
@@ -64,15 +58,9 @@ class Stages(Owner):
 
     # ---- the passes ------------------------------------------------------------------------------------------------
 
-    def texture_maps(self, state: State) -> TextureMaps:
-        """Return the textures of the g-buffer's surfaces."""
-        if self.whole is not None:
-            return self.whole.texture_maps(state)
-        return self._passes.get("textures", (), lambda: TextureMaps(self.ctx))
-
     def _gbuffer_pass(self, state: State) -> GBufferPass:
-        size, maps = state.size, self.texture_maps(state)
-        return self._passes.get("gbuffer", (size, maps), lambda: GBufferPass(self.ctx, size, maps))
+        size = state.size
+        return self._passes.get("gbuffer", size, lambda: GBufferPass(self.ctx, size, self.maps))
 
     def _direct_pass(self, state: State) -> DirectPass:
         size, kinds = state.size, {**light_defines(state.scene), **self.world.material_defines}
@@ -107,8 +95,6 @@ class Stages(Owner):
 
     def draw_shadows(self, state: State) -> ShadowMaps:
         """Return the shadow maps; they depend on the lights, the meshes and the maps' size."""
-        if self.whole is not None:
-            return self.whole.draw_shadows(state)
 
         def draw() -> ShadowMaps:
             with self.timers("shadow"):
@@ -119,8 +105,6 @@ class Stages(Owner):
 
     def shadows(self, state: State) -> ShadowMaps | None:
         """Return the shadow maps of the scene in `state`; None before they are drawn."""
-        if self.whole is not None:
-            return self.whole.shadows(state)
         current = self._memo.holds("shadows", _shadow_inputs(state))
         return self._memo.current("shadows", ShadowMaps) if current else None
 
@@ -163,9 +147,9 @@ class Stages(Owner):
         assert gbuffer is not None and splats is not None
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         surface = self.scheduler.gatherer.surface_now if filling and not done.frozen else None
-        lighting = Lighting(done.shadows, None if moving else self._casting(state, hurried))
+        lit_by = done.shadows, None if moving else self._casting(state, hurried)
         backdrop, held = backdrop_of(state.scene, settings, sky_maps(self.world)), None if surface is None else surface.result
-        subject = gbuffer, lighting, splats, settings.blend, filling, held, backdrop
+        subject = gbuffer, lit_by, splats, settings.blend, filling, held, backdrop
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not accumulating:
             temporal_filter.forget()
@@ -176,7 +160,7 @@ class Stages(Owner):
             shown = self._accumulated(done, subject, surface) if accumulating or surface is not None else splats
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums
-            direct = self._memo.get("direct", (gbuffer, lighting), lambda: self._direct(state, gbuffer, lighting))
+            direct = self._memo.get("direct", (gbuffer, lit_by), lambda: self._direct(state, gbuffer, *lit_by))
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
                 if filling and surface is None and (done.frozen or settings.most_bounces == 1):
@@ -199,9 +183,9 @@ class Stages(Owner):
         stop_for_input()
         return blended
 
-    def _direct(self, state: State, gbuffer: GBuffer, lighting: Lighting) -> moderngl.Texture:
-        """Return the direct outgoing radiance of a view."""
-        draw = partial(self._direct_pass(state), gbuffer, lighting.shadows, world=lighting.casting)
+    def _direct(self, state: State, gbuffer: GBuffer, shadows: ShadowMaps, casting: World | None) -> moderngl.Texture:
+        """Return the direct outgoing radiance of a view. casting: the world of shadow rays; None for shadow maps alone."""
+        draw = partial(self._direct_pass(state), gbuffer, shadows, world=casting)
         with self.timers("direct"):
             for band in bands(state.size):
                 direct = draw(band=band)
@@ -212,12 +196,31 @@ class Stages(Owner):
         self, state: State, view: View, samples: int, budget: Budget | None = None, on_progress: OnProgress | None = None
     ) -> View:
         """Return the last picture with more `samples` a pixel, see Renderer.accumulate."""
-        if samples <= 1:
-            return view
-        passes = FramePasses(self._gbuffer_pass(state), self.splats(state).splat_pass, self._direct_pass(state))
-        lit_by = self.draw_shadows(state), self._casting(state)
-        inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings)
-        return self.antialiaser(view, samples, budget or Budget(None), passes, inputs, on_progress)
+        draw = partial(self._draw_sample, state, view)
+        return self.antialiaser(view, samples, budget or Budget(None), state.settings.mix, draw, on_progress)
+
+    def _draw_sample(self, state: State, view: View, number: int, buffers: SampleBuffers) -> Iterator[None]:
+        """Draw sample `number` of a view, and blend it into the means; yield between the stages."""
+        x, y, rotation = sample_offset(number)
+        camera, settings, cache = jittered(view.camera, (x, y), buffers.size), state.settings, self.scheduler.cache
+        gbuffer = self._gbuffer_pass(state)(self.world, camera, buffers.gbuffer)
+        yield
+        splat_pass = self.splats(state).splat_pass
+        splat_pass.clear(gbuffer, target=buffers.splat)
+        if settings.most_bounces > 0 and cache.count:
+            for some in batches(reaching(cache, 0, camera, buffers.size, settings), buffers.size):
+                splat_pass(cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
+                yield
+        lit_by = self.draw_shadows(state), rotation, buffers.direct, self._casting(state)
+        for band in bands(buffers.size):
+            direct = self._direct_pass(state)(gbuffer, *lit_by, band)
+            yield
+        behind = view.backdrop.uniforms(camera, buffers.size)
+        for band in bands(buffers.size):
+            if band[1]:
+                yield
+            sums = buffers.splat.textures[0]
+            buffers.mean(number + 1, gbuffer, direct, sums, view.sums, behind, settings.mix, band)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:
         """Return (H, W, 4) the sums of the first `count` records at every pixel of a view."""
