@@ -9,7 +9,7 @@ threshold (Σw against 1/a, not a). So are black records, the background, the sp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +20,9 @@ from irrsplat.core.buffers import Atlas, GBuffer, HitLight, Sites
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.records.weight import record_weight, view_radius
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
 SMOOTH_OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
@@ -40,10 +41,6 @@ class Seen:
     mask: np.ndarray
     triangle: np.ndarray | None = None
     lit_normal: np.ndarray | None = None
-
-    def site(self, row: int, column: int) -> Sites:
-        """Return the pixel as a place for one record."""
-        return self.sites((slice(row, row + 1), column))
 
     def sites(self, at: tuple[Any, ...]) -> Sites:
         """Return the pixels at an index of rows and columns as places for records."""
@@ -68,21 +65,60 @@ class Seen:
         return smooth
 
 
-class View:
+class Scan:
     """The paper's traversal of a view. seen: its g-buffer. warmed: the number of warm-up records made so far."""
 
-    def __init__(self, gbuffer: GBuffer, warmed: int) -> None:
-        self.seen, self.warmed = read_back(gbuffer), warmed
+    def __init__(self, seen: Seen, warmed: int) -> None:
+        self.seen, self.warmed = seen, warmed
 
     def advance(
-        self, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
-    ) -> tuple[Sites, np.ndarray, float]:
-        """Make the warm-up records, then traverse the view until `record` stops. Return the results of `traverse`."""
-        if self.warmed >= settings.warmup:
-            return traverse(self.seen, weight, record, camera, settings)
-        sites, values = warm_up(self.seen, record, settings, self.warmed)
-        self.warmed = self.warmed + len(sites) if record.stopped else settings.warmup
-        return sites, values, float(self.seen.mask.any())
+        self,
+        weight: np.ndarray,
+        record: Callable[[Sites], np.ndarray],
+        room: int,
+        budget: Budget,
+        camera: Camera,
+        settings: Settings,
+    ) -> tuple[Sites, np.ndarray, float, bool]:
+        """Make the warm-up records (step 1), or traverse the view in scan order and make a record where Σw is too low (step 3).
+
+        weight: (H, W) Σw. record: returns (4,) E and R at a site. At most `room` records are made, and one at least. Return the
+        records' sites, their (N, 4) values, the share of the seen pixels that lacked one at first, and True unless `room` or
+        budget ended the work.
+        """
+        seen, weight, stopped = self.seen, weight.copy(), False
+        warming = self.warmed < settings.warmup
+        if warming:
+            visible = np.argwhere(seen.mask)
+            chosen = np.random.default_rng(settings.seed).permutation(len(visible))
+            places, missing = iter(visible[chosen[self.warmed : settings.warmup]]), float(seen.mask.any())
+        else:
+            missing = float((seen.mask & (weight < settings.threshold)).sum() / max(seen.mask.sum(), 1))
+            places = _lacking(seen.mask, weight, settings.threshold)
+        at, values = [], []
+        for row, column in places:
+            site = seen.sites((slice(row, row + 1), column))
+            at.append((row, column))
+            values.append(record(site))
+            if not warming:
+                splat_weight(weight, seen, site, float(values[-1][3]), camera, settings)
+            stopped = budget.left <= 0.0 or len(at) == room
+            if stopped:
+                break
+        if warming:
+            self.warmed = self.warmed + len(at) if stopped else settings.warmup
+        rows, columns = np.array(at, np.intp).reshape(-1, 2).T
+        return seen.sites((rows, columns)), np.array(values, "f4").reshape(-1, 4), missing, not stopped
+
+
+def _lacking(mask: np.ndarray, weight: np.ndarray, threshold: float) -> Iterator[tuple[int, int]]:
+    """Yield the pixels of `mask` whose weight is below the threshold, in scan order. The weights may grow meanwhile."""
+    for row in range(len(weight)):
+        column = 0
+        while (lacking := mask[row, column:] & (weight[row, column:] < threshold)).any():
+            column += int(lacking.argmax())
+            yield row, column
+            column += 1
 
 
 def read_back(gbuffer: GBuffer) -> Seen:
@@ -94,93 +130,39 @@ def read_back(gbuffer: GBuffer) -> Seen:
     return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle, bent)
 
 
-class Recorder:
-    """Recorder of one record at a time: a picture of the scene from the record, and a sum on the CPU (section 3.4).
+def gather_record(gather: Gather, light: HitLight, site: Sites) -> np.ndarray:
+    """Return (4,) a record by a picture of the scene from its site, and a sum on the CPU (section 3.4).
 
-    goes_on: called after each record; after False, `stopped` is True and the caller makes no further records.
+    The values are E = Σ L·ΔA/(1+x²+y²)² in W/m², and R_k, the harmonic mean distance in metres.
     """
+    atlas = gather(light, site, np.zeros(1), 0)
+    seen = _cell(atlas, atlas.radiance)
+    share = gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
+    hit = seen[..., 3] > 0.0
+    E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], _sky(gather.world.scene, atlas)))
+    inverse = (share[hit] / seen[..., 3][hit]).sum()
+    R = np.clip(share.sum() / max(inverse, 1e-30), *gather.radii)
+    return np.array([*E, R], "f4")
 
-    def __init__(
-        self,
-        gather: Gather,
-        light: HitLight,
-        goes_on: Callable[[], bool] = lambda: True,
-    ) -> None:
-        self.gather, self.light, self.goes_on = gather, light, goes_on
-        self.stopped = False
 
-    def __call__(self, site: Sites) -> np.ndarray:
-        """Return (4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
-        atlas = self.gather(self.light, site, np.zeros(1), 0)
-        seen = _cell(atlas, atlas.radiance)
-        share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
-        hit = seen[..., 3] > 0.0
-        E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self._sky(atlas)))
-        inverse = (share[hit] / seen[..., 3][hit]).sum()
-        R = np.clip(share.sum() / max(inverse, 1e-30), *self.gather.radii)
-        self.stopped = not self.goes_on()
-        return np.array([*E, R], "f4")
-
-    def _sky(self, atlas: Atlas) -> np.ndarray:
-        """Return (3,) the radiance of a uniform sky, or (H, W, 3) the radiance in the directions of the texels."""
-        scene = self.gather.world.scene
-        if scene.environment is None and not any(scene.sky_gradient):
-            return np.asarray(scene.sky, "f4")
-        frames, table = atlas.frames, _cell(atlas, atlas.table)
-        frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]
-        ways = table[..., :3].reshape(-1, 3) @ frame
-        if scene.environment is not None:
-            radiance = scene.environment.lit_by(ways, (table[..., 3] / table[..., 2]).ravel())
-        else:
-            radiance = scene.sky_radiance(ways)
-        return radiance.reshape(*table.shape[:2], 3).astype("f4")
+def _sky(scene: Scene, atlas: Atlas) -> np.ndarray:
+    """Return (3,) the radiance of a uniform sky, or (H, W, 3) the radiance in the directions of the texels."""
+    if scene.environment is None and not any(scene.sky_gradient):
+        return np.asarray(scene.sky, "f4")
+    frames, table = atlas.frames, _cell(atlas, atlas.table)
+    frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]
+    ways = table[..., :3].reshape(-1, 3) @ frame
+    if scene.environment is not None:
+        radiance = scene.environment.lit_by(ways, (table[..., 3] / table[..., 2]).ravel())
+    else:
+        radiance = scene.sky_radiance(ways)
+    return radiance.reshape(*table.shape[:2], 3).astype("f4")
 
 
 def _cell(atlas: Atlas, texture: moderngl.Texture) -> np.ndarray:
     """Return (H, W, 4) the first cell of a texture, which may be larger."""
     width, height = atlas.cell
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, 4)[:height, :width]
-
-
-def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:
-    """Make records at visible pixels chosen at random (step 1). Return their sites and (N, 4) values E, R.
-
-    first: the number of records made before.
-    """
-    visible = np.argwhere(seen.mask)
-    chosen = np.random.default_rng(settings.seed).permutation(len(visible))[first : settings.warmup]
-    sites, values = [], []
-    for row, column in visible[chosen]:
-        sites.append(seen.site(row, column))
-        values.append(record(sites[-1]))
-        if record.stopped:
-            break
-    return _join(sites), np.array(values, "f4").reshape(-1, 4)
-
-
-def traverse(
-    seen: Seen, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
-) -> tuple[Sites, np.ndarray, float]:
-    """Traverse the pixels in scan order: make a record where Σw (H, W) is too low, and splat its weight on the CPU (step 3).
-
-    Return the new records' sites, their (N, 4) values E, R, and the share of the seen pixels that lacked one at first.
-    """
-    weight = weight.copy()
-    sites, values = [], []
-    missing = (seen.mask & (weight < settings.threshold)).sum() / max(seen.mask.sum(), 1)
-    for row in range(len(weight)):
-        column = 0
-        while not record.stopped:
-            lacking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
-            column += int(lacking.argmax()) if lacking.any() else len(lacking)
-            if column == weight.shape[1]:
-                break
-            site = seen.site(row, column)
-            values.append(record(site))
-            sites.append(site)
-            splat_weight(weight, seen, site, float(values[-1][3]), camera, settings)
-            column += 1
-    return _join(sites), np.array(values, "f4").reshape(-1, 4), float(missing)
 
 
 def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: Camera, settings: Settings) -> None:
@@ -212,10 +194,3 @@ def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) 
 
     (left, right), (bottom, top) = span(x, width), span(y, height)
     return slice(max(0, height - top), height - min(bottom, height)), slice(left, right)
-
-
-def _join(sites: list[Sites]) -> Sites:
-    empty = np.zeros((0, 3), "f4")
-    p, n, g = (np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric"))
-    known = [s.triangle for s in sites if s.triangle is not None]
-    return Sites(p, n, g, np.concatenate(known) if sites and len(known) == len(sites) else None)

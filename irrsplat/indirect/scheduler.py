@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -16,10 +17,10 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
+from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
 from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import Need, Phase, Queue, ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
@@ -279,23 +280,19 @@ class RecordScheduler(Owner):
         assert gbuffer is not None and splats is not None  # the scan draws whole views alone
         if scan is None:
             with self.timers("gbuffer"):
-                scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
+                scan = Scan(read_back(gbuffer), self.settings.warmup if self.cache.count else 0)
         self.gatherer.restore_surface(shadows, budget)
         room, of = self._room(1, camera, gbuffer.position.size), (screen.sums, self.settings.request_criteria)
         view = replace(view, scan=scan, full=not room)
         if not room:
             return replace(view, need=self.need(screen)), 0, True
-        more = iter(range(1, room))
-
-        def goes_on() -> bool:
-            return budget.left > 0.0 and next(more, None) is not None
-
-        record = paper_scan.Recorder(self.gatherer.gather_pass, self.gatherer.light(shadows), goes_on)
+        record = partial(gather_record, self.gatherer.gather_pass, self.gatherer.light(shadows))
+        weight = pixels(splats.weight)[..., 0]
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
-            sites, values, missing = scan.advance(pixels(splats.weight)[..., 0], record, camera, self.settings)
+            sites, values, missing, complete = scan.advance(weight, record, room, budget, camera, self.settings)
         if len(sites):
             self.cache.append(_requested_by(sites, camera, gbuffer.position.size), values)
-        return replace(view, need=Need(missing, of=of)), len(sites), not record.stopped
+        return replace(view, need=Need(missing, of=of)), len(sites), complete
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import SpotCheck
-from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination
+from irrsplat.indirect.paper_scan import Scan
 
 GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
 
@@ -85,7 +85,7 @@ class ViewState:
     check: SpotCheck | None = None
     checked: bool = False
     full: bool = False
-    scan: paper_scan.View | None = None
+    scan: Scan | None = None
 
     @property
     def coverage(self) -> float:

@@ -10,6 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import Sites
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import paper_scan
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.records.record_cache import RecordCache
@@ -33,19 +34,6 @@ def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
     position = (np.asarray(CAMERA.eye) + depth[..., None] * d).astype("f4")
     depth[rng.random(depth.shape) < 0.1] = 0.0
     return paper_scan.Seen(position, normal, normal, depth > 0.0), depth
-
-
-class StandInRecorder:
-    """Stand-in for the Recorder with E = 1 and a given radius; it stores the requested sites."""
-
-    stopped = False
-
-    def __init__(self, radius: Any) -> None:
-        self.radius, self.requested = radius, []  # type: ignore[var-annotated]
-
-    def __call__(self, site: Sites) -> np.ndarray:
-        self.requested.append(site.position[0])
-        return np.array([1.0, 1.0, 1.0, self.radius(len(self.requested))], "f4")
 
 
 @pytest.mark.parametrize(
@@ -90,7 +78,8 @@ def test_a_record_covers_its_neighbours_at_once() -> None:
     """With one large radius the traversal is greedy: it equals a plain loop over pixels in scan order."""
     seen, _ = view()
     settings = preset("paper", a=0.6)
-    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), StandInRecorder(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
+    scan, record = paper_scan.Scan(seen, settings.warmup), np.array([1.0, 1.0, 1.0, 0.8], "f4")
+    sites, *_ = scan.advance(np.zeros(seen.mask.shape, "f4"), lambda _: record, 10_000, Budget(None), CAMERA, settings)
     weight, expected = np.zeros(seen.mask.shape), []
     for row, column in np.argwhere(seen.mask):
         if weight[row, column] >= settings.threshold:
