@@ -107,14 +107,6 @@ def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slic
     return int(np.count_nonzero((_seen(view)[..., 0] & uncovered_here)[rows_columns]))
 
 
-def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
-    """Return the statistics of a view rendered from existing records in `seconds`; also calls on_progress."""
-    if on_progress is not None:
-        on_progress(progress)
-    stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
-    return stats | {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
-
-
 def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
     """Return a callback that calls `on_round` with the share of finished samples; None for None."""
     if on_round is None:

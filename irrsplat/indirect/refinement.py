@@ -9,9 +9,9 @@ next step is complete, or until the surface cache has another level. The next st
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -43,45 +43,24 @@ _RAYS = 2.0  # of the squared target error: the greatest ray noise of a record, 
 _AIM = 3.0  # target of a step: the present error divided by this, unless the refinement ends before
 
 
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """The picture of the last complete step of a refinement.
-
-    splats: its sums. error: its estimated relative RMSE; None until the first estimate. ended: True if nothing more is or can be
-    refined. broken: True after an exception.
-    """
-
-    splats: SplatBuffer
-    error: float | None = None
-    ended: bool = False
-    broken: bool = False
-
-
-@dataclass(frozen=True)
-class _Call:
-    """The inputs of a call of `advance`."""
-
-    gbuffer: GBuffer
-    shadows: ShadowMaps
-    target: float
-    budget: Budget
-
-
 class Refiner(Owner):
     """Refinement of one view of `size` (width, height) at a time, from `begin` until `leave` removes the added records.
 
-    state: the picture of the view; None while no view is refined.
+    splats: the sums of the picture on show; None while no view is refined. error: its estimated relative RMSE; None until the
+    first estimate. ended: True if nothing more is or can be refined. broken: True after an exception.
     """
 
     def __init__(self, world: World, size: tuple[int, int], gradients: bool, scheduler: RecordScheduler, timers: Timers) -> None:
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
+        self.splats: SplatBuffer | None = None
+        self.error: float | None = None
+        self.ended = self.broken = False
         # of the picture on show, and of the next one
         self._splats = [ViewSplats(world, size, gradients, timers) for _ in range(2)]
         self._reach = [float_texture(world.ctx, size, 1) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
-        self.state: Refined | None = None
-        self._steps: Steps[None] | None = None  # of the present view
-        self._base: tuple[int, np.ndarray, int] | None = None  # of the cache before: records, their limits, records compared
+        self._steps: Iterator[None] = iter(())  # of the present view
+        self._base: tuple[int, np.ndarray, int] = 0, np.zeros(0), 0  # of the cache before: records, limits, records compared
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
@@ -91,12 +70,13 @@ class Refiner(Owner):
         """Refine a view that is covered by records whose sums are `splats`."""
         cache = self.cache
         self._base = cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.compared
-        self.state, self._steps = Refined(splats), self._refined(camera)
+        self.splats, self.error, self.ended, self.broken = splats, None, False, False
+        self._steps = self._refined(camera)
 
     def leave(self) -> None:
         """Remove the records of the refinement; the others reach as far as before, and keep their present values."""
-        if self.state is not None and self._base is not None:
-            (count, limits, compared), self.state, self._steps = self._base, None, None
+        if self.splats is not None:
+            (count, limits, compared), self.splats, self._steps = self._base, None, iter(())
             self.cache.truncate(count)
             self.cache.set_limits(limits)
             self.cache.revision += 1
@@ -104,17 +84,15 @@ class Refiner(Owner):
 
     def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:
         """Refine the view until its estimated relative error is at most `target`, or the budget is spent."""
-        assert self.state is not None and self._steps is not None
-        self._call = _Call(gbuffer, shadows, target, budget)
+        self._target, self._gbuffer, self._shadows, self._budget = target, gbuffer, shadows, budget
         try:
-            while not self.state.ended:
-                enough = not self.scheduler.room or (self.state.error is not None and self.state.error <= target)
-                if enough or next(self._steps, self) is self:
-                    self.state = replace(self.state, ended=True)
+            while not self.ended:
+                enough = not self.scheduler.room or (self.error is not None and self.error <= target)
+                self.ended = enough or next(self._steps, self) is self
                 if budget.left <= 0.0 or input_waits():
                     break
         except BaseException:  # the step's assumptions about the cache no longer hold: the refinement restarts
-            self.state = replace(self.state, broken=True)
+            self.broken = True
             raise
 
     def _refined(self, camera: Camera) -> Steps[None]:
@@ -132,11 +110,11 @@ class Refiner(Owner):
                 return
             tested = tested.including(check)
             off = math.hypot(math.sqrt(check.mean_uncertainty * tested.ratio), surface_error)
-            aim = max(self._call.target * check.mean, off / _AIM)
+            aim = max(self._target * check.mean, off / _AIM)
             finer = self._side(doublings + 1) > self._side(doublings)
             if finer and check.mean_uncertainty * tested.ray_ratio > _RAYS * aim**2:
                 tested, doublings = tested.doubled(), doublings + 1
-            self._show(error=off / check.mean if check.mean > 0.0 else 0.0)
+            self.error = off / check.mean if check.mean > 0.0 else 0.0
             surface = gatherer.surface_now
             # the finest surface cache may be off by more than the target; then records need not be much better
             if surface is not None and not surface.may_refine and off < _WORTH * surface_error:
@@ -149,7 +127,7 @@ class Refiner(Owner):
 
             choosing, index = in_background(partial(_finer_by, check.uncertainty)), 1 - index
             yield
-            while (more := self._call.budget.advance(choosing)) is None:
+            while (more := self._budget.advance(choosing)) is None:
                 yield
             levels = np.minimum(levels + more, _MOST).astype("f4")
             # the share of the records' reach that counts
@@ -157,18 +135,13 @@ class Refiner(Owner):
             self._splats[index].forget()
             side, sizes = self._side(doublings), cache.column("gather_size")
             coarse = np.where(sizes > 0, sizes, self._side(0)) < side
-            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._call.gbuffer, camera) > 0.0))
+            left = np.flatnonzero(coarse & (scheduler.pixels_covered(self._gbuffer, camera) > 0.0))
             yield
             while len(left):
-                left = left[gatherer.regather(self._call.shadows, left, self._call.budget, side) :]
+                left = left[gatherer.regather(self._shadows, left, self._budget, side) :]
                 yield
             if not (yield from self._fill(camera, index, side)):
                 return
-
-    def _show(self, **values: Any) -> None:
-        """Replace fields of the state."""
-        assert self.state is not None
-        self.state = replace(self.state, **values)
 
     def _side(self, doublings: int) -> int:
         """Return the side of a gather after so many doublings of the settings' side."""
@@ -179,7 +152,7 @@ class Refiner(Owner):
         """Return the sums of all records in one of the two buffers; pause while input waits."""
         while True:
             try:
-                return self._splats[index].update(self.cache, self._call.gbuffer, camera, self.scheduler.settings, 1, reach)
+                return self._splats[index].update(self.cache, self._gbuffer, camera, self.scheduler.settings, 1, reach)
             except InputWaits:
                 yield
 
@@ -193,46 +166,46 @@ class Refiner(Owner):
         if surface is None or not surface.may_refine:
             yield
             return known
-        while not gatherer.refine_surface(self._call.shadows, self._call.budget):
+        while not gatherer.refine_surface(self._shadows, self._budget):
             yield
         yield
         changes = np.zeros((0, 3))
         while len(changes) < cache.count:
             numbers = np.arange(len(changes), cache.count)
-            more = gatherer.correct_by_refinement(self._call.shadows, numbers, self._call.budget)
+            more = gatherer.correct_by_refinement(self._shadows, numbers, self._budget)
             changes = np.concatenate([changes, more])
             yield
-        pixels_covered = self.scheduler.pixels_covered(self._call.gbuffer, camera)[:, None]
+        pixels_covered = self.scheduler.pixels_covered(self._gbuffer, camera)[:, None]
         weights = pixels_covered / max(float(pixels_covered.sum()), 1e-20)
         error = _STILL * float(np.sqrt((weights * changes**2).sum(0).mean()))
         self._surface_error = surface.refinements, error
         self.scheduler.limit_radii(ViewState(phase=Phase.FILL))  # the last test's records are new
-        self._show(splats=(yield from self._splatted(camera, index, reach)))
+        self.splats = yield from self._splatted(camera, index, reach)
         yield
         return error
 
     def _test(self, step: int, doublings: int) -> Steps[Check | None]:
         """Gather at random pixels, as finely as the records of the picture, and some more finely. Return None without pixels."""
         gatherer, cache = self.scheduler.gatherer, self.cache
-        seen = read_back(self._call.gbuffer)
-        assert self.state is not None
+        seen = read_back(self._gbuffer)
+        assert self.splats is not None
         if not seen.mask.any():  # such as a view past the scene
-            self._show(error=0.0)
+            self.error = 0.0
             return None
         seed, off = (self.scheduler.settings.seed, step), SMOOTH_OFF * gatherer.world.scene.diagonal
-        drawn = drawing(seen, self.state.splats, seed, off)
+        drawn = drawing(seen, self.splats, seed, off)
         yield
-        while (check := self._call.budget.advance(drawn)) is None:
+        while (check := self._budget.advance(drawn)) is None:
             yield
         first, done, side = cache.count, 0, self._side(doublings)
         yield
         while done < len(check.sites):
-            done += gatherer.gather(self._call.shadows, check.sites[done:], self._call.budget, side)
+            done += gatherer.gather(self._shadows, check.sites[done:], self._budget, side)
             yield
         coarse, done = cache.values[first:, :3].astype(float), 0
         again, side = check.again, self._side(doublings + 1)
         while done < len(again):
-            done += gatherer.regather(self._call.shadows, first + again[done:], self._call.budget, side)
+            done += gatherer.regather(self._shadows, first + again[done:], self._budget, side)
             yield
         return replace(check, coarse=coarse, fine=cache.values[first + again, :3])
 
@@ -242,12 +215,12 @@ class Refiner(Owner):
         while True:
             fill, _ = self.scheduler.limit_radii(fill)
             splats = yield from self._splatted(camera, index, self._reach[index])
-            of, call = (splats, settings.request_criteria), self._call
+            of = splats, settings.request_criteria
             if not fill.ended(of):
-                screen = self.scheduler.screen(call.gbuffer, splats, camera)
-                fill, *_ = self.scheduler.gather_missing(fill, screen, call.shadows, camera, call.budget, side)
+                screen = self.scheduler.screen(self._gbuffer, splats, camera)
+                fill, *_ = self.scheduler.gather_missing(fill, screen, self._shadows, camera, self._budget, side)
             if fill.ended(of):
-                self._show(splats=splats)
+                self.splats = splats
                 yield
                 return True
             if fill.full:

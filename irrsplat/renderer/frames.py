@@ -248,7 +248,7 @@ class Frames(Owner):
     def refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
         """Return the picture and the progress after a step of refinement, see Renderer.refine."""
         budget, refiner = Budget(seconds), self._refiner
-        if refiner is not None and refiner.state is not None and (refiner.state.broken or not self._is_unchanged(camera)):
+        if refiner is not None and self.refines and (refiner.broken or not self._is_unchanged(camera)):
             self.leave_refinement()
         if not self.refines:
             state, view = self.state, self.state.view
@@ -275,7 +275,7 @@ class Frames(Owner):
     @property
     def refines(self) -> bool:
         """True while a view is refined."""
-        return self._refiner is not None and self._refiner.state is not None
+        return self._refiner is not None and self._refiner.splats is not None
 
     @property
     def _refiner(self) -> Refiner | None:
@@ -287,11 +287,11 @@ class Frames(Owner):
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
         """Return the picture of a refined view, and its progress."""
-        state, view, stages, cache = self.state, self.state.view, self.stages, self.scheduler.cache
-        assert self._refiner is not None and self._refiner.state is not None
-        refined, full = self._refiner.state, view.full or self.scheduler.room == 0
-        progress = Progress(view.rounds, cache.count, 0, view.coverage, full=full, error=refined.error, refined=refined.ended)
-        done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
+        state, view, stages, refiner = self.state, self.state.view, self.stages, self._refiner
+        assert refiner is not None
+        full, count = view.full or self.scheduler.room == 0, self.cache.count
+        progress = Progress(view.rounds, count, 0, view.coverage, full=full, error=refiner.error, refined=refiner.ended)
+        done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refiner.splats, progress)
         return stages.draw_picture(state, done), progress
 
     def leave_refinement(self) -> None:

@@ -38,7 +38,7 @@ from irrsplat.records.scene_stamp import stamp
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
 from irrsplat.renderer.tiling import Tiling, check_whole
-from irrsplat.renderer.whole_renders import RenderRequest, WholeRenders
+from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_callback, check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
@@ -406,8 +406,7 @@ class Renderer(Tenant):
         Raises InputError for `figures`, or a `quality` among the settings, without `gather`: both need further records.
         """
         self._use()
-        request = RenderRequest(self._seen_by(camera), progress, figures, buffers, gather)
-        return self._whole.render(request).placed(self._origin)
+        return self._whole.render(self._seen_by(camera), progress, figures, buffers, gather).placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
         """Return the share of the pixels with a surface, 0..1, at which `camera` requests no record; the cache stays as it is."""

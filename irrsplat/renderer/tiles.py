@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -120,77 +119,64 @@ class TiledPicture:
     stopped: bool
 
 
-class TiledPictures:
-    """Pictures that are drawn in tiles, by the present records."""
+def draw_tiles(
+    stages: Stages,
+    state: State,
+    done: Round,
+    names: Collection[str] | None,
+    samples: int,
+    on_share: Callable[[float], None] | None,
+) -> TiledPicture:
+    """Return the whole picture of a round, drawn in tiles with so many samples a pixel. names: of its buffers (None: all).
 
-    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
-        self.stages, self.cache = stages, scheduler.cache
-
-    def __call__(
-        self,
-        state: State,
-        done: Round,
-        names: Collection[str] | None,
-        samples: int,
-        on_share: Callable[[float], None] | None,
-    ) -> TiledPicture:
-        """Return the whole picture of a round with so many samples a pixel. names: of its buffers (None: all).
-
-        on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A second
-        Ctrl-C ends the picture without a result.
-        """
-        settings, camera, frozen = state.settings, done.camera, done.frozen
-        self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
-        requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
-        arrays: dict[str, np.ndarray] = {}
-        size = tuple(min(side, state.tile + 2 * MARGIN) for side in state.size)
-        here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
-        light = np.zeros(2)  # the sum of log₂ luminances, and the number of lit pixels
-        tiles = list(_grid(state.size, (state.tile, state.tile)))
-        for number, (left, bottom) in enumerate(tiles):
-            x, y = (min(max(0, at - MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
-            seen = part_of(camera, Part(state.size, (x, y), here.size))
+    on_share: called with the share of the tiles that are drawn. After Ctrl-C the other tiles get one sample a pixel. A second
+    Ctrl-C ends the picture without a result.
+    """
+    settings, camera, cache = state.settings, done.camera, stages.scheduler.cache
+    cache.mark_seen(reaching(cache, 0, camera, state.size, settings))
+    requested = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
+    arrays = {name: np.empty((*state.size[::-1], *(3,) * (CHANNELS[name].components == 3)), "f4") for name in requested}
+    width, height = (min(side, state.tile + 2 * MARGIN) for side in state.size)
+    here, none_reach, view, stopped = replace(state, size=(width, height)), 0, None, False
+    light = np.zeros(2)  # the sum of log₂ luminances, and the number of lit pixels
+    tiles = list(_grid(state.size, (state.tile, state.tile)))
+    for number, (left, bottom) in enumerate(tiles):
+        x, y = (min(max(0, at - MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, here.size, strict=True))
+        seen = part_of(camera, Part(state.size, (x, y), here.size))
+        try:
+            view = _drawn(stages, here, seen, done, samples)
+        except KeyboardInterrupt:
+            if stopped:
+                raise
+            stopped, samples = True, 1
+            view = _drawn(stages, here, seen, done, samples)
+        wide, high = min(state.tile, state.size[0] - left), min(state.tile, state.size[1] - bottom)
+        rows, columns = slice(state.size[1] - bottom - high, state.size[1] - bottom), slice(left, left + wide)
+        mine = slice(y + height - bottom - high, y + height - bottom), slice(left - x, left - x + wide)
+        for name, values in arrays.items():
+            values[rows, columns] = values_of(view, name)[mine]
+        light += metered(arrays["image"][rows, columns], reflectance(view)[mine])
+        if done.frozen and settings.most_bounces > 0:
+            none_reach += uncovered(view, mine)
+        if on_share is not None and not stopped:
             try:
-                view = self._drawn(here, seen, done, samples)
+                on_share((number + 1) / len(tiles))
             except KeyboardInterrupt:
-                if stopped:
-                    raise
                 stopped, samples = True, 1
-                view = self._drawn(here, seen, done, samples)
-            wide, high = min(state.tile, state.size[0] - left), min(state.tile, state.size[1] - bottom)
-            rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
-            mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
-            self._keep(view, requested, arrays, state.size, (rows, slice(left, left + wide)), mine)
-            light += metered(arrays["image"][rows, left : left + wide], reflectance(view)[mine])
-            if frozen and settings.most_bounces > 0:
-                none_reach += uncovered(view, mine)
-            if on_share is not None and not stopped:
-                try:
-                    on_share((number + 1) / len(tiles))
-                except KeyboardInterrupt:
-                    stopped, samples = True, 1
-        assert view is not None
-        stops = automatic_exposure(float(light[0]), float(light[1]), unshadowed_luminance(state.scene))
-        return TiledPicture(arrays, view, stops, none_reach, stopped)
+    assert view is not None
+    stops = automatic_exposure(float(light[0]), float(light[1]), unshadowed_luminance(state.scene))
+    return TiledPicture(arrays, view, stops, none_reach, stopped)
 
-    def _drawn(self, here: State, camera: Camera, done: Round, samples: int) -> View:
-        """Return the picture of a part."""
-        gbuffer = self.stages.draw_gbuffer(here, camera)
-        splats = self.stages.splats(here).update(self.cache, gbuffer, camera, here.settings, 1, noted=False)
-        view = self.stages.draw_picture(here, replace(done, camera=camera, gbuffer=gbuffer, splats=splats))
-        view = self.stages.accumulate(here, view, samples)
-        if view.samples < samples:
-            raise KeyboardInterrupt
-        return view
 
-    @staticmethod
-    def _keep(view: View, names: Collection[str], arrays: dict[str, np.ndarray], size: Size, there: Any, mine: Any) -> None:
-        """Copy the rows and columns `mine` of a part's buffers into the whole picture's buffers."""
-        for name in names:
-            values = values_of(view, name)
-            if name not in arrays:
-                arrays[name] = np.empty((size[1], size[0], *values.shape[2:]), "f4")
-            arrays[name][there] = values[mine]
+def _drawn(stages: Stages, here: State, camera: Camera, done: Round, samples: int) -> View:
+    """Return the picture of a part. Raises KeyboardInterrupt after Ctrl-C."""
+    gbuffer = stages.draw_gbuffer(here, camera)
+    splats = stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, 1, noted=False)
+    view = stages.draw_picture(here, replace(done, camera=camera, gbuffer=gbuffer, splats=splats))
+    view = stages.accumulate(here, view, samples)
+    if view.samples < samples:
+        raise KeyboardInterrupt
+    return view
 
 
 def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:

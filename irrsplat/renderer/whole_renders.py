@@ -8,7 +8,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -19,10 +20,10 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
-from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
+from irrsplat.image.view import Progress, View, frame_of, read, sample_progress, uncovered
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import Round
-from irrsplat.renderer.tiles import TiledPictures
+from irrsplat.renderer.tiles import draw_tiles
 from irrsplat.renderer.tiling import Tiling, check_tiled
 from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_callback
@@ -30,24 +31,6 @@ from irrsplat.settings import MOST_ROUNDS
 
 OnRound = Callable[[Progress], None]
 _REPORT_INTERVAL = 1.0  # seconds between two reports of progress while a render is refined
-
-
-@dataclass(frozen=True)
-class RenderRequest:
-    """A caller's request for a render; see Renderer.render. buffers: None for all."""
-
-    camera: Camera
-    progress: OnRound | None = None
-    figures: bool = False
-    buffers: Collection[str] | None = None
-    gather: bool = True
-
-    def check(self, quality: float) -> None:
-        """Raise InputError for a request that is impossible with this `quality` among the settings."""
-        check_names(self.buffers)
-        check_callback("progress", self.progress)
-        if not self.gather and (self.figures or quality):
-            raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
 
 
 class WholeRenders:
@@ -97,9 +80,7 @@ class WholeRenders:
         Ctrl-C ends the rounds with the records of the last complete one.
         """
         frames, cache = self.frames, self.cache
-        stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
-        stats["error"] = None
-        complete, ended, done = cache.count + cache.evicted, False, None
+        stats, complete, ended, done = _no_rounds(), cache.count + cache.evicted, False, None
         try:
             while not ended and stats["rounds"] < MOST_ROUNDS and not frames.state.view.stalled:
                 frames.state, done = frames.round(frames.state, camera, Budget(None))
@@ -116,12 +97,16 @@ class WholeRenders:
 
     def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[Round, Statistics]:
         """Return the round of a view by the present records, and its statistics, see `converge`."""
-        frames = self.frames
+        frames, stats = self.frames, _no_rounds()
         frames.timers.clear()
         start = time.perf_counter()
         done = frames.frozen(camera)
         self.ctx.finish()
-        return done, counted(done.progress, time.perf_counter() - start, progress)
+        now = done.progress
+        if progress is not None:
+            progress(now)
+        stats["converged"], stats["coverage"] = now.coverage == 1.0, now.coverage
+        return done, stats | {"records": now.records, "seconds": time.perf_counter() - start}
 
     def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
         """Return a converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends the refinement early."""
@@ -143,41 +128,42 @@ class WholeRenders:
 
     # ---- a frame that is read back -----------------------------------------------------------------------------------
 
-    def render(self, request: RenderRequest) -> Frame:
+    def render(
+        self, camera: Camera, progress: OnRound | None, figures: bool, buffers: Collection[str] | None, gather: bool
+    ) -> Frame:
         """Return the frame of a view, see Renderer.render."""
         frames, settings = self.frames, self.frames.state.settings
-        request.check(settings.quality)
-        buffers = None if request.figures else request.buffers
-        tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
+        check_names(buffers)
+        check_callback("progress", progress)
+        if not gather and (figures or settings.quality):
+            raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
+        wanted = None if figures else buffers
+        tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, wanted)
         frames.leave_refinement()
+        album = PaperFigures(self._splatted, progress)
+        rounds = partial(self._filled if gather else self._frozen, camera, album if figures else progress)
         if tiled.tile:
-            check_tiled(tiled, request.figures)
+            check_tiled(tiled, figures)
             with self._tiles_of(tiled.tile):
-                return self._in_tiles(request)
-        return self._whole(request)
+                return self._in_tiles(*rounds(), progress, buffers)
+        frame = self._whole(*rounds(), progress, buffers)
+        return replace(frame, figures=album.figures(frame, camera, settings)) if figures else frame
 
-    def _rounds(self, request: RenderRequest, progress: OnRound | None) -> tuple[Round, Statistics]:
-        """Return the last round of a render and its statistics."""
-        return (self._filled if request.gather else self._frozen)(request.camera, progress)
-
-    def _whole(self, request: RenderRequest) -> Frame:
-        """Return the frame of a view that is drawn whole."""
+    def _whole(self, done: Round, stats: Statistics, progress: OnRound | None, buffers: Collection[str] | None) -> Frame:
+        """Return the frame of a round that is drawn whole."""
         frames, settings = self.frames, self.frames.state.settings
-        album = PaperFigures(self._splatted, request.progress)
-        done, stats = self._rounds(request, album if request.figures else request.progress)
         view = self.stages.draw_picture(frames.state, done)
-        if not request.gather:
+        if done.frozen:
             stats["uncovered"] = uncovered(view) if settings.most_bounces > 0 else 0
         if settings.quality and stats["converged"]:
-            view, stats = self._improved(view, stats, request.progress)
+            view, stats = self._improved(view, stats, progress)
         samples = 1 if stats["interrupted"] else settings.samples
-        view = self.stages.accumulate(frames.state, view, samples, on_progress=sample_progress(request.progress, stats))
+        view = self.stages.accumulate(frames.state, view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         stats |= self.described(view.samples, frames.stops(view))
         self._check_errors()
-        frame = read(view, self.cache.read(), stats, request.buffers)
-        return replace(frame, figures=album.figures(frame, view.camera, settings)) if request.figures else frame
+        return read(view, self.cache.read(), stats, buffers)
 
     def read(self, view: View) -> Frame:
         """Return the frame of a view that `Frames.frame` returned last, see View.read."""
@@ -201,20 +187,19 @@ class WholeRenders:
             self.stages.free_buffers()
             frames.state = replace(frames.state, tile=kept)
 
-    def _in_tiles(self, request: RenderRequest) -> Frame:
-        """Return the frame of a view that is drawn in tiles."""
-        frames, settings = self.frames, self.frames.state.settings
-        done, stats = self._rounds(request, request.progress)
-        samples = 1 if stats["interrupted"] else settings.samples
-        on_share = sample_progress(request.progress, stats)
-        picture = TiledPictures(self.stages, frames.scheduler)(frames.state, done, request.buffers, samples, on_share)
+    def _in_tiles(self, done: Round, stats: Statistics, progress: OnRound | None, buffers: Collection[str] | None) -> Frame:
+        """Return the frame of a round that is drawn in tiles."""
+        state = self.frames.state
+        samples = 1 if stats["interrupted"] else state.settings.samples
+        picture = draw_tiles(self.stages, state, done, buffers, samples, sample_progress(progress, stats))
         if picture.stopped:
             samples, stats = 1, stats | {"interrupted": True, "converged": False}
-        if not request.gather:
+        if done.frozen:
             stats["uncovered"] = picture.uncovered
-        stats |= self.described(samples, picture.stops if settings.exposure == "auto" else float(settings.exposure))
+        exposure = state.settings.exposure
+        stats |= self.described(samples, picture.stops if exposure == "auto" else float(exposure))
         self._check_errors()
-        kept = {name: values for name, values in picture.arrays.items() if request.buffers is None or name in request.buffers}
+        kept = {name: values for name, values in picture.arrays.items() if buffers is None or name in buffers}
         return frame_of(kept, self.cache.read(), stats, picture.view)
 
     def _splatted(self, count: int) -> np.ndarray:
@@ -235,3 +220,8 @@ class WholeRenders:
         """Raise GLError after an error of OpenGL, unless other code uses the context."""
         if self.checked:
             context.check_errors(self.ctx)
+
+
+def _no_rounds() -> Statistics:
+    """Return the progress of a render before its first round."""
+    return {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0, "error": None}

@@ -37,10 +37,10 @@ class Gathers(Owner):
 
     def of(self, basis: Basis) -> Gather:
         """Return the pass that gathers records; the paper's algorithm gathers one at a time, without next-event samples."""
-        scan, settings = basis.settings.placement == "scan", basis.settings
-        settings = replace(settings, light_samples=0) if scan else settings
-        inputs = *basis.way, basis.lights, scan, self._emitters(settings)
-        return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, settings, capacity=1 if scan else None))
+        settings = basis.settings
+        if settings.placement == "scan":
+            return self._made_for("gather", basis, settings.gather_size, 0, 1)
+        return self._made_for("gather", basis, settings.gather_size, settings.light_samples, None)
 
     def at(self, basis: Basis, size: int) -> Gather:
         """Return the gather of this side; 0: the settings' side.
@@ -52,17 +52,19 @@ class Gathers(Owner):
             return self.of(basis)
         samples = basis.settings.light_samples * max(size, present) ** 2 // present**2
         few = FEW_RAYS // size**2 if size < present else None
-        return self._other("gather", basis, size, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
+        return self._made_for(f"gather of {size}", basis, size, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
 
     def probe(self, basis: Basis, side: int) -> Gather:
         """Return the pass that gathers records roughly, along side² rays and at most `side` next-event samples."""
-        return self._other("probe", basis, side, min(basis.settings.light_samples, side), FEW_RAYS // side**2)
+        samples = min(basis.settings.light_samples, side)
+        return self._made_for(f"probe of {side}", basis, side, samples, FEW_RAYS // side**2)
 
-    def _other(self, name: str, basis: Basis, side: int, samples: int, capacity: int | None) -> Gather:
-        """Return a gather of another side and other next-event samples than the settings'."""
+    def _made_for(self, name: str, basis: Basis, side: int, samples: int, capacity: int | None) -> Gather:
+        """Return a gather of this side, with so many next-event samples, for batches of at most `capacity` records."""
         settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
-        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        return self._made.get(f"{name} of {side}", way, lambda: kinds.gather_pass(self.world, settings, capacity))
+        emitters = samples > 0 and emitter_table(self.world) is not None
+        inputs = *replace(basis, settings=settings).way, basis.lights, emitters, capacity
+        return self._made.get(name, inputs, lambda: kinds.gather_pass(self.world, settings, capacity))
 
     def reduction(self, gradients: bool) -> ReducePass:
         """Return the pass that reduces hemisphere samples to records' values. gradients: M and ∇E as well."""
@@ -77,7 +79,3 @@ class Gathers(Owner):
         numbers = records.append(sites) + np.arange(len(sites))
         gather_records(gather, self.reduction(gradients), light, records, numbers, settings.seed, timers)
         return records
-
-    def _emitters(self, settings: Settings) -> bool:
-        """True if gathers are compiled for emitters: the settings sample emitters, and the scene has some now."""
-        return settings.light_samples > 0 and emitter_table(self.world) is not None

@@ -100,11 +100,11 @@ class RecordGatherer(Owner):
 
     @property
     def surface(self) -> SurfaceCache | None:
-        """The surface cache, made when the settings require more than one bounce, and kept afterwards; None before."""
-        if self._basis.uses_surface_cache:
-            detail = FULL if self._measuring else detail_for(self.settings)
-            return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
-        return self._made.find("surface", SurfaceCache)
+        """The surface cache, made at its first use; None for fewer than two bounces."""
+        if not self._basis.uses_surface_cache:
+            return None
+        detail = FULL if self._measuring else detail_for(self.settings)
+        return self._made.get("surface", detail, lambda: SurfaceCache(self.world, self.settings, self.timers, detail))
 
     @property
     def _casts(self) -> bool:
@@ -128,7 +128,7 @@ class RecordGatherer(Owner):
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """Return the light at ray hits: shadow maps and, for several bounces, the surface cache."""
-        surface = self.surface if self._basis.uses_surface_cache else None
+        surface = self.surface
         virtual = not self.provisional or self.world.has_tree
         return HitLight(shadows, None if surface is None else surface.uniforms(), virtual)
 
@@ -180,7 +180,7 @@ class RecordGatherer(Owner):
 
         new: the basis after the `change`.
         """
-        old, surface = self._basis, self.surface if self._basis.uses_surface_cache else None
+        old, surface = self._basis, self.surface
         complete = not (len(self.cache.stale) or old.moved or old.from_file) and (surface is None or surface.may_add())
         rays = old.kind in ("trace", "embree") and old.settings.placement != "scan"
         same = complete and rays and old.settings == new.settings
@@ -321,7 +321,7 @@ class RecordGatherer(Owner):
         Without values of the scene as it is, the surface cache takes the whole budget: coarse values take a fraction of a second.
         """
         surface, basis, cache = self.surface, self._basis, self.cache
-        if surface is None or not basis.uses_surface_cache:
+        if surface is None:
             self.probe_changed(shadows, budget.part(0.5, 0.0, _PROBE_SHARE))
             return True
         first, coarse = surface.result is None, surface.is_coarse
@@ -498,14 +498,13 @@ class RecordGatherer(Owner):
 
         Their surface cache is made when further records are gathered.
         """
-        surface = self.surface
-        complete = surface is None or surface.complete or not self._basis.uses_surface_cache
+        complete = self.surface is None or self.surface.complete
         self._basis = replace(self._basis, moved=False, from_file=None if complete else bounces)
 
     @property
     def surface_share(self) -> float:
         """The completed share of the surface cache, 0..1; 1 where no cache is required."""
-        return 1.0 if self.surface is None or not self._basis.uses_surface_cache else self.surface.progress
+        return 1.0 if self.surface is None else self.surface.progress
 
     @property
     def awaits_light(self) -> bool:
@@ -516,7 +515,7 @@ class RecordGatherer(Owner):
     def surface_now(self) -> SurfaceCache | None:
         """The surface cache where it is required and has values; else None."""
         surface = self.surface
-        return surface if surface is not None and surface.result is not None and self._basis.uses_surface_cache else None
+        return surface if surface is not None and surface.result is not None else None
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
         """Return the surface cache's values at every pixel, see SurfaceViewPass; None while no cache has values."""
@@ -527,8 +526,7 @@ class RecordGatherer(Owner):
         """Return the statistics of the gather and of the bounces."""
         how = self._basis.kind
         everything, most = settings.bounces == "all", settings.most_bounces
-        surface = self.surface
-        made = surface.result if surface is not None and most > 1 else None
+        made = self.surface.result if self.surface is not None and most > 1 else None
         if made is not None:
             return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.converged if everything else None}
         if self._basis.from_file is not None:
