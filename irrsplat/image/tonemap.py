@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -81,55 +80,19 @@ def viridis(t: np.ndarray) -> np.ndarray:
     return np.clip(colour, 0.0, 1.0)
 
 
-@dataclass(frozen=True)
-class HeatScale:
-    """The scale of `heat`: `low` is dark blue, `high` yellow. offset: 0 for a linear scale, else logarithmic in value +
-    offset."""
-
-    low: float
-    high: float
-    offset: float = 0.0
-
-    def place(self, values: np.ndarray) -> np.ndarray:
-        """Return the positions of values on the scale, 0 at `low`, 1 at `high`."""
-        low, high = self._bend(np.asarray(self.low)), self._bend(np.asarray(self.high))
-        found: np.ndarray = (self._bend(values) - low) / ((high - low) or 1.0)
-        return found
-
-    def at(self, share: float) -> float:
-        """Return the value at position `share`, 0..1."""
-        low, high = (float(self._bend(np.asarray(end))) for end in (self.low, self.high))
-        bent = low + share * (high - low)
-        return math.exp(bent) - self.offset if self.offset else bent
-
-    def _bend(self, values: np.ndarray) -> np.ndarray:
-        found: np.ndarray = np.log(values + self.offset) if self.offset else values
-        return found
-
-
-def heat_scale(values: np.ndarray, seen: np.ndarray) -> HeatScale | None:
-    """Return the scale of (H, W) scalars, from the 1st to the 99th percentile of the visible pixels (H, W bool).
-
-    It is logarithmic for a long tail. None if no pixel is visible.
-    """
-    if not seen.any():
-        return None
-    low, middle, high = np.percentile(values[seen], (1, 50, 99))
-    # a long tail, such as the weights': a logarithm shows more
-    return HeatScale(low, high, middle if low >= 0.0 and high > 10.0 * middle > 0.0 else 0.0)
-
-
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-    """Return (H, W, 3) display colours of (H, W) scalars by `heat_scale`.
+    """Return (H, W, 3) display colours of (H, W) scalars, by viridis from the 1st to the 99th percentile.
 
     seen: (H, W) bool, the pixels to colour (non-finite values never are); all others are black.
     """
     seen = np.isfinite(values) if seen is None else seen & np.isfinite(values)
-    scale = heat_scale(values, seen)
-    if scale is None:
+    if not seen.any():
         return np.zeros((*values.shape, 3))
+    low, middle, high = np.percentile(values[seen], (1, 50, 99))
     values = np.where(seen, values, values[seen][0])
-    return np.where(seen[..., None], viridis(scale.place(values)), 0.0)
+    if low >= 0.0 and high > 10.0 * middle > 0.0:  # a long tail, such as the weights': a logarithm shows more
+        values, low, high = (np.log(some + middle) for some in (values, low, high))
+    return np.where(seen[..., None], viridis((values - low) / ((high - low) or 1.0)), 0.0)
 
 
 def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np.ndarray:

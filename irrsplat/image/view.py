@@ -59,10 +59,6 @@ class View:
             raise InputError("the renderer of this view is gone; keep a renderer as long as its views are read")
         return read_back(self)
 
-    def mean(self, name: str) -> moderngl.Texture | None:
-        """Return the texture of `image`, `direct`, `indirect` or `emission`; None if there is none."""
-        return {"image": self.image, "direct": self.direct, "indirect": self.indirect, "emission": self.emission}.get(name)
-
 
 @dataclass(frozen=True)
 class Progress:

@@ -17,7 +17,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
+from irrsplat.indirect.examine import ExaminePass, Screen, tile_side
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
@@ -29,7 +29,7 @@ from irrsplat.records.culling import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Camera, Part, measure
+from irrsplat.scene.model import Camera, measure
 from irrsplat.settings import Settings
 
 _PROBED_NOISE = 0.1  # of E: with more noise in records, a probe along a quarter of their rays is noise itself
@@ -49,13 +49,13 @@ class RecordScheduler(Owner):
     ) -> None:
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
-        self.adaptation = AdaptiveRadius(world.ctx, cache, timers)
+        self.adaptation, self.examined = AdaptiveRadius(world.ctx, cache, timers), ExaminePass(world.ctx)
         self.refresh_order, self._passes = RefreshOrder(world.ctx), Workshop()
         self._checked = PlacesChecked()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees."""
-        return (self.gatherer, self.adaptation, self.refresh_order, self._passes)
+        return (self.gatherer, self.adaptation, self.examined, self.refresh_order, self._passes)
 
     @property
     def settings(self) -> Settings:
@@ -104,15 +104,8 @@ class RecordScheduler(Owner):
 
     def screen(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Screen:
         """Return a view that is drawn whole, for the examination."""
-        return Screen(
-            gbuffer.position.size,
-            splats.pixel_stride,
-            splats,
-            lambda settings: self.examined(gbuffer, splats, settings),
-            lambda: self.spots(gbuffer, splats, camera),
-            gbuffer,
-            splats,
-        )
+        examine, spots = partial(self.examined, gbuffer, splats), partial(self.spots, gbuffer, splats, camera)
+        return Screen(gbuffer.position.size, splats.pixel_stride, splats, examine, spots, gbuffer, splats)
 
     @property
     def _changing(self) -> bool:
@@ -251,26 +244,20 @@ class RecordScheduler(Owner):
         """The free number of records without eviction."""
         return max(self.settings.max_records - self.cache.count, 0)
 
-    def examined(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
-        """Return the examination of a picture, or of the `part` that the buffers hold."""
-        return self._passes.get("examine", (), lambda: ExaminePass(self.ctx))(gbuffer, splats, settings, part)
-
     def _select(self, view: ViewState, screen: Screen) -> tuple[ViewState, Queue]:
         """Return the view with its present need, and the sites of a new round."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
-            found, side = screen.examine(settings), tile_side(screen.size, 1)
+            found = screen.examine(settings)
             need = Need.found(found, screen.pixel_stride, (screen.sums, settings.request_criteria))
-            reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles
-            requests, step = need.requests, view.step
-            board = chessboard(step, reach, requests)
-            tiles = choose(found.requests, board, settings.seed + step)
-            while requests and not len(tiles[0]):  # no requests in these fields of the chessboard: try the next ones
-                step += 1
-                board = chessboard(step, reach, requests)
+            reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
+            step = view.step
+            while True:  # a field of the chessboard without requests is left for the next one
+                board = chessboard(step, reach, need.requests)
                 tiles = choose(found.requests, board, settings.seed + step)
-            step += requests > 0  # an examination without requests is no step: small ticks may have any number of them
-            return replace(view, need=need, step=step), Queue(found.at(tiles), board.colour < 0)
+                step += need.requests > 0  # an examination without requests is no step: small ticks may have any number of them
+                if len(tiles[0]) or not need.requests:
+                    return replace(view, need=need, step=step), Queue(found.at(tiles), board.colour < 0)
 
     def _scan(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget

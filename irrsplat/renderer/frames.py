@@ -47,7 +47,7 @@ class Frames(Owner):
         self.cache, self.maps = scheduler.cache, TextureMaps(world.ctx)
         self.stages = Stages(world, scheduler, self.maps, timers, reader)
         self.moving = MovingViews(Stages(world, scheduler, self.maps, timers, reader), self.round)
-        self._tiles = TileScreens(self.stages, scheduler)
+        self._tiles = TileScreens(self.stages)
         self._passes = Workshop()  # the refiner
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.gather.spot_check import MARGIN, Spots
 from irrsplat.image.tonemap import automatic_exposure, metered
 from irrsplat.image.view import View, reflectance, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
-from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.records.culling import reaching
 from irrsplat.renderer.stages import Stages
@@ -27,20 +26,12 @@ from irrsplat.settings import Settings
 Size = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class _Examined:
-    """A tile's examination and the number of records that it used."""
-
-    count: int
-    found: Examination
-
-
 class TileScreens:
     """The examination of views that are drawn in tiles. A tile that no new record reaches is not examined again."""
 
-    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
-        self.stages, self.scheduler, self.cache = stages, scheduler, scheduler.cache
-        self._examined: dict[tuple[int, int], _Examined] = {}  # by the tile
+    def __init__(self, stages: Stages) -> None:
+        self.stages, self.scheduler, self.cache = stages, stages.scheduler, stages.scheduler.cache
+        self._examined: dict[tuple[int, int], tuple[int, Examination]] = {}  # by the tile; the number of records in each
         self._examined_by: object = None  # all else that the examinations depend on
 
     def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
@@ -58,7 +49,7 @@ class TileScreens:
         """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""
         inputs = camera, state.view_subject, state.tile, stride, settings, self.cache.revision
         if self._examined_by != inputs:
-            self._examined, self._examined_by = {}, None
+            self._examined, self._examined_by = {}, inputs
         cells = tile_count(state.size, stride)
         step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
         across, up = (min(max(1, state.tile // step), n) for n in cells)
@@ -72,7 +63,6 @@ class TileScreens:
                 # rows run down
                 there = getattr(found, name)[::-1][:high, :wide]
                 values[::-1][row : row + high, column : column + wide] = there
-        self._examined_by = inputs
         assert whole is not None
         return whole
 
@@ -80,16 +70,11 @@ class TileScreens:
         self, state: State, camera: Camera, part: Part, stride: int, settings: Settings, tile: tuple[int, int]
     ) -> Examination:
         """Return the examination of one part of the picture."""
-        before, cache = self._examined.get(tile), self.cache
-        count = cache.count if settings.most_bounces > 0 else 0
-        if before is not None and not len(reaching(cache, before.count, camera, part.size, settings)):
-            found = before.found
-        else:
+        (before, found), cache = self._examined.get(tile, (0, None)), self.cache
+        if found is None or len(reaching(cache, before, camera, part.size, settings)):
             here = replace(state, size=part.size)
-            gbuffer = self.stages.draw_gbuffer(here, camera)
-            splats = self.stages.splats(here).update(cache, gbuffer, camera, settings, stride, noted=False)
-            found = self.scheduler.examined(gbuffer, splats, settings, part)
-        self._examined[tile] = _Examined(count, found)
+            found = self.scheduler.examined(*_splatted(self.stages, here, camera, stride), settings, part)
+        self._examined[tile] = cache.count if settings.most_bounces > 0 else 0, found
         return found
 
     def _spots(self, state: State, camera: Camera) -> Spots:
@@ -98,9 +83,7 @@ class TileScreens:
         here = replace(state, size=(state.tile + 2 * MARGIN, state.tile + 2 * MARGIN))
         for x, y in _grid(state.size, (state.tile, state.tile)):
             seen = part_of(camera, Part(state.size, (x - MARGIN, y - MARGIN), here.size))
-            gbuffer = self.stages.draw_gbuffer(here, seen)
-            splats = self.stages.splats(here).update(self.cache, gbuffer, seen, state.settings, 1, noted=False)
-            found.append(self.scheduler.spots(gbuffer, splats, seen, MARGIN))
+            found.append(self.scheduler.spots(*_splatted(self.stages, here, seen), seen, MARGIN))
         return Spots.joined(found)
 
 
@@ -170,13 +153,18 @@ def draw_tiles(
 
 def _drawn(stages: Stages, here: State, camera: Camera, done: Round, samples: int) -> View:
     """Return the picture of a part. Raises KeyboardInterrupt after Ctrl-C."""
-    gbuffer = stages.draw_gbuffer(here, camera)
-    splats = stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, 1, noted=False)
+    gbuffer, splats = _splatted(stages, here, camera)
     view = stages.draw_picture(here, replace(done, camera=camera, gbuffer=gbuffer, splats=splats))
     view = stages.accumulate(here, view, samples)
     if view.samples < samples:
         raise KeyboardInterrupt
     return view
+
+
+def _splatted(stages: Stages, here: State, camera: Camera, stride: int = 1) -> tuple[GBuffer, SplatBuffer]:
+    """Return the g-buffer and the sums of a part at every `stride`-th pixel. The cache does not mark the records as seen."""
+    gbuffer = stages.draw_gbuffer(here, camera)
+    return gbuffer, stages.splats(here).update(stages.scheduler.cache, gbuffer, camera, here.settings, stride, noted=False)
 
 
 def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:
