@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -238,13 +238,13 @@ class Sites:
 class LightSamples:
     """The next-event estimation of one kind of light by a batch of records, in addition to the hemisphere samples.
 
-    of: the sampled sources: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: samples per record.
+    virtual: True for virtual point lights (irrsplat/lighting/virtual_lights.py), False for emitters. count: samples per record.
     rows: (5, N, 4) float32, of the batch's records, as in Atlas.frames. uniforms: of shaders/gather/light_samples/sum.frag,
     independent of the batch. materials: World.material_defines. free: returns (N,) visibility between points (N, 3) and others
     (N, 3), metres; None: the shader traces the rays.
     """
 
-    of: Literal["emitters", "virtual lights"]
+    virtual: bool
     count: int
     rows: np.ndarray
     uniforms: Uniforms

@@ -30,7 +30,6 @@ class CloseLight(Owner):
         self.gather, self.reduce, self.found = gather, ReducePass(ctx, gradients=False, places=PLACES), RecordCache(ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.gather, self.reduce, self.found)
 
     def __call__(

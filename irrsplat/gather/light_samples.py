@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -70,16 +70,16 @@ class LightSearch:
     def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
         """Return the shadow-ray samples for an Atlas of records with these `rows` (5, N, 4) of its frames, lit by `light`."""
         emitters, virtual = self._emitters, self._virtual(light)
-        sources: list[tuple[Literal["emitters", "virtual lights"], int, Uniforms]] = []
+        sources: list[tuple[bool, int, Uniforms]] = []  # True for virtual lights
         if emitters is not None:
-            sources.append(("emitters", self._emitter_samples, emitters.sample_uniforms(self._emitter_samples)))
+            sources.append((False, self._emitter_samples, emitters.sample_uniforms(self._emitter_samples)))
         if virtual is not None:
-            sources.append(("virtual lights", virtual.count, virtual.sample_uniforms(light.shadows)))
+            sources.append((True, virtual.count, virtual.sample_uniforms(light.shadows)))
         free = self.world.caster.free if sources and self.embree else None
         common: Uniforms = {**self.world.seen_uniforms(self.embree), "rays": self.rays} if sources else {}
         return tuple(
-            LightSamples(of, count, rows, {**common, **uniforms}, self.world.material_defines, free)
-            for of, count, uniforms in sources
+            LightSamples(is_virtual, count, rows, {**common, **uniforms}, self.world.material_defines, free)
+            for is_virtual, count, uniforms in sources
         )
 
 
@@ -98,7 +98,6 @@ class LightSamplePass(Owner):
             self._program({"VIRTUAL": virtual, "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self._programs.values(), *self._ends, self._targets)
 
     def _program(self, defines: Mapping[str, int]) -> Program:
@@ -120,7 +119,7 @@ class LightSamplePass(Owner):
         """Add the samples of one kind."""
         materials = {name: on for name, on in samples.materials.items() if on}
         known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
-        kind = {"VIRTUAL": _virtual(samples), "SEEN": int(bool(known))}
+        kind = {"VIRTUAL": int(samples.virtual), "SEEN": int(bool(known))}
         program = self._program({**kind, **materials})
         step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
         for first in range(0, samples.count, step):
@@ -149,7 +148,7 @@ class LightSamplePass(Owner):
         # one texture for each gather size and power of two of samples: the number of virtual point lights changes often
         size = uneven(1 << across.bit_length()), atlas.frames.width
         ends = self._targets.get(f"ends of {size}", (), lambda: Target(self.ctx, size, (4,)))
-        program = self._ends[_virtual(samples)]
+        program = self._ends[int(samples.virtual)]
         program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, places=self.places, **program.declared(samples.uniforms))
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
         seen = self._targets.get(f"seen of {size}", (), lambda: float_texture(self.ctx, size, 1))
@@ -178,8 +177,3 @@ class LightSamplePass(Owner):
         bits[record, sample] = (found[:lines].reshape(self._eyes, -1) << order).sum(0)
         bits[:, across] = (found[lines:].reshape(-1, count) << order[1:]).sum(0)
         return bits
-
-
-def _virtual(samples: LightSamples) -> int:
-    """Return VIRTUAL of shaders/gather/light_samples/sample.glsl."""
-    return int(samples.of == "virtual lights")

@@ -56,7 +56,6 @@ class PlaneGather(Gather):
         return OFFSET[0] * self.world.scene.diagonal
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that this frees."""
         return (self.program, self.target, self.atlas.table, self.atlas.edges, self.atlas.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:

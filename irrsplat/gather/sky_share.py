@@ -45,7 +45,6 @@ class SkyShares(Owner):
             self._program = Program(world.ctx, "gather/sky_share", "lib/fullscreen", defines)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources to be freed."""
         return (self._target, self._table, self._program)
 
     def __call__(self, rows: np.ndarray, hits: np.ndarray | None, areas: Areas) -> moderngl.Texture | None:

@@ -86,7 +86,6 @@ class SpotPass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:

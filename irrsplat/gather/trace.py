@@ -41,7 +41,6 @@ class FirstHits(Owner):
         self.texture = integer_texture(world.ctx, (TABLE_COLUMNS, uneven(row_count(capacity * len(rays)))))
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.texture,)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
@@ -124,7 +123,6 @@ class TraceGather(Gather):
         self.sky = None if hits or places > 1 else SkyShares(world, side, self.atlas, embree)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         atlas = self.atlas
         return (
             self.program,

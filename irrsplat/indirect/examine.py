@@ -105,7 +105,6 @@ class ExaminePass(Owner):
         self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self.programs, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:

@@ -63,7 +63,6 @@ class Refiner(Owner):
         self._base: tuple[int, np.ndarray, int] = 0, np.zeros(0), 0  # of the cache before: records, limits, records compared
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*self._splats, *self._reach)
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:

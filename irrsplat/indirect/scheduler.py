@@ -54,7 +54,6 @@ class RecordScheduler(Owner):
         self._checked = PlacesChecked()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.gatherer, self.adaptation, self.examined, self.refresh_order, self._passes)
 
     @property

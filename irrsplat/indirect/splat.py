@@ -53,7 +53,6 @@ class SplatPass(Owner):
         self.targets: dict[int, Target] = {}  # by pixel stride, made at first use
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.numbers, *self.programs.values(), *self.empty, *self.targets.values())
 
     def target(self, pixel_stride: int) -> Target:

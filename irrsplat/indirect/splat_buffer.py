@@ -82,7 +82,6 @@ class ViewSplats(Owner):
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.splat_pass, self.upsample_pass)
 
     @property

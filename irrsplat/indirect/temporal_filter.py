@@ -49,7 +49,6 @@ class TemporalFilter(Owner):
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (
             self.program,
             self.fill,

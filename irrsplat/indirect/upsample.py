@@ -31,7 +31,6 @@ class UpsamplePass(Owner):
         self.out = Target(ctx, size, (4, 2), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.squares, self.between, self.search, self.target, self.out)
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:

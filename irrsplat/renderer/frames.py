@@ -51,7 +51,6 @@ class Frames(Owner):
         self._passes = Workshop()  # the refiner
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.stages, self.moving, self.maps, self._passes)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------

@@ -53,7 +53,6 @@ class Stages(Owner):
         self._memo = Memo()  # the results of the stages
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.antialiaser, self._passes)
 
     # ---- the passes ------------------------------------------------------------------------------------------------
@@ -232,7 +231,7 @@ class Stages(Owner):
     def free_buffers(self) -> None:
         """Free the buffers of a view except image and alpha; the next use makes them again."""
         self._memo.forget(but=("shadows",))
-        for name in ("gbuffer", "splats", "direct", "direct irradiance", "emitters", "temporal"):
+        for name in ("gbuffer", "splats", "direct", "direct irradiance", "temporal"):
             self._passes.drop(name)
 
     def forget(self, shadows: bool) -> None:

@@ -12,8 +12,6 @@ from dataclasses import replace
 from functools import partial
 from typing import cast
 
-import numpy as np
-
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.time_budget import Budget
@@ -140,7 +138,7 @@ class WholeRenders:
         wanted = None if figures else buffers
         tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, wanted)
         frames.leave_refinement()
-        album = PaperFigures(self._splatted, progress)
+        album = PaperFigures(partial(self.stages.splatted, frames.state, camera), progress)
         rounds = partial(self._filled if gather else self._frozen, camera, album if figures else progress)
         if tiled.tile:
             check_tiled(tiled, figures)
@@ -201,11 +199,6 @@ class WholeRenders:
         self._check_errors()
         kept = {name: values for name, values in picture.arrays.items() if buffers is None or name in buffers}
         return frame_of(kept, self.cache.read(), stats, picture.view)
-
-    def _splatted(self, count: int) -> np.ndarray:
-        """Return (H, W, 4) the sums of the first `count` records at every pixel of the present view."""
-        state = self.frames.state
-        return self.stages.splatted(state, cast(Camera, state.view.subject[0]), count)
 
     def described(self, samples: int, stops: float) -> Statistics:
         """Return the statistics that describe scene, settings and OpenGL renderer for a picture; `converge` adds its counts.

@@ -28,7 +28,6 @@ class Gathers(Owner):
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self._made,)
 
     def clear(self) -> None:

@@ -29,7 +29,6 @@ class RecordDifference(Owner):
         self._left = np.ones(cache.count, bool)
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (*(gathers for gathers, _ in self._made), self.light)
 
     def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:

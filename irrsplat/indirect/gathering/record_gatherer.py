@@ -65,7 +65,6 @@ class RecordGatherer(Owner):
         self._difference: RecordDifference | None = None  # between the light of stale records and the scene's
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees."""
         return (self.gathers, self._made, self._difference)
 
     # ---- the passes -------------------------------------------------------------------------------------------------
