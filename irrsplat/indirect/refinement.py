@@ -9,7 +9,7 @@ next step is complete, or until the surface cache has another level. The next st
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -81,13 +81,20 @@ class Refiner(Owner):
             self.cache.revision += 1
             self.scheduler.adaptation.accept(vars(self.scheduler.settings), compared)
 
-    def advance(self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> None:
-        """Refine the view until its estimated relative error is at most `target`, or the budget is spent."""
+    def advance(
+        self, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget, on_pause: Callable[[], None] | None = None
+    ) -> None:
+        """Refine the view until its estimated relative error is at most `target`, or the budget is spent.
+
+        on_pause: called after each part of a step.
+        """
         self._target, self._gbuffer, self._shadows, self._budget = target, gbuffer, shadows, budget
         try:
             while not self.ended:
                 enough = not self.scheduler.room or (self.error is not None and self.error <= target)
                 self.ended = enough or next(self._steps, self) is self
+                if on_pause is not None:
+                    on_pause()
                 if budget.left <= 0.0 or input_waits():
                     break
         except BaseException:  # the step's assumptions about the cache no longer hold: the refinement restarts

@@ -6,6 +6,7 @@ picture.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from irrsplat.core.buffers import ShadowMaps
@@ -244,8 +245,10 @@ class Frames(Owner):
 
     # ---- progressive refinement ------------------------------------------------------------------------------------
 
-    def refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
-        """Return the picture and the progress after a step of refinement, see Renderer.refine."""
+    def refine(
+        self, camera: Camera, target: float, seconds: float | None, on_part: Callable[[Progress], None] | None = None
+    ) -> tuple[View, Progress]:
+        """Return the picture and the progress after a step of refinement, see Renderer.refine. on_part: called between parts."""
         budget, refiner = Budget(seconds), self._refiner
         if refiner is not None and self.refines and (refiner.broken or not self._is_unchanged(camera)):
             self.leave_refinement()
@@ -262,7 +265,9 @@ class Frames(Owner):
             gbuffer, splats = self.stages.draw_gbuffer(state, camera), self.stages.splats(state)
             refiner.begin(splats.update(self.scheduler.cache, gbuffer, camera, state.settings, 1), camera)
         assert refiner is not None
-        refiner.advance(target, self.stages.draw_gbuffer(self.state, camera), self.stages.draw_shadows(self.state), budget)
+        gbuffer, shadows = self.stages.draw_gbuffer(self.state, camera), self.stages.draw_shadows(self.state)
+        on_pause = None if on_part is None else lambda: on_part(self._refined_progress(refiner))
+        refiner.advance(target, gbuffer, shadows, budget, on_pause)
         return self.refined_view(camera)
 
     @property
@@ -286,12 +291,16 @@ class Frames(Owner):
 
     def refined_view(self, camera: Camera) -> tuple[View, Progress]:
         """Return the picture of a refined view, and its progress."""
-        state, view, stages, refiner = self.state, self.state.view, self.stages, self._refiner
+        state, stages, refiner = self.state, self.stages, self._refiner
         assert refiner is not None
-        full, count = view.full or self.scheduler.room == 0, self.cache.count
-        progress = Progress(view.rounds, count, 0, view.coverage, full=full, error=refiner.error, refined=refiner.ended)
+        progress = self._refined_progress(refiner)
         done = Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refiner.splats, progress)
         return stages.draw_picture(state, done), progress
+
+    def _refined_progress(self, refiner: Refiner) -> Progress:
+        """Return the progress of a refined view."""
+        view, full = self.state.view, self.state.view.full or self.scheduler.room == 0
+        return Progress(view.rounds, self.cache.count, 0, view.coverage, full=full, error=refiner.error, refined=refiner.ended)
 
     def leave_refinement(self) -> None:
         """Return to the view before refinement."""

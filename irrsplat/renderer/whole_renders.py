@@ -28,7 +28,6 @@ from irrsplat.scene.model.checks import check_callback
 from irrsplat.settings import MOST_ROUNDS
 
 OnRound = Callable[[Progress], None]
-_REPORT_INTERVAL = 1.0  # seconds between two reports of progress while a render is refined
 
 
 class WholeRenders:
@@ -108,19 +107,15 @@ class WholeRenders:
 
     def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
         """Return a converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends the refinement early."""
-        frames, start, found = self.frames, time.perf_counter(), None
+        frames, start = self.frames, time.perf_counter()
         try:
-            while found is None or not found.refined:
-                view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, seconds=_REPORT_INTERVAL)
-                if progress is not None:
-                    progress(found)
-                if not frames.refines:  # none that can be refined
-                    return view, stats
+            view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, None, progress)
         except KeyboardInterrupt:
             stats |= {"interrupted": True, "converged": False}
-            if not frames.refines:
-                return view, stats
-            view, found = frames.refined_view(view.camera)
+            if frames.refines:
+                view, found = frames.refined_view(view.camera)
+        if not frames.refines:  # none that can be refined
+            return view, stats
         stats["seconds"] += time.perf_counter() - start
         return view, stats | {"records": self.cache.count, "error": found.error}
 
