@@ -85,11 +85,6 @@ class ViewSplats(Owner):
         return (self.splat_pass, self.upsample_pass)
 
     @property
-    def pixel_stride(self) -> int:
-        """1 where every pixel has been splatted, 2 where every other one has."""
-        return self._drawn.sums.pixel_stride if self._drawn is not None else 1
-
-    @property
     def sums(self) -> SplatBuffer | None:
         """The sums of the last update; None before the first one."""
         return None if self._drawn is None else self._drawn.sums

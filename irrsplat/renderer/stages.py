@@ -9,7 +9,7 @@ from functools import partial
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gather.kinds import shadow_caster
@@ -36,7 +36,6 @@ from irrsplat.lighting.sky import sky_maps
 from irrsplat.records.culling import reaching
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
-from irrsplat.surface_cache.cache import SurfaceCache
 
 
 class Stages(Owner):
@@ -61,9 +60,10 @@ class Stages(Owner):
         size = state.size
         return self._passes.get("gbuffer", size, lambda: GBufferPass(self.ctx, size, self.maps))
 
-    def _direct_pass(self, state: State) -> DirectPass:
-        size, kinds = state.size, {**light_defines(state.scene), **self.world.material_defines}
-        return self._passes.get("direct", (size, kinds), lambda: DirectPass(self.ctx, size, kinds))
+    def _direct_pass(self, state: State, size: tuple[int, int], irradiance: bool = False) -> DirectPass:
+        made_of = size, {**light_defines(state.scene), **self.world.material_defines}
+        name = "direct irradiance" if irradiance else "direct"
+        return self._passes.get(name, made_of, lambda: DirectPass(self.ctx, *made_of, irradiance))
 
     def _casting(self, state: State, hurried: bool = False) -> World | None:
         """Return the world of shadow rays, see `shadow_caster`; None for a scene without lights.
@@ -129,9 +129,8 @@ class Stages(Owner):
 
     def direct_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
         """Return the direct irradiance by the scene's lights at every pixel of a g-buffer, W/m²."""
-        size, shadows = gbuffer.position.size, self.draw_shadows(state)
-        kinds, world = {**light_defines(state.scene), **self.world.material_defines}, self._casting(state)
-        draw = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
+        draw, shadows = self._direct_pass(state, gbuffer.position.size, irradiance=True), self.draw_shadows(state)
+        world = self._casting(state)
         return self._memo.get("direct irradiance", (gbuffer, shadows, draw), lambda: draw(gbuffer, shadows, world=world))
 
     def draw_picture(
@@ -156,7 +155,12 @@ class Stages(Owner):
 
         def draw() -> View:
             stop_for_input()
-            shown = self._accumulated(done, subject, surface) if accumulating or surface is not None else splats
+            shown, lookup = splats, None if surface is None else surface.uniforms()
+            if accumulating or lookup is not None:  # holes take the values of the surface cache
+                scene, provisional = (done.shadows, held), self.scheduler.gatherer.provisional
+                with self.timers("composite"):
+                    shown = temporal_filter(splats, gbuffer, done.camera, subject, scene, lookup, provisional)
+                stop_for_input()
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums
             direct = self._memo.get("direct", (gbuffer, lit_by), lambda: self._direct(state, gbuffer, *lit_by))
@@ -171,20 +175,9 @@ class Stages(Owner):
 
         return self._memo.get("picture", (subject, left), draw)
 
-    def _accumulated(self, done: Round, subject: object, surface: SurfaceCache | None) -> SplatBuffer:
-        """Return the sums of a round, blended with those of earlier pictures; holes take the values of the `surface` cache."""
-        temporal_filter, gbuffer, splats = self.temporal_filter, done.gbuffer, done.splats
-        assert temporal_filter is not None and gbuffer is not None and splats is not None
-        scene = done.shadows, None if surface is None else surface.result
-        lookup, provisional = None if surface is None else surface.uniforms(), self.scheduler.gatherer.provisional
-        with self.timers("composite"):
-            blended = temporal_filter(splats, gbuffer, done.camera, subject, scene, lookup, provisional)
-        stop_for_input()
-        return blended
-
     def _direct(self, state: State, gbuffer: GBuffer, shadows: ShadowMaps, casting: World | None) -> moderngl.Texture:
         """Return the direct outgoing radiance of a view. casting: the world of shadow rays; None for shadow maps alone."""
-        draw = partial(self._direct_pass(state), gbuffer, shadows, world=casting)
+        draw = partial(self._direct_pass(state, state.size), gbuffer, shadows, world=casting)
         with self.timers("direct"):
             for band in bands(state.size):
                 direct = draw(band=band)
@@ -212,7 +205,7 @@ class Stages(Owner):
                 yield
         lit_by = self.draw_shadows(state), rotation, buffers.direct, self._casting(state)
         for band in bands(buffers.size):
-            direct = self._direct_pass(state)(gbuffer, *lit_by, band)
+            direct = self._direct_pass(state, state.size)(gbuffer, *lit_by, band)
             yield
         behind = view.backdrop.uniforms(camera, buffers.size)
         for band in bands(buffers.size):
