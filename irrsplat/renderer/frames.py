@@ -88,9 +88,9 @@ class Frames(Owner):
         )
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
-            self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
+            self.state = replace(self.state, picture_seconds=now() - start)
         if seconds is not None and other:
-            self.moving.note(self.state.costs.splat + self.state.costs.picture, seconds)
+            self.moving.note(self.state.splat_seconds + self.state.picture_seconds, seconds)
         self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
         return view, replace(done.progress, accumulating=view.accumulating)
 
@@ -109,14 +109,14 @@ class Frames(Owner):
         default: of whole views.
         """
         scheduler, cache, bounces = self.scheduler, self.cache, state.settings.most_bounces > 0
-        stages, later = stages or self.stages, state.costs.picture if picture else 0.0  # seconds
+        stages, later = stages or self.stages, state.picture_seconds if picture else 0.0
         shadows = self.follow_scene(state)  # 3.3
         gbuffer = None if state.tile else stages.draw_gbuffer(state, camera)  # 3.2
         view = self.view_state(state, camera)
         if stages is self.moving.stages:
             view = replace(view, checked=True)  # the spot check takes half of such a frame: it waits for a still camera
 
-        reserve = state.costs.splat + later
+        reserve = state.splat_seconds + later
         ready = gather and bounces and self._light_records(view, shadows, budget, reserve)
         renewed = 0
         if ready:  # 2.1, records whose light has changed
@@ -137,7 +137,7 @@ class Frames(Owner):
         screen = self._screen(state, camera, view.pixel_stride, stages)  # 2.2
         if budget.limited:
             self.ctx.finish()
-        costs = replace(state.costs, splat=now() - start)
+        state = replace(state, splat_seconds=now() - start)
 
         of, new, complete = (screen.sums, state.settings.request_criteria), 0, True
         if not bounces:
@@ -150,7 +150,7 @@ class Frames(Owner):
             with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
                 screen = self._screen(state, camera, view.pixel_stride, stages)
         progress = self.progress(view, new, complete, renewed)
-        return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, screen.splats, progress)
+        return replace(state, view=view), Round(camera, shadows, gbuffer, screen.splats, progress)
 
     def frozen(self, camera: Camera) -> Round:
         """Return the round of a view by the present records: without a gather, and without temporal accumulation."""
@@ -215,9 +215,9 @@ class Frames(Owner):
         shown = self.state.shown
         if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
             return False
-        costs, renewing = self.state.costs, len(self.scheduler.cache.stale) > 0
-        least = costs.splat + costs.picture if renewing else 0.0  # gathering gets half of the time
-        return shown.age < max(min(_PICTURE_SHARE * costs.picture, _OLDEST_PICTURE), least)
+        splat, picture = self.state.splat_seconds, self.state.picture_seconds
+        least = splat + picture if len(self.cache.stale) else 0.0  # gathering gets half of the time
+        return shown.age < max(min(_PICTURE_SHARE * picture, _OLDEST_PICTURE), least)
 
     def check_present(self, view: View) -> None:
         """Raise InputError for a view of an earlier camera or size, whose buffers hold another one."""

@@ -13,7 +13,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress, View
 from irrsplat.renderer.stages import Stages
-from irrsplat.renderer.state import Costs, Round, State
+from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
 
 _MOST = 4  # the largest divisor of width and height
@@ -30,8 +30,8 @@ class MovingViews(Owner):
 
     def __init__(self, stages: Stages, rounds: Callable[..., tuple[State, Round]]) -> None:
         self.stages, self.rounds = stages, rounds
-        self._divisor, self._costs = 1, Costs()
-        self._size = (0, 0)  # of the last view
+        self._divisor, self._size = 1, (0, 0)  # of the last view
+        self._splat = self._picture = 0.0  # seconds of its splats and its picture
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the stages, which are freed with this."""
@@ -53,7 +53,7 @@ class MovingViews(Owner):
     def __call__(self, state: State, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
         """Return the smaller view of a round, and how far it has come. The state of the whole view stays as it is."""
         start, divisor = now(), self._divisor
-        small = replace(state, size=self.size(state), shown=None, costs=self._costs)
+        small = replace(state, size=self.size(state), shown=None, splat_seconds=self._splat, picture_seconds=self._picture)
         self.stages.draw_gbuffer(small, camera)
         self.stages.ctx.finish()
         seen = now() - start
@@ -63,10 +63,10 @@ class MovingViews(Owner):
         self.stages.ctx.finish()
         for texture in (view.image, view.alpha):
             texture.filter = moderngl.LINEAR, moderngl.LINEAR  # a larger target interpolates the picture
-        self._costs = replace(small.costs, picture=now() - start)
+        self._splat, self._picture = small.splat_seconds, now() - start
         known, self._size = self._size == small.size, small.size
         if budget.seconds is not None and known:  # the first view of a size compiles programs
-            self._divisor = divisor_after(divisor, seen + self._costs.splat + self._costs.picture, budget.seconds)
+            self._divisor = divisor_after(divisor, seen + self._splat + self._picture, budget.seconds)
         return view, replace(done.progress, accumulating=view.accumulating)
 
 

@@ -35,9 +35,9 @@ from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.scene_stamp import stamp
+from irrsplat.renderer import tiling
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import State
-from irrsplat.renderer.tiling import Tiling, check_whole
 from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_callback, check_type, checked_number
@@ -72,23 +72,23 @@ class Renderer(Tenant):
         tile_size: int | None = None,
         **settings: Unpack[SettingValues],
     ) -> None:
-        self._tiling = Tiling(tile_size)
+        tile_size = tiling.checked_tile_size(tile_size)
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
         self._origin, scene = scene.origin, scene.local  # only the callers' values are not relative to the origin
-        state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
+        state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size), tile_size=tile_size)
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
             self_test.numbers_triangles(self.ctx)
-            state = self._tiling.checked(state, self.ctx, again=True)
+            state = tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = made.enter_context(World(self.ctx, scene))
             self.cache = made.enter_context(RecordCache(self.ctx))
             self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
             frames = Frames(self.world, self.scheduler, self.timers, state, WeakMethod(self._read))
             self._frames = made.enter_context(frames)
-            self._whole = WholeRenders(self._frames, self._tiling, self.about, checked=self._owns_ctx)
+            self._whole = WholeRenders(self._frames, self.about, checked=self._owns_ctx)
             self.stages = self._frames.stages
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -136,7 +136,7 @@ class Renderer(Tenant):
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on parts of the scene that cannot be shown; the scene has notices of its own."""
         return (
-            *self._tiling.notices(self._state),
+            *tiling.notices(self._state),
             *gl_limits.shadow_notices(self.ctx, self._state.scene, self.settings.shadow_size),
             *self.stages.maps.notices(self.world.runs),
             *self.world.materials.notices,
@@ -179,7 +179,7 @@ class Renderer(Tenant):
     def _use_whole(self) -> None:
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
         self._use()
-        check_whole(self._state)
+        tiling.check_whole(self._state)
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """Return a caller's camera relative to the origin."""
@@ -322,7 +322,7 @@ class Renderer(Tenant):
     def _change_to(self, state: State) -> None:
         """Change scene, size or settings; if the change is refused, all of them stay as before."""
         self._use()
-        self._frames.change_to(self._tiling.checked(state, self.ctx, again=state.size != self.size))
+        self._frames.change_to(tiling.checked(state, self.ctx, again=state.size != self.size))
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""

@@ -13,14 +13,6 @@ from irrsplat.surface_cache.transport import BouncedLight
 
 
 @dataclass(frozen=True)
-class Costs:
-    """Seconds that parts of a limited tick took when they were last done: splatting, and the picture with direct light."""
-
-    splat: float = 0.0
-    picture: float = 0.0
-
-
-@dataclass(frozen=True)
 class Shown:
     """The last picture.
 
@@ -37,8 +29,10 @@ class Shown:
 class State:
     """The value of a renderer that changes from frame to frame.
 
-    view: the progress of the present view. shown: None before the first picture.
-    tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole.
+    view: the progress of the present view. splat_seconds, picture_seconds: the times of splatting, and of the picture with direct
+    light, in the last limited tick that had them. shown: None before the first picture.
+    tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole. tile_size: the caller's choice of
+    it; None: tiles where they are needed.
     """
 
     scene: Scene
@@ -46,9 +40,11 @@ class State:
     preset: str
     size: tuple[int, int]
     view: ViewState = ViewState()
-    costs: Costs = Costs()
+    splat_seconds: float = 0.0
+    picture_seconds: float = 0.0
     shown: Shown | None = None
     tile: int = 0
+    tile_size: int | None = None
 
     @property
     def view_subject(self) -> tuple[object, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -37,13 +38,8 @@ class TileScreens:
     def __call__(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
         """Return the view for the examination, with splats at every `pixel_stride`-th pixel."""
         sums = camera, state.view_subject, pixel_stride, self.cache.revision, self.cache.count
-        return Screen(
-            state.size,
-            pixel_stride,
-            sums,
-            lambda settings: self._examine(state, camera, pixel_stride, settings),
-            lambda: self._spots(state, camera),
-        )
+        examine, spots = partial(self._examine, state, camera, pixel_stride), partial(self._spots, state, camera)
+        return Screen(state.size, pixel_stride, sums, examine, spots)
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
         """Return the examination of all tiles. A tile that no new record reaches keeps its last result."""

@@ -17,47 +17,39 @@ from irrsplat.settings import LEAST_TILE, MOST_TILE
 TILE = 1024  # pixels along a side of tiles by default
 
 
-class Tiling:
-    """The choice of a renderer.
+def fitting(state: State, ctx: moderngl.Context, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
+    """Return `state`, with tiles if its pictures with these `buffers` need them.
 
-    tile_size: pixels along a side of tiles; 0: no tiles; None: tiles for pictures that are too large otherwise. Raises InputError
-    for other values.
+    Raises InputError for pictures that do not fit into memory, or into a texture.
     """
-
-    def __init__(self, tile_size: int | None) -> None:
-        self._requested = None if tile_size is None else _checked(tile_size)
-
-    def fitting(self, state: State, ctx: moderngl.Context, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
-        """Return `state`, with tiles if its pictures with these `buffers` need them.
-
-        Raises InputError for pictures that do not fit into memory, or into a texture.
-        """
-        software = bool(context.describe(ctx)["software"])
-        tile, size = self._requested or state.tile, state.size
+    software = bool(context.describe(ctx)["software"])
+    tile, size = state.tile_size or state.tile, state.size
+    short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+    if state.tile_size is None and not tile and (short or max(size) > gl_limits.largest(ctx)):
+        tile = TILE
         short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        if self._requested is None and not tile and (short or max(size) > gl_limits.largest(ctx)):
-            tile = TILE
-            short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        if short:
-            raise InputError(short)
-        return replace(state, tile=tile)
+    if short:
+        raise InputError(short)
+    return replace(state, tile=tile)
 
-    def checked(self, state: State, ctx: moderngl.Context, again: bool) -> State:
-        """Return `state`, with tiles if it needs them; see `fitting`. again: True for a state of another size.
 
-        Raises InputError for pictures beyond the limits of OpenGL.
-        """
-        state = self.fitting(replace(state, tile=0), ctx) if again else state
-        at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
-        gl_limits.check(ctx, at_once, state.scene)
-        return state
+def checked(state: State, ctx: moderngl.Context, again: bool) -> State:
+    """Return `state`, with tiles if it needs them; see `fitting`. again: True for a state of another size.
 
-    def notices(self, state: State) -> tuple[str, ...]:
-        """Return the notice for the user if a picture is tiled without a request."""
-        if self._requested is not None or not state.tile:
-            return ()
-        width, height = state.size
-        return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
+    Raises InputError for pictures beyond the limits of OpenGL.
+    """
+    state = fitting(replace(state, tile=0), ctx) if again else state
+    at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
+    gl_limits.check(ctx, at_once, state.scene)
+    return state
+
+
+def notices(state: State) -> tuple[str, ...]:
+    """Return the notice for the user if a picture is tiled without a request."""
+    if state.tile_size is not None or not state.tile:
+        return ()
+    width, height = state.size
+    return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
 
 
 def check_whole(state: State) -> None:
@@ -76,9 +68,10 @@ def check_tiled(state: State, figures: bool) -> None:
         raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
 
 
-def _checked(tile_size: int) -> int:
+def checked_tile_size(tile_size: int | None) -> int | None:
+    """Return the side of tiles, 0 for no tiles, or None for tiles where they are needed. Raises InputError for other values."""
     try:
-        found = operator.index(tile_size)
+        found = None if tile_size is None else operator.index(tile_size)
     except TypeError:
         raise InputError(f"tile_size takes a whole number of pixels, not {tile_size!r}") from None
     if found and not LEAST_TILE <= found <= MOST_TILE:

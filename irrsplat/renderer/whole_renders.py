@@ -22,7 +22,7 @@ from irrsplat.image.view import Progress, View, frame_of, read, sample_progress,
 from irrsplat.renderer.frames import Frames
 from irrsplat.renderer.state import Round
 from irrsplat.renderer.tiles import draw_tiles
-from irrsplat.renderer.tiling import Tiling, check_tiled
+from irrsplat.renderer.tiling import check_tiled, fitting
 from irrsplat.scene.model import Camera
 from irrsplat.scene.model.checks import check_callback
 from irrsplat.settings import MOST_ROUNDS
@@ -33,12 +33,11 @@ OnRound = Callable[[Progress], None]
 class WholeRenders:
     """Renders of whole views by a renderer's `frames`.
 
-    about: of its OpenGL. checked: True if OpenGL's errors are checked, since nobody else uses the context. tiling: the choice of
-    tiles.
+    about: of its OpenGL. checked: True if OpenGL's errors are checked, since nobody else uses the context.
     """
 
-    def __init__(self, frames: Frames, tiling: Tiling, about: context.Description, checked: bool) -> None:
-        self.frames, self.tiling, self.about, self.checked = frames, tiling, about, checked
+    def __init__(self, frames: Frames, about: context.Description, checked: bool) -> None:
+        self.frames, self.about, self.checked = frames, about, checked
         self.ctx, self.stages, self.cache = frames.ctx, frames.stages, frames.scheduler.cache
 
     # ---- a view ----------------------------------------------------------------------------------------------------
@@ -131,7 +130,7 @@ class WholeRenders:
         if not gather and (figures or settings.quality):
             raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
         wanted = None if figures else buffers
-        tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, wanted)
+        tiled = frames.state if self.stages.gbuffer is not None else fitting(frames.state, self.ctx, wanted)
         frames.leave_refinement()
         album = PaperFigures(partial(self.stages.splatted, frames.state, camera), progress)
         rounds = partial(self._filled if gather else self._frozen, camera, album if figures else progress)
