@@ -96,7 +96,7 @@ class Gather(Owner):
 
     @abstractmethod
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """Return the radiance at `sites`, at most `capacity`, under this light; valid until the next call.
+        """Return the radiance at `sites`, at most `capacity` times `places`, under this light; valid until the next call.
 
         numbers: (N,) the numbers of the records in the cache.
         """

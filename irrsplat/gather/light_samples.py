@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -91,22 +92,20 @@ class LightSamplePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx, self.gradients, self.places = ctx, gradients, places
-        self._programs: dict[tuple[object, ...], Program] = {}
+        self._programs = Workshop()
         self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
         self._targets = Workshop()
         for virtual in (0, 1):
             self._program({"VIRTUAL": virtual, "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (*self._programs.values(), *self._ends, self._targets)
+        return (self._programs, *self._ends, self._targets)
 
     def _program(self, defines: Mapping[str, int]) -> Program:
         """Return the program for this kind of samples and these materials."""
         defines = {"GRADIENTS": int(self.gradients), **defines}
-        key = (*defines.items(),)
-        if key not in self._programs:
-            self._programs[key] = Program(self.ctx, "gather/light_samples/sum", "lib/fullscreen", defines)
-        return self._programs[key]
+        make = partial(Program, self.ctx, "gather/light_samples/sum", "lib/fullscreen", defines)
+        return self._programs.get(f"{defines}", (), make)
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add the samples to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""

@@ -59,7 +59,6 @@ class PlaneGather(Gather):
         return (self.program, self.target, self.atlas.table, self.atlas.edges, self.atlas.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """Return the radiance at `sites`, at most `capacity`; numbers: (N,) of the records in the cache."""
         atlas, count = self.atlas, len(sites)
         self._write_frames(self._frame_rows(sites, numbers, seed))
         used = (0, 0, self.target.size[0], -(-count // atlas.columns) * atlas.cell[1])

@@ -137,7 +137,6 @@ class TraceGather(Gather):
         )
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """Return the radiance at `sites`, at most `capacity` times `places`; numbers: (N,) of the records in the cache."""
         atlas, count = self.atlas, len(sites) // self.places
         rows = self._frame_rows(sites, numbers, seed)
         # one sample pattern for all places of a record

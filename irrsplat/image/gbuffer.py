@@ -67,7 +67,7 @@ class _Batch:
     """
 
     defines: Mapping[str, int]
-    cull: Literal["back"] | None
+    cull: Sides
     surfaces: tuple[Draw, ...]
     filters: tuple[Draw, ...]
     glows: tuple[Draw, ...]
@@ -84,25 +84,16 @@ class GBufferPass(Owner):
         self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": _BEHIND})
         self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
         self._cell = Workshop()  # target of a cell, if it is not the whole picture
-        self._programs: dict[tuple[object, ...], Program] = {}
+        self._programs = Workshop()
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (
-            self.nothing,
-            *self.places.values(),
-            self._cell,
-            *self._programs.values(),
-            self.target,
-            None if self._borrowed else self.maps,
-        )
+        maps = None if self._borrowed else self.maps
+        return (self.nothing, *self.places.values(), self._cell, self._programs, self.target, maps)
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
         values: dict[str, object] = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}
-        key = fragment, *values.items()
-        if key not in self._programs:
-            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", values)
-        return self._programs[key]
+        return self._programs.get(f"{fragment} {values}", (), lambda: Program(self.ctx, fragment, "image/gbuffer", values))
 
     def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:
         """Return all runs as batches; the same object for the same runs."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
@@ -50,17 +50,15 @@ class SplatPass(Owner):
         }
         # by whether there are sides that no light reaches
         self.empty = [Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit}) for unlit in (0, 1)]
-        self.targets: dict[int, Target] = {}  # by pixel stride, made at first use
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (self.numbers, *self.programs.values(), *self.empty, *self.targets.values())
+        return (self.numbers, *self.programs.values(), *self.empty, self.targets)
 
     def target(self, pixel_stride: int) -> Target:
         """Return the buffer of every `pixel_stride`-th pixel in both directions."""
-        if pixel_stride not in self.targets:
-            size = -(-self.size[0] // pixel_stride), -(-self.size[1] // pixel_stride)
-            self.targets[pixel_stride] = splat_target(self.ctx, size)
-        return self.targets[pixel_stride]
+        size = -(-self.size[0] // pixel_stride), -(-self.size[1] // pixel_stride)
+        return self.targets.get(f"stride {pixel_stride}", (), lambda: splat_target(self.ctx, size))
 
     def clear(
         self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None, unlit_sides: Uniforms | None = None

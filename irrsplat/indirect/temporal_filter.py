@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import DrawState, Program, SampledTexture
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, bands
 from irrsplat.scene.model import Camera
 
@@ -45,17 +45,11 @@ class TemporalFilter(Owner):
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
         self.nothing = Target(ctx, (3, 3), (4, 1))  # stands for the picture before the first one
-        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made at first use
+        self._targets = Workshop()  # two of each size
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        return (
-            self.program,
-            self.fill,
-            self.linear,
-            self.nothing,
-            *(target for pair in self.targets.values() for target in pair),
-        )
+        return (self.program, self.fill, self.linear, self.nothing, self._targets)
 
     def forget(self) -> None:
         """Show the records' sums alone in the next picture."""
@@ -126,12 +120,11 @@ class TemporalFilter(Owner):
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
         """Return a target for the next picture's irradiance that does not hold the last picture's."""
-        made = self.targets.setdefault(size, [])
-        for target in made:
-            if shown is None or shown.target is not target:
-                return target
-        made.append(Target(self.ctx, size, (4, 1), depth=True))
-        return made[-1]
+
+        def target(number: int) -> Target:
+            return self._targets.get(f"{size} {number}", (), lambda: Target(self.ctx, size, (4, 1), depth=True))
+
+        return target(1) if shown is not None and shown.target is target(0) else target(0)
 
     def _before(self, shown: _Shown | None) -> Uniforms:
         """Return the uniforms of the last picture. Without one, its textures have equal formats: the program compiles once."""

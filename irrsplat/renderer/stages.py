@@ -18,11 +18,10 @@ from irrsplat.gpu.target import bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.image.antialias import Antialiaser, OnProgress, SampleBuffers
+from irrsplat.image.antialias import Antialiaser, OnProgress, SampleBuffers, jittered, sample_offset
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Reader, View
 from irrsplat.indirect.scheduler import RecordScheduler

@@ -16,9 +16,8 @@ from irrsplat.core.buffers import CHANNELS, GBuffer
 from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.core.timing.input_waits import checked_by
 from irrsplat.gpu.target import pixels, table_texture
-from irrsplat.image.antialias import MeanPass
+from irrsplat.image.antialias import MeanPass, jittered, sample_offset
 from irrsplat.image.backdrop import Backdrop
-from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.scene.model import Camera, Scene
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import ABOVE, assert_pictures, box, floor, material, point_light, quad, rays, scene
