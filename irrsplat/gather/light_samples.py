@@ -110,31 +110,24 @@ class LightSamplePass(Owner):
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add the samples to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
         for samples in atlas.light_samples:
-            self._add(target, atlas, samples, blocks, used)
-
-    def _add(
-        self, target: Target, atlas: Atlas, samples: LightSamples, blocks: tuple[int, int], used: tuple[int, int, int, int]
-    ) -> None:
-        """Add the samples of one kind."""
-        materials = {name: on for name, on in samples.materials.items() if on}
-        known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
-        kind = {"VIRTUAL": int(samples.virtual), "SEEN": int(bool(known))}
-        program = self._program({**kind, **materials})
-        step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
-        for first in range(0, samples.count, step):
-            program(
-                target,
-                state=DrawState(blend="add"),
-                scissor=used,
-                frames=atlas.frames,
-                blocks=blocks,
-                columns=atlas.columns,
-                places=self.places,
-                samples=samples.count,
-                span=(first, min(first + step, samples.count)),
-                **program.declared(samples.uniforms),
-                **known,
-            )
+            materials = {name: on for name, on in samples.materials.items() if on}
+            known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
+            program = self._program({"VIRTUAL": int(samples.virtual), "SEEN": int(bool(known)), **materials})
+            step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
+            for first in range(0, samples.count, step):
+                program(
+                    target,
+                    state=DrawState(blend="add"),
+                    scissor=used,
+                    frames=atlas.frames,
+                    blocks=blocks,
+                    columns=atlas.columns,
+                    places=self.places,
+                    samples=samples.count,
+                    span=(first, min(first + step, samples.count)),
+                    **program.declared(samples.uniforms),
+                    **known,
+                )
 
     @property
     def _eyes(self) -> int:

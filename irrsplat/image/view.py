@@ -117,13 +117,8 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
     names: the required buffers, None for all; others are empty, (0, 0) or (0, 0, 3).
     """
     requested = CHANNELS.keys() if names is None else set(names)
-    made = {name: make(view) for name, make in _BUFFERS.items() if name in requested}
+    made = {name: make(view) for name, make in BUFFERS.items() if name in requested}
     return frame_of(made, records, stats, view)
-
-
-def values_of(view: View, name: str) -> np.ndarray:
-    """Return the buffer `name` of CHANNELS as in Frame."""
-    return _BUFFERS[name](view)
 
 
 def reflectance(view: View) -> np.ndarray:
@@ -193,7 +188,7 @@ def _opacity(view: View) -> np.ndarray:
     return np.where(filtered > 0.0, filtered, opacity)
 
 
-_BUFFERS: dict[str, Callable[[View], np.ndarray]] = {  # made one by one, to limit the memory in use
+BUFFERS: dict[str, Callable[[View], np.ndarray]] = {  # as in Frame; made one by one, to limit the memory in use
     "image": lambda view: _rgb(view.image),
     "direct": lambda view: _rgb(view.direct),
     "indirect": _indirect,

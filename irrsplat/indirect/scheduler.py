@@ -17,7 +17,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.examine import ExaminePass, Screen, tile_side
+from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.paper_scan import Scan, gather_record, read_back
@@ -113,9 +113,15 @@ class RecordScheduler(Owner):
 
     def need(self, screen: Screen) -> Need:
         """Return the present need of the view, without a gather."""
-        settings = self.settings
         with self.timers("examine"):
-            return Need.found(screen.examine(settings), screen.pixel_stride, (screen.sums, settings.request_criteria))
+            return self._examination(screen, self.settings)[1]
+
+    def _examination(self, screen: Screen, settings: Settings) -> tuple[Examination, Need]:
+        """Return the examination of the view, and its need."""
+        found = screen.examine(settings)
+        # a quarter of the tiles requests a record if only every other pixel is examined
+        requests, of = found.requesting * screen.pixel_stride**2, (screen.sums, settings.request_criteria)
+        return found, Need(found.missing, found.holes, requests, of)
 
     def gather_missing(
         self, view: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
@@ -247,8 +253,7 @@ class RecordScheduler(Owner):
         """Return the view with its present need, and the sites of a new round."""
         settings = replace(self.settings, spread=0.0) if self._changing else self.settings
         with self.timers("examine"):
-            found = screen.examine(settings)
-            need = Need.found(found, screen.pixel_stride, (screen.sums, settings.request_criteria))
+            found, need = self._examination(screen, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / tile_side(screen.size, 1)  # tiles
             step = view.step
             while True:  # a field of the chessboard without requests is left for the next one

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import SpotCheck
-from irrsplat.indirect.examine import Examination
 from irrsplat.indirect.paper_scan import Scan
 
 GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view requests no more records
@@ -37,14 +36,6 @@ class Need(NamedTuple):
     holes: int = 0
     requests: int = 0
     of: tuple[object, ...] = ()
-
-    @classmethod
-    def found(cls, examination: Examination, pixel_stride: int, of: tuple[object, ...]) -> Need:
-        """Return the need by an examination of every `pixel_stride`-th pixel.
-
-        A quarter of the tiles requests a record if only every other pixel is examined.
-        """
-        return cls(examination.missing, examination.holes, examination.requesting * pixel_stride**2, of)
 
     def less_than(self, before: Need) -> bool:
         """True if a view lacks less than `before`."""

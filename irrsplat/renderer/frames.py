@@ -240,8 +240,7 @@ class Frames(Owner):
     def composite_pass(self, view: View) -> CompositePass:
         """Return the pass that makes pictures of the size of a `view` that `frame` gave."""
         size = view.image.size
-        stages = self.stages if size == self.state.size else self.moving.stages
-        return stages.composite_pass(replace(self.state, size=size))
+        return (self.stages if size == self.state.size else self.moving.stages).composite_pass(size)
 
     # ---- progressive refinement ------------------------------------------------------------------------------------
 

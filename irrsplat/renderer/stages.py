@@ -79,9 +79,8 @@ class Stages(Owner):
         made_of = state.size, state.settings.gradients
         return self._passes.get("splats", made_of, lambda: ViewSplats(self.world, *made_of, self.timers))
 
-    def composite_pass(self, state: State) -> CompositePass:
-        """Return the pass that composites pictures."""
-        size = state.size
+    def composite_pass(self, size: tuple[int, int]) -> CompositePass:
+        """Return the pass that composites pictures of this size."""
         return self._passes.get("composite", size, lambda: CompositePass(self.ctx, size))
 
     @property
@@ -163,7 +162,7 @@ class Stages(Owner):
             shown = self.splats(state).at_every_pixel(shown, gbuffer, done.camera)
             sums = shown.sums
             direct = self._memo.get("direct", (gbuffer, lit_by), lambda: self._direct(state, gbuffer, *lit_by))
-            composite_pass = self.composite_pass(state)
+            composite_pass = self.composite_pass(state.size)
             with self.timers("composite"):
                 if filling and surface is None and (done.frozen or settings.most_bounces == 1):
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)

@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.gather.spot_check import MARGIN, Spots
 from irrsplat.image.tonemap import automatic_exposure, metered
-from irrsplat.image.view import View, reflectance, uncovered, values_of
+from irrsplat.image.view import BUFFERS, View, reflectance, uncovered
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
 from irrsplat.lighting.light_table import unshadowed_luminance
 from irrsplat.records.culling import reaching
@@ -133,7 +133,7 @@ def draw_tiles(
         rows, columns = slice(state.size[1] - bottom - high, state.size[1] - bottom), slice(left, left + wide)
         mine = slice(y + height - bottom - high, y + height - bottom), slice(left - x, left - x + wide)
         for name, values in arrays.items():
-            values[rows, columns] = values_of(view, name)[mine]
+            values[rows, columns] = BUFFERS[name](view)[mine]
         light += metered(arrays["image"][rows, columns], reflectance(view)[mine])
         if done.frozen and settings.most_bounces > 0:
             none_reach += uncovered(view, mine)
