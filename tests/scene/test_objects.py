@@ -60,6 +60,17 @@ def test_a_large_map_of_a_sky_is_halved_and_emits_in_every_channel() -> None:
     assert irrsplat.make_scene(floor(), sky="0 2 0").sky == (0.0, 2.0, 0.0)
 
 
+@pytest.mark.parametrize("transform", [False, True])
+def test_arrays_far_away_keep_their_precision(transform: bool) -> None:
+    """At 5e6 m, float32 numbers are 0.5 m apart. The sides of this triangle, 3 to 5 cm, are correct to 1e-8 m."""
+    place, corners = np.array([4.5e5, 5.3e6, 120.3]), np.array([[0.0, 0.0, 0.0], [0.04, 0.0, 0.0], [0.0, 0.03, 0.0]])
+    move = np.column_stack([np.eye(3), place]) if transform else None
+    mesh = irrsplat.make_mesh(corners if transform else corners + place, [[0, 1, 2]], transform=move)
+    (placed,) = irrsplat.make_scene(mesh).meshes
+    sides = np.linalg.norm(np.diff(placed.positions, axis=0, append=placed.positions[:1]), axis=1)
+    assert placed.positions.dtype == np.float32 and sides == pytest.approx([0.04, 0.05, 0.03], abs=1e-8)
+
+
 def test_a_sky_that_stands_in_is_not_written_and_a_map_by_its_mean(tmp_path: Path) -> None:
     """The reader adds the same stand-in; a map without a file is lost."""
     assert write_scene(replace(scene(floor(), sky=1.0), own_sky=False), tmp_path / "a.scene") == ""

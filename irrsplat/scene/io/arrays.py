@@ -12,9 +12,10 @@ import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
+from irrsplat.core.vectors import box, near_origin, times
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.defaults import FarAway, finish
+from irrsplat.scene.io.defaults import WORLD, FarAway, finish
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -69,8 +70,11 @@ def make_mesh(
     if normals is None and crease_angle > 0.0 and len(corners):
         smooth, corner_normals = crease_normals(points, corners, crease_angle)
         part = replace(part, normals=smooth, corner_normals=corner_normals)
-    (built,) = build_meshes([part])
-    return built.mesh_or_error(Path(name or "mesh"))
+    matrix = np.eye(4) if part.matrix is None else part.matrix
+    origin = near_origin(*box(times(points, matrix[:3, :3]) + matrix[:3, 3])) if len(points) else WORLD
+    (built,) = build_meshes([part], origin)
+    mesh = built.mesh_or_error(Path(name or "mesh"))
+    return mesh if origin == WORLD else replace(mesh, positions=mesh.positions.astype(float) + origin)
 
 
 def make_scene(

@@ -133,11 +133,11 @@ class Material:
 class Mesh:
     """Triangles in world space, or relative to their scene's origin; compared by identity.
 
-    positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32. colors: (V, 3) float32
-    linear reflectance in place of material.albedo, or a factor on the emission of an unlit material, or None. opacities: (V,)
-    float32 in place of material.opacity, or None. uvs: (V, 4) float32, two sets u v u v, or None (all 0). closed: True only for a
-    watertight surface that is wound outward (in world space). Raises InputError for arrays of different lengths and for numbers
-    that are not finite.
+    positions: (V, 3) float32, metres, or float64 where float32 is too coarse, far from 0 0 0. normals: (V, 3) float32, unit
+    shading normals. faces: (F, 3) int32. colors: (V, 3) float32 linear reflectance in place of material.albedo, or a factor on
+    the emission of an unlit material, or None. opacities: (V,) float32 in place of material.opacity, or None. uvs: (V, 4)
+    float32, two sets u v u v, or None (all 0). closed: True only for a watertight surface that is wound outward (in world space).
+    Raises InputError for arrays of different lengths and for numbers that are not finite.
     """
 
     positions: np.ndarray
