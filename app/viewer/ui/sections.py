@@ -190,9 +190,9 @@ def draw_plane(actions: Actions, layout: Layout) -> None:
     height = imgui.slider_float(layout.label("height"), plane.height, 0.0, scene_height(session.scene), "%.4g m")[1]
     imgui.set_item_tooltip("above the lowest point of the scene; Ctrl+click: type it")
     plane.height = max(float(f"{height:.4g}"), 0.0)  # imgui's values are float32
-    if plane.share is not None:
-        imgui.text_disabled("measuring…" if plane.share == 0.0 else f"measuring: {100.0 * plane.share:.0f} %")
-    if (measured := plane.measured) is None:
+    share, measured = plane.share, plane.measured
+    imgui.text_disabled("" if share is None else "measuring…" if share == 0.0 else f"measuring: {100.0 * share:.0f} %")
+    if measured is None:
         return
     scale = measured.scale
     found, (low, high) = measured.readings.summary(scale.unit), scale.ends

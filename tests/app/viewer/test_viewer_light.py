@@ -37,6 +37,21 @@ def test_the_plane_has_the_values_of_a_light_meter(driver: Driver) -> None:
     assert rows[[0, -1]] == pytest.approx(len(shown) * (0.5 + 0.25 / (away * session.camera.screen)), abs=1.5)
 
 
+def test_a_new_measurement_moves_no_widget(driver: Driver) -> None:
+    """A click during a measurement hits the widget that the user sees: the lights below the plane keep their place."""
+    session = driver.session
+    session.options.frozen = True  # for fast frames
+    driver.resize((760, 900), density=0.25)
+    push(driver, "Ctrl+M")
+    driver.actions.toggle("lights")
+    while session.plane.share is not None:
+        driver.frame()
+    driver.frame(2)
+    before = driver.find("candela").at()
+    driver.enter(driver.find("candela"), "2")
+    assert driver.find("candela").at() == before
+
+
 def test_sources_add_up_to_what_a_light_meter_reads(ctx: moderngl.Context) -> None:
     """Black surfaces reflect nothing: lights, emitters and the sky add up to the light meter's direct and indirect values."""
     black, glowing, aim = worlds.material(0.0), worlds.material(0.0, 5.0), (0.3, 0.0, 0.0)
