@@ -43,6 +43,7 @@ _PLACES = 32  # greatest number of lights and cameras with fine cells around the
 _STEEP_PLACES = 128  # greatest number of lights and parts of emitters with fine cells around them
 _PART = 0.35  # of the spacing: greatest size of a part of an emitter
 _DIRECTIONS = 64  # directions in which the surroundings of a light or camera are measured
+_LEAST_COUNT = 1e-6  # of a triangle's area; around places that lie in a surface, all triangles have it
 _BEFORE = 0.9  # of the visible shares of two edges: the place that is tested for a recess
 _ROOMS = 3.0  # of the size of these surroundings: distance up to which area counts in full; beyond, steps grow by its square
 
@@ -159,8 +160,8 @@ class SiteChooser:
         for place, reach in zip(places.astype(np.float32), (_ROOMS * rooms).astype(np.float32), strict=True):
             away = squares_from_boxes(low, high, place)
             counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach**2 / np.maximum(away, 1e-30), 1.0) ** 2
-        counts = np.minimum(counts, area) if len(places) else area
-        return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
+        counts = np.clip(counts, _LEAST_COUNT * area, area) if len(places) else area
+        return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-300))
 
     def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, Choice]:
         """Return the clusters of a tessellation whose steps are `spacing` · `wider` (F,) metres long, and their first sites.
