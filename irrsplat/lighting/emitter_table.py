@@ -30,7 +30,7 @@ class EmitterTable(Owner):
         self.count, clusters = len(found), len(found.radius)
         total = np.bincount(cluster, weights=power, minlength=clusters)
         first = np.searchsorted(cluster, np.arange(clusters))
-        density = found.luminance[order] / total[cluster]
+        density = found.in_place[order] / total[cluster]
         before = np.cumsum(power) - power
         share = (before + power - before[first][cluster]) / total[cluster] if self.count else np.zeros(0)
         rows = np.stack([triangle, share, density, found.one_sided[order]], axis=-1)

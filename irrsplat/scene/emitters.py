@@ -11,6 +11,7 @@ from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.image_means import sums_of_four
+from irrsplat.scene.io.mesh_builder import distinct_rows, welded
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 
@@ -25,13 +26,15 @@ _POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² point
 class Emitters:
     """N emissive triangles.
 
-    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). area: (N,) m².
-    one_sided: (N,) bool, True for triangles of closed meshes, whose back is invisible. cluster: (N,) number of each one's
-    cluster. centre, radius: (C, 3) and (C,) metres, bounding balls of the clusters.
+    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). in_place: (N,) sum
+    of luminance over all triangles with the same corners, such as both faces of a CAD model's panel. area: (N,) m². one_sided:
+    (N,) bool, True for triangles of closed meshes, whose back is invisible. cluster: (N,) number of each one's cluster. centre,
+    radius: (C, 3) and (C,) metres, bounding balls of the clusters.
     """
 
     triangle: np.ndarray
     luminance: np.ndarray
+    in_place: np.ndarray
     area: np.ndarray
     one_sided: np.ndarray
     cluster: np.ndarray
@@ -70,10 +73,12 @@ def emitters(scene: Scene) -> Emitters:
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
     bright = luminance > _LEAST_RATIO * backdrop_luminance
     triangle, luminance, at = triangle[bright], luminance[bright], at[bright]
-    area = triangle_areas(at)
+    _, corner = welded(at.reshape(-1, 3).astype(np.float32))
+    _, place = distinct_rows(np.sort(corner.reshape(-1, 3)).astype(np.uint64))
+    in_place, area = np.bincount(place, luminance)[place], triangle_areas(at)
     cluster = _clusters(at, luminance * area, _SMALLEST_SPLIT * scene.diagonal)
     centre, radius = _balls(at, cluster)
-    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[bright], cluster, centre, radius)
+    return Emitters(triangle, luminance, in_place, area, np.concatenate(one_sided)[bright], cluster, centre, radius)
 
 
 def _corners(mesh: Mesh) -> np.ndarray:

@@ -84,6 +84,18 @@ def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: 
     assert np.median(np.abs(found.bend - values).max(1) / np.abs(values).max(1)) < 0.006
 
 
+@pytest.mark.parametrize("kind", ["trace", "embree"])
+def test_both_faces_of_a_panel_are_one_light(ctx: moderngl.Context, kind: str) -> None:
+    """A CAD model has a face for each side of a panel. A ray ends at one of both, so that light is that of a single face."""
+    front = panel()
+    back = replace(front, normals=-front.normals, faces=front.faces[:, ::-1])
+    where = np.random.default_rng(1).uniform((-1, 0, -1), (1, 0, 1), (32, 3))
+    truth = polygon_vector(front.positions.astype(float), where) @ UP
+    with Lit(ctx, scene(floor(6.0, -0.5, material(0.0)), front, back)) as lit:
+        found = look(lit, where, UP, 256, kind)
+    assert relative(found.E, truth[:, None] * EMITTER) < 0.005
+
+
 @pytest.mark.parametrize("samples", [64, 256])
 def test_a_small_bulb_lights_all_records_alike(ctx: moderngl.Context, samples: int) -> None:
     """A bulb of 5 cm in a room of 4 m, hit by a few rays of 4096: E = I·cosθ/d² of a sphere, I = π·r²·L."""
