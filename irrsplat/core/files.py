@@ -245,8 +245,8 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
 
 def _try_folder(text: str) -> None:
     folder = Path(os.path.realpath(text))
-    if not text:
-        raise InputError("an output path is empty")
+    if text in ("", "-"):
+        raise InputError("an output path is empty" if not text else "-: no output goes to stdout here; name a file or a folder")
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("cannot write: it exists and is not a folder; give an ending or another name", text)
     _try_inside(folder if folder.is_dir() else folder.parent, text)

@@ -23,6 +23,7 @@ from irrsplat.image.frame import check_writable
         (lambda: irrsplat.load("cornell", sky=1.0), "sky is a text such as .*, not 1.0"),  # type: ignore[arg-type]
         (lambda: LoadOptions(allow=["a"]), r"allow is a list of folders, not \['a'\]"),  # type: ignore[arg-type]
         (lambda: check_writable(""), "an output path is empty"),
+        (lambda: check_writable("-"), "-: no output goes to stdout here; name a file or a folder"),
     ],
 )
 def test_what_an_argument_cannot_mean_is_told_in_a_line(call: Callable[[], object], says: str) -> None:
