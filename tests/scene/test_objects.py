@@ -36,6 +36,7 @@ SUN = Light((0, 1, 0), (1, 1, 1), directional=True)
         (lambda: irrsplat.make_scene(floor(), sky="1 2"), "sky"),
         (lambda: irrsplat.make_mesh([["x"]], FACES), r"an array \(N, 3\) of numbers"),
         (lambda: irrsplat.make_mesh(POINTS, [[0, 1, 2], [0]]), "whole numbers"),
+        (lambda: irrsplat.make_mesh(POINTS, FACES, colors=np.full((4, 3), 128, np.uint8)), "linear reflectance from 0 to 1"),
         (lambda: irrsplat.make_mesh(POINTS, FACES, transform=np.diag([1.0, 1.0, 1.0, 2.0])), "the last row of a transform"),
         (lambda: irrsplat.make_scene(None), "meshes are a sequence of Mesh"),  # type: ignore[arg-type]
         (lambda: irrsplat.make_scene(floor(), SUN), "lights are a sequence of Light, not one Light"),  # type: ignore[arg-type]

@@ -49,7 +49,7 @@ def make_mesh(
     `crease_angle` (degrees, 0..180) are smooth. colors: (V, 3) linear reflectance in place of the material's albedo. uvs: (V, 2),
     from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4) or (3, 4), affine, world from
     vertices. name: for `Renderer.move` and messages. Triangles without an area are left out. Raises InputError for arrays of
-    different lengths, numbers that are not finite, and a transform that is singular or not affine.
+    different lengths, numbers that are not finite, colors beyond 0..1, and a transform that is singular or not affine.
     """
     LoadOptions(crease_angle=crease_angle)  # for its check
     check_type("the name of a mesh", name, str)
@@ -63,10 +63,12 @@ def make_mesh(
         material=Material() if material is None else material,
         name=name,
         normals=None if normals is None else _rows(f"the normals {said}", normals, 3, len(points)),
-        colors=None if colors is None else np.clip(_rows(f"the colors {said}", colors, 3, len(points)), 0.0, 1.0),
+        colors=None if colors is None else _rows(f"the colors {said}", colors, 3, len(points)),
         uvs=None if uvs is None else np.tile(_rows(f"the uvs {said}", uvs, 2, len(points)), 2),
     )
     check_type(f"the material {said}", part.material, Material)
+    if part.colors is not None and not (part.colors.min(initial=0.0) >= 0.0 and part.colors.max(initial=0.0) <= 1.0):
+        raise InputError(f"the colors {said} are linear reflectance from 0 to 1; 8-bit colours are sRGB: decode them")
     if normals is None and crease_angle > 0.0 and len(corners):
         smooth, corner_normals = crease_normals(points, corners, crease_angle)
         part = replace(part, normals=smooth, corner_normals=corner_normals)
