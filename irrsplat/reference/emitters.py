@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.reference.surfaces import Surfaces
+from irrsplat.scene.emitters import sums_in_place
 
 _SIDE = 6  # a textured triangle's power is the mean of side² points
 _SPREAD = 0.25  # of all area: larger emitters are hit by chance, and sampling them would only add noise
@@ -22,14 +23,14 @@ _PART = 1 << 16  # triangles whose texels are read at once
 class Emitters:
     """Emitting triangles, cluster by cluster.
 
-    face: (N,) numbers of the triangles. share: (N,) of the cluster's power. in_place: (N,) sum of the shares of all triangles
-    with the same corners. area: (N,) in m². group: (N,) cluster number, ascending. centre: (G, 3), radius: (G,) a sphere around
-    each cluster. power: (G,), in sum 1.
+    face: (N,) numbers of the triangles. share: (N,) of the cluster's power. density: (N,) m⁻² of their samples in the cluster,
+    with those of triangles in the same place. area: (N,) in m². group: (N,) cluster number, ascending. centre: (G, 3), radius:
+    (G,) a sphere around each cluster. power: (G,), in sum 1.
     """
 
     face: np.ndarray
     share: np.ndarray
-    in_place: np.ndarray
+    density: np.ndarray
     area: np.ndarray
     group: np.ndarray
     centre: np.ndarray
@@ -55,11 +56,8 @@ class Emitters:
         boxes = [corners[face[group == g]].reshape(-1, 3) for g in range(len(total))]
         low, high = (np.array([end(box, axis=0) for box in boxes]) for end in (np.min, np.max))
         radius = np.linalg.norm(high - low, axis=1) / 2.0
-        _, corner = np.unique(corners[face].reshape(-1, 3), axis=0, return_inverse=True)
-        _, place = np.unique(np.sort(corner.reshape(-1, 3)), axis=0, return_inverse=True)
-        share, place = power / total[group], place.ravel()
-        in_place = np.bincount(place, share)[place]
-        return Emitters(face, share, in_place, area[face], group, (low + high) / 2.0, radius, total / total.sum())
+        density = sums_in_place(corners[face], power / area[face]) / total[group]
+        return Emitters(face, power / total[group], density, area[face], group, (low + high) / 2.0, radius, total / total.sum())
 
     def weights(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
         """Return (N, G) weights of the clusters at points (N, 3) with normals (N, 3); a cluster is chosen in proportion."""

@@ -54,7 +54,7 @@ class EmitterLanes:
         self.up_to = mi.Float((rising - emitters.group).astype(np.float32))
         self.face = mi.UInt32(place.astype(np.uint32))
         density, group = np.zeros(faces), np.zeros(faces)
-        density[place], group[place] = emitters.in_place / emitters.area, emitters.group
+        density[place], group[place] = emitters.density, emitters.group
         self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
 
     def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:

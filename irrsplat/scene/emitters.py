@@ -8,7 +8,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
-from irrsplat.core.vectors import triangle_areas
+from irrsplat.core.vectors import cross, triangle_areas
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.image_means import sums_of_four
 from irrsplat.scene.io.mesh_builder import distinct_rows, welded
@@ -19,6 +19,9 @@ _BACKDROP_SHARE = 0.125  # share of all surface area; hemisphere samples alone f
 _LEAST_RATIO = 4.0  # least ratio of an area light's luminance to that of such a large mesh
 _SMALLEST_SPLIT = 0.01  # of the scene's diagonal; clusters of this size are not split
 _DARK = 1e-3  # of a mesh's brightest triangle; darker ones do not count towards the emissive area
+_SHARED = 8  # triangles at one side, at most
+_THIN = 1e-5  # of a triangle's size: distance of faces in the same place, by rounding errors
+_INSIDE = 0.6, 0.3, 0.1  # weights of the corners at three points of a triangle, none of them on the median of a side
 _POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² points
 
 
@@ -26,8 +29,8 @@ _POINTS = 4  # a textured triangle's mean emission is taken over _POINTS² point
 class Emitters:
     """N emissive triangles.
 
-    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). in_place: (N,) sum
-    of luminance over all triangles with the same corners, such as both faces of a CAD model's panel. area: (N,) m². one_sided:
+    triangle: (N,) numbers in the order of scene.flatten. luminance: (N,) mean over each triangle, W/(m² sr). in_place: (N,) their
+    sums over triangles in the same place, such as both faces of a CAD model's panel, see sums_in_place. area: (N,) m². one_sided:
     (N,) bool, True for triangles of closed meshes, whose back is invisible. cluster: (N,) number of each one's cluster. centre,
     radius: (C, 3) and (C,) metres, bounding balls of the clusters.
     """
@@ -73,12 +76,36 @@ def emitters(scene: Scene) -> Emitters:
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
     bright = luminance > _LEAST_RATIO * backdrop_luminance
     triangle, luminance, at = triangle[bright], luminance[bright], at[bright]
-    _, corner = welded(at.reshape(-1, 3).astype(np.float32))
-    _, place = distinct_rows(np.sort(corner.reshape(-1, 3)).astype(np.uint64))
-    in_place, area = np.bincount(place, luminance)[place], triangle_areas(at)
+    in_place, area = sums_in_place(at, luminance), triangle_areas(at)
     cluster = _clusters(at, luminance * area, _SMALLEST_SPLIT * scene.diagonal)
     centre, radius = _balls(at, cluster)
     return Emitters(triangle, luminance, in_place, area, np.concatenate(one_sided)[bright], cluster, centre, radius)
+
+
+def sums_in_place(corners: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return (N,) each triangle's value plus those of triangles in its place that share a side with it, by their part of it.
+
+    corners: (N, 3, 3) metres. values: (N,). Both faces of a quadrilateral may have different diagonals, but they share all sides.
+    """
+    _, corner = welded(corners.reshape(-1, 3).astype(np.float32))
+    _, side = distinct_rows(np.sort(corner.reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]]).reshape(-1, 2).astype(np.uint64))
+    order = np.argsort(side, kind="stable")
+    codes, count = [np.zeros(0, np.intp)], len(values)
+    for apart in range(1, _SHARED):
+        same = np.flatnonzero(side[order[apart:]] == side[order[:-apart]])
+        a, b = order[same] // 3, order[same + apart] // 3
+        codes += [a * count + b, b * count + a]
+    one, other = np.divmod(np.unique(np.concatenate(codes)), max(count, 1))
+    a, u, v = corners[other, 0], corners[other, 1] - corners[other, 0], corners[other, 2] - corners[other, 0]
+    normal, sums = cross(u, v), values.astype(float)
+    square = np.maximum((normal**2).sum(1), 1e-300)
+    thin = _THIN * np.sqrt(np.maximum((u**2).sum(1), (v**2).sum(1)) * square)
+    for shift in range(len(_INSIDE)):
+        away = np.einsum("k,nkx->nx", np.roll(_INSIDE, shift), corners[one]) - a
+        x, y = (cross(away, v) * normal).sum(1) / square, (cross(u, away) * normal).sum(1) / square
+        there = (x > 0.0) & (y > 0.0) & (x + y < 1.0) & (np.abs((away * normal).sum(1)) < thin)
+        sums += np.bincount(one, values[other] * there, minlength=count) / len(_INSIDE)
+    return sums
 
 
 def _corners(mesh: Mesh) -> np.ndarray:

@@ -85,10 +85,12 @@ def test_E_its_vector_gradient_and_curvature_are_those_of_lamberts_formula(ctx: 
 
 
 @pytest.mark.parametrize("kind", ["trace", "embree"])
-def test_both_faces_of_a_panel_are_one_light(ctx: moderngl.Context, kind: str) -> None:
-    """A CAD model has a face for each side of a panel. A ray ends at one of both, so that light is that of a single face."""
+@pytest.mark.parametrize("faces", [[[2, 1, 0], [3, 2, 0]], [[3, 2, 1], [3, 1, 0]]])
+def test_both_faces_of_a_panel_are_one_light(ctx: moderngl.Context, kind: str, faces: list[list[int]]) -> None:
+    """A CAD model has a face for each side of a panel, with one diagonal or the other. A ray ends at one of both faces, so that
+    light is that of a single face."""
     front = panel()
-    back = replace(front, normals=-front.normals, faces=front.faces[:, ::-1])
+    back = replace(front, normals=-front.normals, faces=np.array(faces, np.int32))
     where = np.random.default_rng(1).uniform((-1, 0, -1), (1, 0, 1), (32, 3))
     truth = polygon_vector(front.positions.astype(float), where) @ UP
     with Lit(ctx, scene(floor(6.0, -0.5, material(0.0)), front, back)) as lit:

@@ -222,7 +222,7 @@ def test_emitters_are_chosen_by_power() -> None:
     # each half of the first emits 6; of the second, a quarter of one triangle with 4, and three quarters of the other
     chosen = (found.share * found.power[found.group])[np.argsort(found.face)]
     assert np.allclose(chosen, np.array([6.0, 6.0, 3.0, 1.0]) / 16.0, atol=0.03)
-    there = (found.in_place * found.power[found.group])[np.argsort(found.face)]
+    there = (found.density * 0.5 * found.power[found.group])[np.argsort(found.face)]
     assert np.allclose(there, np.array([9.0, 7.0, 9.0, 7.0]) / 16.0, atol=0.05), "the triangles of both have the same corners"
     gone = replace(lit, material=replace(lit.material, alpha_mode="blend", opacity=0.2))
     assert Emitters.of(Surfaces.of(scene(floor(9.0), gone))) is None  # light does not see it
