@@ -12,7 +12,7 @@ from irrsplat.app.common.parser import Parser
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat cache`."""
-    words = "list, merge and prune cache files"
+    words = "inspect, merge and prune cache files"
     parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
     tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
     info = tools.add_parser(
