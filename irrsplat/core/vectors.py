@@ -6,14 +6,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from irrsplat.core.errors import IrrsplatError
+
+Vector = tuple[float, float, float]
 
 _BLOCK = 1 << 15  # triangles at once: some megabytes
 _FAR = 4.0  # diagonals from 0 0 0 beyond which float32 is too coarse: shadow rays start 2⁻²⁰ of the diagonal above their surface
 
 
-def near_origin(low: np.ndarray, high: np.ndarray) -> tuple[float, float, float]:
+def vector(values: npt.ArrayLike) -> Vector:
+    """Return three values as a tuple."""
+    x, y, z = np.asarray(values, float).tolist()
+    return x, y, z
+
+
+def near_origin(low: np.ndarray, high: np.ndarray) -> Vector:
     """Return a point near the middle of the box `low` to `high`, (3,) each, if it is many diagonals from 0 0 0; else 0 0 0.
 
     The point is a multiple of a power of two greater than the box. Scenes moved by multiples of it keep the same relative
@@ -23,8 +32,7 @@ def near_origin(low: np.ndarray, high: np.ndarray) -> tuple[float, float, float]
     if not np.isfinite(middle).all() or np.abs(middle).max() <= _FAR * diagonal:
         return 0.0, 0.0, 0.0
     step = 2.0 ** np.ceil(np.log2(diagonal) + 1.0) if diagonal > 0.0 else 1.0
-    x, y, z = (np.round(middle / step) * step + 0.0).tolist()  # + 0: no -0
-    return x, y, z
+    return vector(np.round(middle / step) * step + 0.0)  # + 0: no -0
 
 
 def box(points: np.ndarray) -> np.ndarray:

@@ -6,13 +6,14 @@ import math
 import os
 import pathlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import vector
 from irrsplat.core.words import number, quote
 from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.text.scene_text import USAGE
@@ -111,7 +112,7 @@ def _between(around: list[Camera], t: float) -> Camera:
     view = _view(around, w, t)
     zoom = w @ np.log(np.clip([key.screen / 2.0 for key in around], 1e-9, 1e9))  # beyond these limits the fov rounds to 0 or 180
     fov = math.degrees(2.0 * math.atan(math.exp(zoom)))
-    return Camera(_triple(eye), _triple(eye + distance * view), _triple(_up(around, w, t, view)), fov)
+    return Camera(vector(eye), vector(eye + distance * view), vector(_up(around, w, t, view)), fov)
 
 
 def _weights(t: float) -> np.ndarray:
@@ -146,11 +147,6 @@ def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.n
     return level
 
 
-def _triple(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
 # ---- the text ------------------------------------------------------------------------------------------------------------
 
 
@@ -165,7 +161,7 @@ def _cam(line: Line, fov: float) -> Camera:
         raise line.error(f"'cam' has {len(args)} values; expected: {_CAM}")
     values = line.numbers(USAGE["cam"], args)
     try:
-        return Camera(_triple(values[0:3]), _triple(values[3:6]), _triple(values[6:9]), fov)
+        return Camera(vector(values[0:3]), vector(values[3:6]), vector(values[6:9]), fov)
     except InputError as error:
         raise line.error(str(error)) from None
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from irrsplat.core.glsl import SKY_RAY_TEXELS
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.sky.sphere import equirectangular, from_square, pyramid, square, trilinear
 from irrsplat.sky.split import Sun
 
@@ -49,21 +50,16 @@ class Environment:
     @cached_property
     def light_levels(self) -> list[np.ndarray]:
         """`light` in the equal-area square with its coarser levels, (N, N, 3) float32 each, row by row along v."""
-        height, width = self.light.shape[:2]
-        requested = np.sqrt(4.0 * np.pi) * 2.0 * height / np.pi  # texels half as wide as the map's
+        requested = np.sqrt(4.0 * np.pi) * 2.0 * len(self.light) / np.pi  # texels half as wide as the map's
         side = int(np.clip(2 ** np.ceil(np.log2(requested)), _LEAST_TEXELS, _MOST_TEXELS))
-        source = self.light
-        while source.shape[0] >= 4 * side and source.shape[0] % 2 == source.shape[1] % 2 == 0:
-            height, width = source.shape[:2]
-            source = source.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
+        source = pyramid(self.light, 4 * side)[-1]
         total = np.zeros((side, side, 3))
         for dy in range(_POINTS):
             for dx in range(_POINTS):
                 x, y = ((np.arange(side) + (d + 0.5) / _POINTS) / side for d in (dx, dy))
                 total += _texel(source, from_square(*np.meshgrid(x, y)))
         mean = total.mean((0, 1))
-        requested_mean = self.mean
-        return pyramid((total * np.divide(requested_mean, mean, out=np.zeros(3), where=mean > 0.0)).astype(np.float32))
+        return pyramid((total * np.divide(self.mean, mean, out=np.zeros(3), where=mean > 0.0)).astype(np.float32))
 
     @cached_property
     def mean(self) -> np.ndarray:
@@ -87,10 +83,9 @@ class Environment:
         level = 0.5 * np.log2(np.maximum(np.broadcast_to(solid, u.shape), texel) / texel)
         return trilinear(self.light_levels, level, u, v, wrap=False)
 
-    def toward(self, sun: Sun) -> tuple[float, float, float]:
+    def toward(self, sun: Sun) -> Vector:
         """Return the (3,) unit direction towards a sun, world space."""
-        x, y, z = (self.frame.T @ np.asarray(sun.direction) + 0.0).tolist()
-        return x, y, z
+        return vector(self.frame.T @ np.asarray(sun.direction) + 0.0)
 
 
 def frame_of(axes: np.ndarray, turn: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import io
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -91,27 +91,15 @@ def read_exr(path: Path) -> np.ndarray:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Hide OpenEXR's messages on stdout and stderr within the block; an error is one line of ours."""
-    with redirect_stdout(io.StringIO()), _without_stderr():
+    """Hide the messages of OpenEXR and its C library on stdout and stderr within the block."""
+    with redirect_stdout(io.StringIO()), ExitStack() as restored:
+        with suppress(OSError):  # there may be no stderr
+            kept = os.dup(2)
+            restored.callback(os.close, kept)
+            restored.callback(os.dup2, kept, 2)
+            with open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), 2)
         yield
-
-
-@contextmanager
-def _without_stderr() -> Iterator[None]:
-    """Discard stderr within the block, including output of C libraries."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # there is no stderr
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _most_pixels(size: int) -> int:

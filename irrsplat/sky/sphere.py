@@ -8,14 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def row_angles(height: int) -> np.ndarray:
-    """Return (height + 1,) angles from the zenith of the row borders of an equirectangular map, radians."""
-    return np.linspace(0.0, np.pi, height + 1)
-
-
 def solid_angles(height: int, width: int) -> np.ndarray:
     """Return (height,) solid angles of a texel in each row of an equirectangular map, steradians."""
-    areas: np.ndarray = -np.diff(np.cos(row_angles(height))) * (2.0 * np.pi / width)
+    areas: np.ndarray = -np.diff(np.cos(np.linspace(0.0, np.pi, height + 1))) * (2.0 * np.pi / width)
     return areas
 
 
@@ -76,10 +71,13 @@ def bilinear(image: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: bool) -> np.
     return found
 
 
-def pyramid(image: np.ndarray) -> list[np.ndarray]:
-    """Return the image (H, W, C) and its coarser levels, means of 2×2 texels, while both sides are even."""
+def pyramid(image: np.ndarray, least: int = 2) -> list[np.ndarray]:
+    """Return the image (H, W, C) and its coarser levels, means of 2×2 texels.
+
+    Levels with an odd side and levels of less than `least` rows are not halved further.
+    """
     levels = [image]
-    while levels[-1].shape[0] % 2 == levels[-1].shape[1] % 2 == 0:
+    while len(levels[-1]) >= least and levels[-1].shape[0] % 2 == levels[-1].shape[1] % 2 == 0:
         height, width, channels = levels[-1].shape
         levels.append(levels[-1].reshape(height // 2, 2, width // 2, 2, channels).mean((1, 3), dtype=np.float32))
     return levels

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.sky.sphere import solid_angles, texel_directions
 
 # Of 4096 rays, one at this multiple of the sky's mean radiance is 0.4 % of all light; brighter texels would be noise.
@@ -21,8 +22,8 @@ _MOST, _TRIES = 4, 16  # discs, and examined bright places
 class Sun:
     """Light from far away. direction: (3,) towards it, unit, in the sky's axes; irradiance: (3,) W/m² perpendicular to it."""
 
-    direction: tuple[float, float, float]
-    irradiance: tuple[float, float, float]
+    direction: Vector
+    irradiance: Vector
 
 
 def split(radiance: np.ndarray) -> tuple[np.ndarray, tuple[Sun, ...]]:
@@ -65,9 +66,7 @@ def split(radiance: np.ndarray) -> tuple[np.ndarray, tuple[Sun, ...]]:
 
 def sun(direction: np.ndarray, irradiance: np.ndarray) -> Sun:
     """Return the Sun in `direction` (3,), of any length, of `irradiance` W/m² (3,)."""
-    x, y, z = (direction / np.linalg.norm(direction)).tolist()
-    r, g, b = irradiance.tolist()
-    return Sun((x, y, z), (r, g, b))
+    return Sun(vector(direction / np.linalg.norm(direction)), vector(irradiance))
 
 
 def _usual(brightness: np.ndarray, area: np.ndarray) -> float:

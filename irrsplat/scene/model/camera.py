@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.model.checks import check_type, checked, checked_number, moved, put
+from irrsplat.core.vectors import vector
+from irrsplat.scene.model.checks import check_type, checked, checked_number, put
 
 _GREATEST_COORDINATE = 1e24  # of a camera's numbers; allows the distant eye of a nearly parallel projection
 _WIDEST_RATIO = 2.4  # ratio of the longer to the shorter side above which a picture is a strip
@@ -60,7 +61,7 @@ class Camera:
 
     def shifted(self, by: npt.ArrayLike) -> Camera:
         """Return the camera shifted by `by` (3,) metres, with the same view."""
-        return replace(self, eye=moved(self.eye, by), target=moved(self.target, by))
+        return replace(self, eye=vector(np.add(self.eye, by)), target=vector(np.add(self.target, by)))
 
     @property
     def screen(self) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST
@@ -15,12 +14,6 @@ def put(thing: object, **values: object) -> None:
     """Set fields of a frozen dataclass during its construction, for example to normalized values."""
     for name, value in values.items():
         object.__setattr__(thing, name, value)
-
-
-def moved(place: tuple[float, float, float], by: npt.ArrayLike) -> tuple[float, float, float]:
-    """Return the point shifted by `by` (3,)."""
-    x, y, z = np.add(place, np.asarray(by, float)).tolist()
-    return x, y, z
 
 
 def check_type(what: str, value: object, kind: type, *others: None) -> None:

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import vector
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.model.checks import check_type, checked, checked_number, moved, put
+from irrsplat.scene.model.checks import check_type, checked, checked_number, put
 from irrsplat.sky.environment import Environment
 
 
@@ -152,8 +153,8 @@ class Light:
         """Return the light shifted by `by` (3,) metres; directional lights do not change."""
         if self.directional:
             return self
-        target = None if self.spot_target is None else moved(self.spot_target, by)
-        return replace(self, position=moved(self.position, by), spot_target=target)
+        target = None if self.spot_target is None else vector(np.add(self.spot_target, by))
+        return replace(self, position=vector(np.add(self.position, by)), spot_target=target)
 
     def strength(self, distance: float) -> float:
         """Return the irradiance of a surface that faces the light at `distance` metres, W/m² per unit of colour, or of intensity.

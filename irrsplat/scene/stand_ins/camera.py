@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.vectors import vector
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, directions, surroundings
 
@@ -94,13 +95,13 @@ def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
     """Return the nearest camera in direction `way` (right, up and front) that sees every vertex."""
     out = way @ axes
     centre = scene.bounds.mean(0)
-    towards = Camera(_point(centre + out), _point(centre), _point(axes[1]), _OUTSIDE)
+    towards = Camera(vector(centre + out), vector(centre), vector(axes[1]), _OUTSIDE)
     slope, reach = np.tan(np.radians(_OUTSIDE) / 2.0), 0.05 * scene.diagonal
     for points in (mesh.positions for mesh in scene.meshes if len(mesh.positions)):
         x, y, z = towards.axes.astype("f4") @ (points - centre.astype("f4")).T
         reach = max(reach, float((z + np.maximum(np.abs(x), np.abs(y)) / slope).max()))
     distance = 1.08 * reach
-    return Camera(_point(centre + distance * out), _point(centre), _point(axes[1]), _OUTSIDE)
+    return Camera(vector(centre + distance * out), vector(centre), vector(axes[1]), _OUTSIDE)
 
 
 def _way_out(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
@@ -134,9 +135,5 @@ def _camera_in_room(points: SurfacePoints, axes: np.ndarray, rooms: list[tuple[n
         if shown[sector] > best:
             way = directions(axes)[:, sector].mean(0)
             way *= np.median(level[:, sector]) / np.linalg.norm(way)
-            best, camera = float(shown[sector]), Camera(_point(at), _point(at + way), _point(axes[1]), _INSIDE)
+            best, camera = float(shown[sector]), Camera(vector(at), vector(at + way), vector(axes[1]), _INSIDE)
     return camera
-
-
-def _point(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])

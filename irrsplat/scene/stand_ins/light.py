@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
-from irrsplat.core.vectors import triangle_areas
+from irrsplat.core.vectors import Vector, triangle_areas, vector
 from irrsplat.scene.model import Camera, Image, Light, Mesh, Scene
 from irrsplat.scene.stand_ins.surroundings import Surroundings
 
-Vector = tuple[float, float, float]
 Enclosure = Literal["none", "half", "closed"]
 SKY: Vector = (1.0, 1.0, 1.0)  # mean radiance, W/(m² sr)
 GRADIENT: Vector = (0.6, 0.6, 0.6)  # the zenith is four times as bright as the nadir
@@ -33,13 +32,12 @@ def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Lig
     """
     right, back = camera.axes[0], np.cross(camera.axes[0], up)
     if around is None:
-        x, y, z = (_KEY_DIRECTION @ np.stack([right, up, back])).tolist()
-        return Light((x, y, z), KEY, directional=True, name="key")
+        return Light(vector(_KEY_DIRECTION @ np.stack([right, up, back])), KEY, directional=True, name="key")
     distance = np.where(np.isfinite(around.distance), around.distance, np.nan)
     above = float(np.nanmedian(distance[-3:])) if np.isfinite(distance[-3:]).any() else float(np.nanmedian(distance))
-    x, y, z = (np.asarray(camera.eye) + 0.6 * above * up).tolist()
+    place = vector(np.asarray(camera.eye) + 0.6 * above * up)
     power = math.pi * float(np.nanmedian(distance)) ** 2  # E of π at the median distance
-    return Light((x, y, z), (power * SKY[0], power * SKY[1], power * SKY[2]), physical=True, name="key")
+    return Light(place, vector(power * np.asarray(SKY)), physical=True, name="key")
 
 
 def own_light(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own"]:
@@ -62,8 +60,7 @@ def own_light(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "
 def fill_sky(scene: Scene) -> tuple[Vector, Vector]:
     """Return the sky next to a lone sun, (sky, sky_gradient): grey, with FILL times its irradiance."""
     share = FILL * sum(_luminance(light.color) for light in scene.lights if light.directional)
-    (r, g, b), (x, y, z) = SKY, GRADIENT
-    return (share * r, share * g, share * b), (share * x, share * y, share * z)
+    return vector(share * np.asarray(SKY)), vector(share * np.asarray(GRADIENT))
 
 
 def _light_power(light: Light, radius: float) -> float:

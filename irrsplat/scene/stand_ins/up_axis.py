@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.load_options import UpAxis
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Camera
 
-Vector = tuple[float, float, float]
 _AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # Exporters with z up that do not rotate their OBJ files, unlike Blender, 3ds Max, Maya and Rhino.
 _Z_UP = re.compile(
@@ -47,8 +47,7 @@ def nearest_axis(camera: Camera) -> Vector:
     """
     up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
     both = np.concatenate([np.eye(3), -np.eye(3)])
-    x, y, z = both[int(np.argmax(both @ up - np.abs(both @ camera.axes[0])))].tolist()
-    return x, y, z
+    return vector(both[int(np.argmax(both @ up - np.abs(both @ camera.axes[0])))])
 
 
 def axes(up: Vector) -> np.ndarray:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.nodes import Node
@@ -16,7 +17,6 @@ from irrsplat.scene.model import Camera, Light
 
 _LIGHTS = "KHR_lights_punctual"
 _DISTANCE = 1000.0  # of the pinhole camera that replaces an orthographic one, in diagonals of the scene
-_Vector = tuple[float, float, float]
 
 
 def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> list[Camera]:
@@ -111,8 +111,7 @@ def _direction(axis: np.ndarray) -> np.ndarray:
     return np.asarray(axis[:3] / length)
 
 
-def _vector(values: np.ndarray | Sequence[float]) -> _Vector:
-    x, y, z = np.asarray(values, float).tolist()
-    if not max(abs(x), abs(y), abs(z)) <= GREATEST:
+def _vector(values: np.ndarray) -> Vector:
+    if not np.abs(values).max() <= GREATEST:  # false for NaN
         raise Damaged("its place or intensity exceeds the range of 32-bit floats")
-    return x, y, z
+    return vector(values)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import vector
 from irrsplat.core.words import quote
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.io.lines import Line, lines
@@ -38,7 +39,7 @@ _ATTENUATION = ("constantAttenuation", "linearAttenuation", "quadraticAttenuatio
 
 @dataclass
 class LightReader:
-    """Lights of one scene; each file is read once.
+    """Lights of one scene, which has one unit of light; each file is read once.
 
     files: all files read. notices: remarks for users.
     """
@@ -46,13 +47,13 @@ class LightReader:
     files: list[Path] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
     _photometries: dict[Path, Photometry] = field(default_factory=dict)
-    _lights: dict[tuple[Path, float], Light] = field(default_factory=dict)
+    _lights: dict[Path, Light] = field(default_factory=dict)
 
     def light(self, path: Path, per_unit: float = 1.0) -> Light:
         """Return the light in a `.light` file, as `_read`."""
-        if (path, per_unit) not in self._lights:
-            self._lights[path, per_unit] = self._read(path, per_unit)
-        return self._lights[path, per_unit]
+        if path not in self._lights:
+            self._lights[path] = self._read(path, per_unit)
+        return self._lights[path]
 
     def _read(self, path: Path, per_unit: float) -> Light:
         """Read the light in the `.light` file at `path`; raise InputError with file and line for an invalid file.
@@ -96,12 +97,14 @@ def placed(photometry: Photometry, matrix: np.ndarray) -> Light:
         raise InputError("the matrix here stretches the luminaire; expected a scale that is the same along x, y and z")
     if np.linalg.det(turn) < 0.0:
         photometry = replace(photometry, axes=photometry.axes * [1.0, -1.0, 1.0])  # x and z give the place, y follows
-    x, y, z = matrix[:3, 3].tolist()
-    u, v, w = (matrix[:3, 3] - turn[:, 2]).tolist()
-    a, b, c = turn[:, 0].tolist()
-    name = Path(photometry.path).stem
     return Light(
-        (x, y, z), (1.0, 1.0, 1.0), physical=True, spot_target=(u, v, w), name=name, photometry=photometry, across=(a, b, c)
+        vector(matrix[:3, 3]),
+        (1.0, 1.0, 1.0),
+        physical=True,
+        spot_target=vector(matrix[:3, 3] - turn[:, 2]),
+        name=Path(photometry.path).stem,
+        photometry=photometry,
+        across=vector(turn[:, 0]),
     )
 
 
@@ -138,7 +141,7 @@ def _luminaire(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Li
         spot_target=(u, v, t),
         name=path.stem,
         photometry=photometry,
-        across=(across[0], across[1], across[2]),
+        across=vector(across),
     )
 
 
@@ -166,11 +169,11 @@ def _light(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Line],
 
     target, cutoff, inner = _cone(found, at, tuple(position), directional)
     return Light(
-        position=(position[0], position[1], position[2]),
-        color=(color[0] * per_unit, color[1] * per_unit, color[2] * per_unit),
+        position=vector(position),
+        color=vector([c * per_unit for c in color]),
         directional=directional,
         physical=physical,
-        attenuation=(attenuation[0], attenuation[1], attenuation[2]),
+        attenuation=vector(attenuation),
         spot_target=target,
         spot_cutoff=cutoff,
         spot_inner=inner,
