@@ -11,7 +11,6 @@ from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
 from irrsplat.core.paths import within
 from irrsplat.core.words import quote
-from irrsplat.scene.io.defaults import WORLD, FarAway
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
@@ -69,13 +68,10 @@ def load(
     path = located(source)
     read = _reader(path.suffix.lower())
     with within(path, options.allow):
-        try:
-            return read(path, options, WORLD)
-        except FarAway as far:
-            return read(path, options, far.origin)
+        return read(path, options)
 
 
-def _reader(ending: str) -> Callable[[Path, LoadOptions, tuple[float, float, float]], Scene]:
+def _reader(ending: str) -> Callable[[Path, LoadOptions], Scene]:
     """Return the reader for files of this ending."""
     if ending == ".scene":
         return load_text

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
-from irrsplat.core.vectors import box, near_origin, times
+from irrsplat.core.vectors import vector
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.defaults import WORLD, FarAway, finish
+from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -25,6 +25,7 @@ from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.map_file import MOST_ROWS
 from irrsplat.sky.sky_text import Sky, sky_of
+from irrsplat.sky.sphere import pyramid
 from irrsplat.sky.split import split
 
 Up = Literal["x", "y", "z"]
@@ -72,11 +73,10 @@ def make_mesh(
     if normals is None and crease_angle > 0.0 and len(corners):
         smooth, corner_normals = crease_normals(points, corners, crease_angle)
         part = replace(part, normals=smooth, corner_normals=corner_normals)
-    matrix = np.eye(4) if part.matrix is None else part.matrix
-    origin = near_origin(*box(times(points, matrix[:3, :3]) + matrix[:3, 3])) if len(points) else WORLD
-    (built,) = build_meshes([part], origin)
-    mesh = built.mesh_or_error(Path(name or "mesh"))
-    return mesh if origin == WORLD else replace(mesh, positions=mesh.positions.astype(float) + origin)
+    (built,), origin = build_meshes([part])
+    if built.mesh is None:
+        raise InputError(built.problem, name or "mesh")
+    return replace(built.mesh, positions=built.mesh.positions.astype(float) + origin) if any(origin) else built.mesh
 
 
 def make_scene(
@@ -100,14 +100,11 @@ def make_scene(
     around = _given_sky(sky)
     if up not in ("x", "y", "z"):
         raise InputError(f"up is one of x, y, z, not {up!r:.60}")
-    if not any(len(mesh.faces) for mesh in given.meshes):
+    near = replace(given, meshes=tuple(mesh for mesh in given.meshes if len(mesh.faces))).recentred
+    if not near.meshes:
         raise InputError("no triangle of these meshes has an area; nothing is left to show", name)
-    path, vector = Path(name), up_vector(Path(name), up)
-    try:
-        scene = finish(path, given.meshes, given.lights, given.cameras, around, {}, up=vector, invent=False)
-    except FarAway as far:
-        moved = given.relative_to(far.origin).meshes
-        scene = finish(path, moved, given.lights, given.cameras, around, {}, up=vector, origin=far.origin, invent=False)
+    path, upward = Path(name), up_vector(Path(name), up)
+    scene = finish(path, near.meshes, near.lights, near.cameras, around, {}, up=upward, origin=near.origin, invent=False)
     return replace(scene, path="", files=())
 
 
@@ -122,16 +119,12 @@ def _given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
     except (TypeError, ValueError):
         array = np.zeros(0, np.float32)
     if array.shape == (3,):
-        red, green, blue = checked("a sky's radiance", array, 3, 0.0)
-        return Sky((red, green, blue))
+        return Sky(vector(checked("a sky's radiance", array, 3, 0.0)))
     if array.ndim != 3 or array.shape[2] != 3 or min(array.shape[:2]) < 2:
         raise InputError("a sky is a radiance (3,), a map of radiance (H, W, 3), or a text such as 'cie overcast lux 10000'")
     if not (array.min() >= 0.0 and array.max() <= GREATEST):  # false for NaN
         raise InputError(f"a sky's radiance is from 0 to {GREATEST:g}")
-    while len(array) > MOST_ROWS and array.shape[0] % 2 == array.shape[1] % 2 == 0:
-        height, width = array.shape[:2]
-        array = array.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
-    shown = np.ascontiguousarray(array, np.float32)
+    shown = np.ascontiguousarray(pyramid(array, MOST_ROWS + 1)[-1])
     light, suns = split(shown)
     return Sky(environment=Environment(shown, light, suns, f"a map, {shown.shape[1]}x{shown.shape[0]}"))
 

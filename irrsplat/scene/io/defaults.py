@@ -9,25 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import near_origin
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.scene.model import Camera, Light, Mesh, Scene, sun_lights
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
 from irrsplat.scene.stand_ins.subject import subject
 from irrsplat.scene.stand_ins.surroundings import surface_points
-from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
+from irrsplat.scene.stand_ins.up_axis import axes, nearest_axis
 from irrsplat.sky.environment import frame_of
 from irrsplat.sky.sky_text import Sky
-
-WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene near 0 0 0
-
-
-class FarAway(Exception):
-    """A scene is too far from its origin for float32; the loader reads it again with this origin, without loss."""
-
-    def __init__(self, origin: Vector) -> None:
-        super().__init__(f"it lies far from the origin of coordinates, near {origin}")
-        self.origin = origin
 
 
 def finish(
@@ -40,7 +30,7 @@ def finish(
     remarks: Sequence[str] = (),
     files: Sequence[Path] = (),
     up: Vector | None = None,
-    origin: Vector = WORLD,
+    origin: Vector = (0.0, 0.0, 0.0),
     invent: bool = True,
 ) -> Scene:
     """Return the Scene of these parts; meshes are relative to `origin`. `sky` None: none was requested.
@@ -48,8 +38,7 @@ def finish(
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: read apart from `path`. up: the up vector.
     None: that of the first camera, and a uniform sky for a scene without light, as for a `.scene`. Otherwise a scene with too
     little light gets a sky with a gradient and a key light, and a scene with directional light alone gets only the sky. invent:
-    False leaves existing light alone, however weak. Raises FarAway if the meshes are far from 0 0 0 and `origin` is not set, and
-    InputError for a file with an `up` and no triangle with an area.
+    False leaves existing light alone, however weak. Raises InputError for a file with an `up` and no triangle with an area.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
@@ -60,13 +49,10 @@ def finish(
             raise InputError(f"{why}; nothing is left to show", path)
         notices.append(f"{path}: {why}; its sky alone is shown")
     radiance, sky_files = ((0.0, 0.0, 0.0), ()) if sky is None else (sky.radiance, sky.files)
-    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path), origin=origin)
-    if origin == WORLD and (nearer := near_origin(*scene.bounds)) != WORLD:
-        raise FarAway(nearer)
-    scene = scene.local
+    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path), origin=origin).local
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
-    scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
+    scene = replace(scene, up=vector(world[1] + 0.0), own_sky=sky is not None or up is None)
     main_part = scene if cameras else subject(scene)
     points = surface_points(main_part)
     room_places = camera.room_places(main_part, points, world) if up is not None or not cameras else camera.RoomPlaces(())
@@ -77,15 +63,15 @@ def finish(
         notices.append(f"{path}: no camera; added a camera {where}")
         scene, main_part = replace(scene, cameras=(added,)), replace(main_part, cameras=(added,))
     if up is None:
-        if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
+        if sky is None and not lights and not scene.emissive:
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; added a sky of radiance 1 1 1")
-    elif sky is None and (invent or not (lights or any(any(mesh.material.emission) for mesh in meshes))):
+    elif sky is None and (invent or not (lights or scene.emissive)):
         around = camera.enclosure_of_camera(main_part, points, world, room_places)
         inside = inside or around is not None
         own = light.own_light(scene, "closed" if inside else "half" if room_places.places else "none")
         if own == "nothing":
-            few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
+            few = "too little light" if lights or scene.emissive else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
             what = "a sky and a point light" if inside else "a sky that is brighter above and a key light"
             notices.append(f"{path}: {few}; added {what}")
@@ -108,8 +94,3 @@ def with_sky(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
         return replace(scene, sky=sky.radiance)
     environment = replace(sky.environment, frame=frame_of(world, sky.turn))
     return replace(scene, environment=environment, lights=(*scene.lights, *sun_lights(environment)))
-
-
-def _vector(values: np.ndarray) -> Vector:
-    x, y, z = (values + 0.0).tolist()  # + 0: no -0
-    return x, y, z

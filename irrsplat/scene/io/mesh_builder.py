@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import Vector, near_origin, times, unit
 from irrsplat.core.vectors import cross as cross_product
-from irrsplat.core.vectors import times, unit
-from irrsplat.scene.io.part import Part, corner_problem
-from irrsplat.scene.model import Mesh
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Mesh, Scene
 
 _FLAT = 1e-12  # twice the area over the longest edge squared; smaller values are rounding errors
 _HASH = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)  # odd factors
@@ -27,40 +25,29 @@ class Built:
     dropped: int = 0
     problem: str = ""
 
-    def mesh_or_error(self, path: Path) -> Mesh:
-        """Return the mesh; raise InputError with `path` where there is none."""
-        if self.mesh is None:
-            raise InputError(self.problem, path)
-        return self.mesh
 
+def build_meshes(parts: Sequence[Part]) -> tuple[list[Built], Vector]:
+    """Return the mesh of each part in world space, and the origin that their positions are relative to.
 
-def build_meshes(parts: Iterable[Part], origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Iterator[Built]:
-    """Yield the mesh of each part in world space, relative to `origin`, in order.
-
-    A triangle with a missing or zero normal gets its face normal and vertices of its own. Problems are indices and coordinates
-    out of range, and transforms that cannot be inverted or exceed the range of float32.
+    The origin is 0 0 0, or near the meshes if these lie far from there. A triangle with a missing or zero normal gets its face
+    normal and vertices of its own. The problem is a transform that cannot be inverted or exceeds the range of float32.
     """
-    for part in parts:
-        try:
-            yield _build(part, origin)
-        except InputError as error:
-            yield Built(part, problem=str(error))
+    built = [built_mesh(part) for part in parts]
+    meshes = tuple(one.mesh for one in built if one.mesh is not None)
+    origin = near_origin(*Scene(meshes, (), ()).bounds)
+    return ([built_mesh(part, origin) for part in parts] if any(origin) else built), origin
 
 
-def _build(part: Part, origin: tuple[float, float, float]) -> Built:
-    """Return the mesh of a part; raise InputError with the problem of a part that cannot be built."""
+def built_mesh(part: Part, origin: Vector = (0.0, 0.0, 0.0)) -> Built:
+    """Return the mesh of a part, relative to `origin`."""
     corners, matrix = part.corners.astype(np.int64), np.eye(4) if part.matrix is None else part.matrix
     turn = matrix[:3, :3]
-    if problem := corner_problem(corners, len(part.positions)):
-        raise InputError(problem)
     with np.errstate(all="ignore"):
         world = times(part.positions.astype(float), turn) + (matrix[:3, 3] - origin)
         positions, determinant = world.astype(np.float32), np.linalg.det(turn)
         if not np.isfinite(positions).all() or not np.isfinite(determinant) or determinant == 0.0:
-            if not np.isfinite(part.positions).all():
-                raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates")
-            reason = "the transformed coordinates exceed the range of 32-bit floats, or all collapse; change the scale"
-            raise InputError(reason)
+            problem = "the transformed coordinates exceed the range of 32-bit floats, or all collapse; change the scale"
+            return Built(part, problem=problem)
         normals = np.zeros((0, 3))
         if part.normals is not None:
             normals = np.nan_to_num(part.normals.astype(float), posinf=0.0, neginf=0.0)

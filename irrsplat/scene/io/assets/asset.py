@@ -11,22 +11,22 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.assets.ply import read_ply
 from irrsplat.scene.io.assets.stl import read_stl
-from irrsplat.scene.io.defaults import WORLD, finish
+from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.asset import read_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Scene
-from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
+from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 
 
-def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
+def load_asset(path: Path, options: LoadOptions) -> Scene:
     """Load the geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
 
-    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and defaults. origin: of the scene.
-    Raises FarAway for another origin, and InputError, one line with the file's path, for a missing or damaged file.
+    Missing vertex normals are computed by options.crease_angle. Scene.notices list omissions and defaults.
+    Raises InputError, one line with the file's path, for a missing or damaged file.
     """
     notices: list[str] = []
     sky = sky_of(options.sky)
@@ -41,10 +41,9 @@ def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scen
         detail = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
         kind = path.suffix[1:].upper()
         raise InputError(f"this is no {kind} file, or a damaged one{detail}; export it again", path) from None
-    meshes, dropped = [], 0
-    for built in build_meshes(parts, origin):
-        meshes.append(built.mesh_or_error(path))
-        dropped += built.dropped
+    found, origin = build_meshes(parts)
+    meshes = [built.mesh for built in found if built.mesh is not None]  # without transforms, none has a problem
+    dropped = sum(built.dropped for built in found)
     files = [file for part in parts for file in part.files]
     up = up_vector(path, options.up_axis)
     return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up, origin)

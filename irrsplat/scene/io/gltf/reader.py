@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
-from irrsplat.core.vectors import times
+from irrsplat.core.vectors import Vector, times
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.defaults import WORLD, finish
+from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
@@ -27,7 +27,7 @@ from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
+from irrsplat.scene.stand_ins.up_axis import up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _SUPPORTED = {  # extensions that are supported, or that have no visible effect
@@ -59,19 +59,18 @@ _SUPPORTED = {  # extensions that are supported, or that have no visible effect
 }
 
 
-def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
+def load_gltf(path: Path, options: LoadOptions) -> Scene:
     """Load the default scene of a `.gltf` or `.glb` file, in metres, y up unless the options differ.
 
     Nodes are where the file stores them, without animations. Damaged and unsupported parts are left out, with Scene.notices.
-    origin: of the scene. Raises FarAway for another origin, and InputError, one line with the file's path, for a truncated file,
-    for no glTF 2.0, and for one without visible triangles.
+    Raises InputError, one line with the file's path, for a truncated file, for no glTF 2.0, and without visible triangles.
     """
     sky = sky_of(options.sky)
     document = read(path)
     document.per_unit = options.per_unit
     with np.errstate(all="ignore"):
-        reader = _Reader(document, origin)
-        meshes = reader.meshes()
+        reader = _Reader(document)
+        meshes, origin = reader.meshes()
         if not meshes:
             raise InputError(f"{reader.failure()}; nothing is left to show", path)
         bounds = Scene(tuple(meshes), (), (), origin=origin).bounds
@@ -97,37 +96,30 @@ def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene
     )
 
 
-@dataclass
 class _Reader:
-    """Conversion of a document's meshes. origin: of the scene. degenerate: number of dropped triangles without an area."""
+    """Conversion of a document's meshes. nodes: the visible ones. degenerate: number of dropped triangles without an area."""
 
-    document: Document
-    origin: Vector
-    degenerate: int = 0
-    nodes: list[Node] = field(init=False)
-    _world: list[np.ndarray | None] = field(init=False)
-    _materials: Materials = field(init=False)
-    _mesh_uses: Counter[object] = field(init=False)  # number of nodes of each mesh
-    _attribute_cache: dict[object, Attributes] = field(default_factory=dict)  # of meshes with several nodes
-
-    def __post_init__(self) -> None:
-        self._world = worlds(self.document)
-        self.nodes = visible(self.document, self._world)
-        if not self.document.entries("nodes"):  # a library of meshes
-            self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(self.document.entries("meshes")))]
-        self._materials = Materials(self.document)
+    def __init__(self, document: Document) -> None:
+        self.document, self.degenerate = document, 0
+        self._world = worlds(document)
+        self.nodes = visible(document, self._world)
+        if not document.entries("nodes"):  # a library of meshes
+            self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(document.entries("meshes")))]
+        self._materials = Materials(document)
         self._mesh_uses = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
+        self._attribute_cache: dict[object, Attributes] = {}  # of meshes with several nodes
 
-    def meshes(self) -> list[Mesh]:
-        """Return the meshes of the visible nodes, one for each primitive with triangles."""
+    def meshes(self) -> tuple[list[Mesh], Vector]:
+        """Return the meshes of the visible nodes, one for each primitive with triangles, and their origin."""
         found = []
-        for built in build_meshes(self._parts(), self.origin):
+        all_built, origin = build_meshes(list(self._parts()))
+        for built in all_built:
             if built.mesh is None:
                 self.document.leave_out(built.part.source, built.problem)
             elif len(built.mesh.faces):
                 found.append(built.mesh)
             self.degenerate += built.dropped
-        return found
+        return found, origin
 
     def _parts(self) -> Iterator[Part]:
         """Yield the triangles of the visible nodes; the source of a part is the name of its node."""

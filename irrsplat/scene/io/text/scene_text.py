@@ -15,14 +15,13 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
 from irrsplat.core.words import is_number, quote
-from irrsplat.scene.io.defaults import WORLD, finish
+from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
 from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.mesh_builder import build_meshes
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Camera, Light, Material, Scene
-from irrsplat.scene.stand_ins.up_axis import Vector
 from irrsplat.sky import sky_text
 
 USAGE = {
@@ -43,14 +42,14 @@ _MOST_OBJECTS = 1 << 16  # `obj` lines, each of which becomes a mesh
 _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
-def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector = WORLD) -> Scene:  # noqa: B008  # it is frozen
+def load_text(path: Path, options: LoadOptions = LoadOptions()) -> Scene:  # noqa: B008  # it is frozen
     """Load the scene in the `.scene` file at `path`; raise InputError with file and line for an invalid file.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
     `cam`, else the first named one, else a camera that sees everything. Notices list omissions and defaults.
-    options: only the sky applies, in place of the file's. origin: of the scene; raises FarAway for another one.
+    options: only the sky applies, in place of the file's.
     """
-    reader = _Reader(other_sky=sky_text.sky_of(options.sky), origin=origin)
+    reader = _Reader(other_sky=sky_text.sky_of(options.sky))
     for line in lines(path):
         command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
         if command is None:
@@ -63,11 +62,10 @@ def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector =
 class _Reader:
     """Interpreter of the commands, one method each: OpenGL's state, and the scene so far.
 
-    other_sky: in place of the file's. origin: of the scene.
+    other_sky: in place of the file's.
     """
 
     other_sky: sky_text.Sky | None = None
-    origin: Vector = WORLD
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
     material: Material = Material()
@@ -81,7 +79,6 @@ class _Reader:
     parts: list[Part] = field(default_factory=list)
     paths: dict[str, Path] = field(default_factory=dict)  # of `obj` and `light` lines, by their text
     shapes: dict[Path, Shape] = field(default_factory=dict)
-    files: list[Path] = field(default_factory=list)
     light_reader: LightReader = field(default_factory=LightReader)
 
     def scene(self, path: Path) -> Scene:
@@ -95,13 +92,14 @@ class _Reader:
             except InputError as error:
                 raise line.error(str(error)) from None
         meshes, dropped = [], Counter[str]()
-        for built in build_meshes(self.parts, self.origin):
+        found, origin = build_meshes(self.parts)
+        for built in found:
             if built.mesh is None:
                 raise built.part.source.error(built.problem)
             meshes.append(built.mesh)
             dropped[str(built.part.files[0])] += built.dropped
-        files, sky = [*self.files, *self.light_reader.files], self.other_sky or self.sky
-        return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, self.origin)
+        files, sky = [*self.shapes, *self.light_reader.files], self.other_sky or self.sky
+        return finish(path, meshes, self.lights, cameras, sky, dropped, self.light_reader.notices, files, None, origin)
 
     def _once(self, key: str, line: Line) -> None:
         if key in self.once:
@@ -214,7 +212,6 @@ class _Reader:
             raise line.error(f"the scene has more than {_MOST_OBJECTS} 'obj' lines; join some of its objects in one file")
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
-            self.files.append(path)
         elif not take_copies(len(self.shapes[path].positions)):
             raise line.error(TOO_MANY_COPIES)
         shape = self.shapes[path]
