@@ -41,9 +41,10 @@ def read_image(data: bytes, name: str) -> Image:
     Raises InputError, one line without a place, for a broken image, one of more than 16384² pixels, and where the images of the
     scene have more pixels than `paths.take_pixels` allows.
     """
-    with _pillow_unlimited():
-        _check_pixels(data, name)
-        return _decoded(data, name)
+    (found,) = read_images([(data, name)])
+    if isinstance(found, InputError):
+        raise found
+    return found
 
 
 def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:

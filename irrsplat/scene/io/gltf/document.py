@@ -21,7 +21,6 @@ from irrsplat.core.words import GREATEST, spelled
 from irrsplat.scene.io.images import find_file
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-_MISSING = object()
 
 
 class Damaged(ValueError):
@@ -184,10 +183,9 @@ def number(entry: Mapping[str, Any], key: str, default: float) -> float:
 
 def numbers(entry: Mapping[str, Any], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
     """Return finite numbers of an object, as many as in the default, or the default if missing; raise Damaged for others."""
-    found = entry.get(key, _MISSING)
-    if found is _MISSING:
+    if key not in entry:
         return default
-    values = found if isinstance(found, list) else [found]
+    values = entry[key] if isinstance(entry[key], list) else [entry[key]]
     if len(values) != len(default) or not all(_is_number(value) for value in values):
         raise Damaged(f"its {key} is damaged")
     return tuple(float(value) for value in values)
@@ -203,15 +201,9 @@ def view(document: Document, index: object) -> tuple[np.ndarray, int | None, str
     Raises Damaged for missing data.
     """
     entry = document.entry("bufferViews", index)
-    data, buffer = _slice(document, entry)
-    stride = entry.get("byteStride")
-    return data, stride if isinstance(stride, int) and stride > 0 else None, document.buffer_name(buffer)
-
-
-def _slice(document: Document, entry: Mapping[str, Any]) -> tuple[np.ndarray, int]:
     buffer, start, length = (natural_number(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
-    data = np.frombuffer(document.buffer(buffer), np.uint8)
-    return data[start : start + length], buffer
+    data, stride = np.frombuffer(document.buffer(buffer), np.uint8)[start : start + length], entry.get("byteStride")
+    return data, stride if isinstance(stride, int) and stride > 0 else None, document.buffer_name(buffer)
 
 
 def natural_number(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:

@@ -12,15 +12,16 @@ import numpy as np
 
 from irrsplat.core.color import clip_color
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import READ_ERRORS, Damaged, Document, Missing, extension, number, numbers, printable
 from irrsplat.scene.io.gltf.packed import plain_view
-from irrsplat.scene.io.images import read_image, read_images
+from irrsplat.scene.io.images import read_images
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
-_Color = tuple[float, float, float]
+_UNLIT = "KHR_materials_unlit"
 _IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # in order of preference
 
 
@@ -43,8 +44,7 @@ class Materials:
 
     document: Document
     _surfaces: dict[object, Surface] = field(default_factory=dict)
-    _images: dict[object, Image | None] = field(default_factory=dict)
-    _clear: dict[int, bool] = field(default_factory=dict)  # True for images whose alpha is 1 everywhere, by id
+    _images: dict[object, Image | Exception | None] = field(default_factory=dict)  # None: its error has been reported
 
     def surface(self, index: object) -> Surface:
         """Return the material at `index`; grey with a reflectance of 0.5 for None and for a damaged one."""
@@ -57,19 +57,24 @@ class Materials:
         return self._surfaces[index]
 
     def read_images(self, indices: Iterable[object]) -> None:
-        """Read the images of the materials at these indices in parallel; errors are reported when a material uses them."""
+        """Read the images of the materials at these indices in parallel, in the first format of each."""
         sources: dict[object, None] = {}
         for index in dict.fromkeys(index for index in indices if isinstance(index, int)):
             with suppress(*READ_ERRORS):
-                for info in _Pictures.of(self.document.entry("materials", index)).all:
+                for info in filter(None, _texture_infos(self.document.entry("materials", index))):
                     sources |= dict.fromkeys(_sources(self.document.entry("textures", info.get("index")))[:1])
-        found: dict[object, tuple[bytes, str]] = {}
+        self._read_sources(sources)
+
+    def _read_sources(self, sources: Iterable[object]) -> None:
+        """Read the images at these indices into `_images`, unless they are there."""
+        encoded: dict[object, tuple[bytes, str]] = {}
         for source in sources:
-            with suppress(*READ_ERRORS):
-                found[source] = self.encoded(source)
-        for source, image in zip(found, read_images(list(found.values())), strict=True):
-            if isinstance(image, Image):
-                self._images[source] = image
+            if source not in self._images:
+                try:
+                    encoded[source] = self._encoded(source)
+                except (Damaged, InputError, MemoryError) as error:
+                    self._images[source] = error
+        self._images |= zip(encoded, read_images(list(encoded.values())), strict=True)
 
     def mesh_material(self, surface: Surface, colors: np.ndarray | None) -> Material:
         """Return the material of a mesh with vertex colours (V, 3 or 4), linear, or None.
@@ -78,35 +83,27 @@ class Materials:
         """
         material = surface.material
         seen_through = colors is not None and colors.shape[1] == 4 and not (colors[:, 3] >= 1.0).all()
-        if material.alpha_mode == "opaque" or material.opacity < 1.0 or seen_through or not self._is_clear(material):
+        if material.alpha_mode == "opaque" or material.opacity < 1.0 or seen_through:
             return material
-        return replace(material, alpha_mode="opaque")
-
-    def _is_clear(self, material: Material) -> bool:
-        if material.albedo_texture is None:
-            return True
-        image = material.albedo_texture.image
-        if id(image) not in self._clear:
-            self._clear[id(image)] = bool((image.pixels[..., 3] == 255).all())
-        return self._clear[id(image)]
+        texture = material.albedo_texture
+        return replace(material, alpha_mode="opaque") if texture is None or texture.image.alpha_range[0] == 1.0 else material
 
     def _read(self, entry: Mapping[str, Any]) -> Surface:
-        pictures = _Pictures.of(entry)
-        base, gloss, unlit = pictures.base, pictures.gloss, pictures.unlit
-        r, g, b, alpha = numbers(base, "baseColorFactor" if gloss is None else "diffuseFactor", (1.0, 1.0, 1.0, 1.0))
-        infos = pictures.color, pictures.emission, pictures.normal
-        sets = [_uv_set(info) for info in infos if isinstance(info, dict)]
+        base, factor, _ = _base(entry)
+        r, g, b, alpha = numbers(base, factor, (1.0, 1.0, 1.0, 1.0))
+        unlit = extension(entry, _UNLIT) is not None
+        infos = _texture_infos(entry)
+        sets = [_uv_set(info) for info in infos if info is not None]
         uv_sets = _two_sets(sets)
         if any(used not in uv_sets for used in sets):
             self.document.unshown["more than two sets of texture coordinates in a material"] = None
         color, emission, normal = (self._texture(info, uv_sets) for info in infos)
 
-        glow = _emission(entry, self.document.per_unit)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
             albedo=clip_color((r, g, b)),
-            emission=glow,
+            emission=_emission(entry, self.document.per_unit),
             albedo_texture=color,
             emission_texture=emission,
             normal_texture=normal,
@@ -118,8 +115,7 @@ class Materials:
             double_sided=entry.get("doubleSided") is True,
         )
         if unlit:
-            lit = clip_color((r, g, b))
-            material = replace(material, albedo=(0.0, 0.0, 0.0), emission=lit, emission_texture=color, unlit=True)
+            material = replace(material, albedo=(0.0, 0.0, 0.0), emission=material.albedo, emission_texture=color, unlit=True)
             if material.alpha_mode == "opaque":
                 material = replace(material, albedo_texture=None)  # otherwise its alpha matters
         return Surface(material, (r, g, b, alpha), uv_sets)
@@ -166,28 +162,22 @@ class Materials:
     def _image(self, texture: Mapping[str, Any]) -> Image | None:
         """Return the image of a texture, in the first readable format; None, recorded as lost, for unreadable ones."""
         sources = _sources(texture)
-        failures: dict[object, Exception] = {}
         for index in sources:
-            if index not in self._images:
-                try:
-                    self._images[index] = read_image(*self.encoded(index))
-                except (Damaged, InputError, MemoryError) as error:
-                    failures[index] = error
-                    continue
+            self._read_sources([index])
             image = self._images[index]
-            if image is not None:
+            if isinstance(image, Image):
                 return image
-        for index, failure in failures.items():
-            self._images[index] = None
+        for index in sources:
+            failure, self._images[index] = self._images[index], None
             if isinstance(failure, Missing):
                 self.document.absent[failure.name] = None
-            else:
+            elif failure is not None:
                 self.document.leave_out(f"image {index}", str(failure) or "memory does not suffice")
         if not sources:
             raise Damaged("it has no image")
         return None
 
-    def encoded(self, index: object) -> tuple[bytes, str]:
+    def _encoded(self, index: object) -> tuple[bytes, str]:
         """Return the bytes of an image's file, and its name for messages; raise Damaged."""
         entry = self.document.entry("images", index)
         if "bufferView" in entry:
@@ -198,47 +188,29 @@ class Materials:
         return data, printable(name)
 
 
-@dataclass(frozen=True)
-class _Pictures:
-    """The relevant textureInfos of a material; None or any JSON value if missing.
-
-    base: the object with factor and texture of the colour. gloss: the same for specular-glossiness materials.
-    """
-
-    base: Mapping[str, Any]
-    gloss: Mapping[str, Any] | None
-    unlit: bool
-    color: Any
-    emission: Any
-    normal: Any
-
-    @classmethod
-    def of(cls, entry: Mapping[str, Any]) -> _Pictures:
-        """Return the textureInfos of the material `entry`."""
-        metal = entry.get("pbrMetallicRoughness")
-        base: Mapping[str, Any] = metal if isinstance(metal, dict) else {}
-        gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
-        unlit = extension(entry, "KHR_materials_unlit") is not None
-        return cls(
-            base if gloss is None else gloss,
-            gloss,
-            unlit,
-            base.get("baseColorTexture") if gloss is None else gloss.get("diffuseTexture"),
-            entry.get("emissiveTexture") if not unlit and any(_emission(entry)) else None,
-            None if unlit else entry.get("normalTexture"),
-        )
-
-    @property
-    def all(self) -> list[dict[str, Any]]:
-        """The existing textureInfos."""
-        return [info for info in (self.color, self.emission, self.normal) if isinstance(info, dict)]
+def _base(entry: Mapping[str, Any]) -> tuple[Mapping[str, Any], str, str]:
+    """Return the object with the base colour of a material, and the keys of its factor and its texture."""
+    gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
+    if gloss is not None:
+        return gloss, "diffuseFactor", "diffuseTexture"
+    metal = entry.get("pbrMetallicRoughness")
+    return metal if isinstance(metal, dict) else {}, "baseColorFactor", "baseColorTexture"
 
 
-def _emission(entry: Mapping[str, Any], per_unit: float = 1.0) -> _Color:
+def _texture_infos(entry: Mapping[str, Any]) -> list[dict[str, Any] | None]:
+    """Return the textureInfos of a material for colour, emission and normals; None for a missing or invisible one."""
+    base, _, texture = _base(entry)
+    unlit = extension(entry, _UNLIT) is not None
+    emission = entry.get("emissiveTexture") if not unlit and any(_emission(entry)) else None
+    infos = base.get(texture), emission, None if unlit else entry.get("normalTexture")
+    return [info if isinstance(info, dict) else None for info in infos]
+
+
+def _emission(entry: Mapping[str, Any], per_unit: float = 1.0) -> Vector:
     """Return the emission of a material without its texture. per_unit: see LoadOptions."""
     strength = per_unit * number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
-    r, g, b = (min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0)))
-    return r, g, b
+    factor = numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))
+    return vector([min(max(0.0, strength * value), GREATEST) for value in factor])
 
 
 def _sources(texture: Mapping[str, Any]) -> list[object]:

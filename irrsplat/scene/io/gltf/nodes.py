@@ -63,19 +63,12 @@ def worlds(document: Document) -> list[np.ndarray | None]:
     return found
 
 
-def default_scene(document: Document) -> dict[str, Any]:
-    """Return the default scene, else the first; empty for a missing or damaged one."""
-    scenes = document.entries("scenes")
-    default = document.tree.get("scene")
-    chosen = scenes[default] if isinstance(default, int) and 0 <= default < len(scenes) else next(iter(scenes), None)
-    return chosen if isinstance(chosen, dict) else {}
-
-
 def visible(document: Document, world: list[np.ndarray | None]) -> list[Node]:
     """Return the visible nodes of the default scene, else of the first, else all; parents before children."""
-    entries = document.entries("nodes")
-    if document.entries("scenes"):
-        pending = list(document.entries("nodes", default_scene(document)))
+    entries, scenes, default = document.entries("nodes"), document.entries("scenes"), document.tree.get("scene")
+    if scenes:
+        chosen = scenes[default if isinstance(default, int) and 0 <= default < len(scenes) else 0]
+        pending = list(document.entries("nodes", chosen)) if isinstance(chosen, dict) else []
     else:
         children = {child for entry in entries for child in document.entries("children", entry) if isinstance(child, int)}
         pending = [i for i in range(len(entries)) if i not in children]
