@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import moderngl
 
 
 class InputWaits(Exception):
     """Raised between two stages of a frame if input waits."""
-
-
-class Finishes(Protocol):
-    """An OpenGL context."""
-
-    def finish(self) -> None:
-        """Wait for all draws."""
 
 
 def never() -> bool:
@@ -36,7 +32,7 @@ def interruptible() -> bool:
     return _checks[-1] is not never
 
 
-def stop_for_input(ctx: Finishes | None = None) -> None:
+def stop_for_input(ctx: moderngl.Context | None = None) -> None:
     """Raise InputWaits if input waits. The caller must leave no unfinished result behind as finished.
 
     ctx: an OpenGL context whose draws are finished first, so that the check comes after them.

@@ -128,19 +128,13 @@ def _parts(shape: Shape, stem: str, materials: dict[int, Material]) -> tuple[np.
     materials: the known ones, by number.
     """
     count = len(shape.names)
-    key = shape.groups * count + shape.materials
-    if len(shape.group_names) * count < 1 << 22:
-        there = np.bincount(key) > 0
-        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[key]
-    else:
-        present, part = np.unique(key, return_inverse=True)
+    present, part = np.unique(shape.groups * count + shape.materials, return_inverse=True)
     if len(present) > MOST_GROUPS:
         same = shape.materials
         if count > MOST_GROUPS:  # equal ones are one part
             first: dict[Material | None, int] = {}
             same = np.array([first.setdefault(materials.get(i), i) for i in range(count)])[same]
-        there = np.bincount(same) > 0
-        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[same]
+        present, part = np.unique(same, return_inverse=True)
         return part, [shape.names[i] or stem for i in present.tolist()], present.tolist()
     groups, used = (present // count).tolist(), (present % count).tolist()
     names = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -94,8 +94,8 @@ class MaterialFiles:
             requested = {name.casefold() for word in used for name in (word, name_without_comment(word))}
             names = [name for name in entries if {name.casefold(), name_without_comment(name).casefold()} & requested]
             entries = {name: entries[name] for name in names}
-        self._read_images(path.parent, entries.values())
-        found |= {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
+        images = self._read_images(path.parent, entries.values())
+        found |= {name: self._material(entry, images, missing) for name, entry in entries.items()}
         found = {name_without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
         if missing:
@@ -131,9 +131,11 @@ class MaterialFiles:
             self.notices.append(f"{path}: {heights} height map{'s' * (heights > 1)} (bump, disp) not shown; norm would be")
         return found
 
-    def _material(self, folder: Path, entry: _Entry, missing: list[str]) -> Material:
-        images = {key: self._image(folder, one.file, missing) for key, one in entry.maps.items()}
-        textures = {key: entry.maps[key].texture(image) for key, image in images.items() if image is not None}
+    def _material(self, entry: _Entry, images: Mapping[str, Image | str], missing: list[str]) -> Material:
+        """Return the material; append to `missing` why an image is missing. images: by written name, or the reason."""
+        found = {key: images[one.file] for key, one in entry.maps.items()}
+        missing += [reason for reason in found.values() if isinstance(reason, str)]
+        textures = {key: entry.maps[key].texture(image) for key, image in found.items() if isinstance(image, Image)}
         color = textures.get("map_kd")
         albedo = entry.values.get("kd", (1.0,) * 3 if color else (0.5,) * 3)
         emission = tuple(max(value, 0.0) for value in entry.values.get("ke", (0.0,) * 3))
@@ -169,11 +171,12 @@ class MaterialFiles:
             transmission=transmission,
         )
 
-    def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> None:
-        """Read the images of these materials in parallel; `_image` returns them, or reports their errors."""
+    def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> dict[str, Image | str]:
+        """Return the images of these materials by written name, decoded in parallel; the reason for a missing one."""
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
+        files = {name: find_file(folder, name) for name in names}
         encoded: dict[Path, tuple[bytes, str]] = {}
-        for file in (find_file(folder, name) for name in names):
+        for file in files.values():
             if file is not None and file not in self._images and file not in encoded:
                 self.files.append(file)
                 try:
@@ -181,18 +184,8 @@ class MaterialFiles:
                 except InputError as error:
                     self._images[file] = error
         self._images |= zip(encoded, read_images(list(encoded.values())), strict=True)
-
-    def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
-        """Return the image with this name; None, with a reason in `missing`, where it cannot be read."""
-        file = find_file(folder, written)
-        if file is None:
-            missing.append(f"there is no image {quote(written)}")
-            return None
-        found = self._images[file]
-        if isinstance(found, Image):
-            return found
-        missing.append(str(found))
-        return None
+        found = {name: f"there is no image {quote(name)}" if file is None else self._images[file] for name, file in files.items()}
+        return {name: one if isinstance(one, Image) else str(one) for name, one in found.items()}
 
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
         """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""

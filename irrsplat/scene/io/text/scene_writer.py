@@ -47,8 +47,8 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
         raise InputError("this file exists already; give another name", there)
     make_folder(folder)
     writer = _Writer(folder)
-    lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
-    lines += [writer.light(light) for light in scene.lights if not writer.is_sun_of_sky(light, scene)]
+    camera_lines, (sky_lines, suns) = writer.cameras(scene.cameras), writer.sky(scene)
+    lines = [*camera_lines, *sky_lines, *(writer.light(light) for light in scene.lights if light not in suns)]
     for mesh in scene.meshes:
         lines += writer.mesh(mesh, scene.origin)
     write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
@@ -92,31 +92,20 @@ class _Writer:
         fov = cameras[0].fov if cameras else 45.0
         return [*lines, f"proj {_numbers((fov, 1.0, _NEAR, _FAR))}"]
 
-    def sky(self, scene: Scene) -> list[str]:
-        """Return the line of the sky, if there is one; none for a default sky, which the reader restores."""
+    def sky(self, scene: Scene) -> tuple[list[str], tuple[Light, ...]]:
+        """Return the line of the sky, if there is one, and the suns that it includes; no line for a sky that the reader adds."""
         if any(scene.sky_gradient):
             self._lose("a sky that is brighter above", 0)
-        if scene.environment is not None and self._can_write_sky(scene):
-            return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
+            suns = sun_lights(scene.environment)
+            if scene.environment.line and all(sun in scene.lights for sun in suns):  # the suns are unchanged
+                return [f"sky {scene.environment.line}"], suns
             self._lose("the sky's map (its mean replaces it, its suns are kept)", 0)
-            return [f"sky {_numbers(scene.environment.mean)}"]
+            return [f"sky {_numbers(scene.environment.mean)}"], ()
         lit = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
         if not lit and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
-            return []
-        return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not lit else []
-
-    def _can_write_sky(self, scene: Scene) -> bool:
-        """True if the scene's sky can be written as a line that includes all of its suns, unchanged."""
-        sky = scene.environment
-        if sky is None or not sky.line:
-            return False
-        return all(sun in scene.lights for sun in sun_lights(sky))
-
-    def is_sun_of_sky(self, light: Light, scene: Scene) -> bool:
-        """True if a light is a sun that the line of the sky includes."""
-        sky = scene.environment
-        return sky is not None and self._can_write_sky(scene) and light in sun_lights(sky)
+            return [], ()
+        return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not lit else [], ()
 
     def light(self, light: Light) -> str:
         """Write a light, and return the line with its file."""
