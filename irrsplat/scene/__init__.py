@@ -26,12 +26,8 @@ def bundled() -> tuple[str, ...]:
 
 def located(source: str | os.PathLike[str]) -> Path:
     """Return the file that `load` reads for `source`; raise InputError for a missing file or an unknown format."""
-    path = Path(source)
-    try:
-        exists, folder = path.exists(), path.is_dir()
-    except (OSError, ValueError):  # not a valid file name
-        exists = folder = False
-    names = bundled()
+    path, names = Path(source), bundled()
+    exists, folder = os.path.exists(path), os.path.isdir(path)  # False for invalid file names
     if (folder or not exists) and os.fspath(source) in names:
         return paths.folder("scenes") / path / f"{path}.scene"
     if folder:

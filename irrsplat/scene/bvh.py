@@ -94,9 +94,11 @@ class _Tree(_Levels):
 
 def _tree(boxes: np.ndarray) -> _Tree:
     """Return the tree of triangles with these boxes (6, F): a tree of their cells, and below it one for each cell."""
-    cells = _cells(boxes)
-    top = _levels(cells.boxes, np.array([len(cells.count)]), cells.count)
-    below = _levels(boxes, np.add.reduceat(cells.count[top.order], top.first[top.left < 0]), None, cells.triangles(top.order))
+    cell_boxes, sizes, triangles = _cells(boxes)
+    top = _levels(cell_boxes, np.array([len(sizes)]), sizes)
+    counts, starts = sizes[top.order], (np.cumsum(sizes) - sizes)[top.order]  # of the cells in the order of the upper tree
+    triangles = triangles[np.arange(len(triangles)) + np.repeat(starts - (np.cumsum(counts) - counts), counts)]
+    below = _levels(boxes, np.add.reduceat(counts, top.first[top.left < 0]), None, triangles)
     # leaves of the upper tree are the roots of the lower ones, which come first there; other lower nodes follow the upper tree
     roots, nodes = int(np.count_nonzero(top.left < 0)), len(top.left)
     number = np.concatenate([np.flatnonzero(top.left < 0), nodes + np.arange(len(below.left) - roots)])
@@ -113,26 +115,11 @@ def _tree(boxes: np.ndarray) -> _Tree:
     return _Tree(left, axis, first, count, inner, below.order, bounds)
 
 
-@dataclass(frozen=True)
-class _Cells:
-    """Cells of triangles: their boxes (6, C), numbers of triangles `count` (C,), and triangles cell by cell `order` (F,)."""
+def _cells(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return boxes (6, C) of octree cells, their numbers of triangles (C,), and the triangles cell by cell (F,).
 
-    boxes: np.ndarray
-    count: np.ndarray
-    order: np.ndarray
-
-    def triangles(self, cells: np.ndarray) -> np.ndarray:
-        """Return (F,) the triangles of `cells` (C,), cell by cell."""
-        count, start = self.count[cells], (np.cumsum(self.count) - self.count)[cells]
-        within = np.arange(len(self.order)) - np.repeat(np.cumsum(count) - count, count)
-        found: np.ndarray = self.order[np.repeat(start, count) + within]
-        return found
-
-
-def _cells(boxes: np.ndarray) -> _Cells:
-    """Return octree cells by the triangles' centres, of at most _CELL_TRIANGLES triangles or of the last level.
-
-    Large triangles have cells of their own, because they would enlarge the boxes of small ones.
+    Cells have at most _CELL_TRIANGLES triangles, by their centres, or are of the last level. Large triangles have cells of their
+    own, because they would enlarge the boxes of small ones.
     """
     centre, wide = boxes[:3] - boxes[3:], -(boxes[:3] + boxes[3:]).min(axis=0)
     start = centre.min(axis=1, keepdims=True)
@@ -152,7 +139,7 @@ def _cells(boxes: np.ndarray) -> _Cells:
         many[begin] = True
         begin = np.flatnonzero(many & (differs >> 3 * (_DEPTH - depth) != 0))
     bounds = np.minimum.reduceat(np.take(boxes, order, axis=1), begin, axis=1)
-    return _Cells(bounds, np.diff(begin, append=len(code)), order)
+    return bounds, np.diff(begin, append=len(code)), order
 
 
 def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:

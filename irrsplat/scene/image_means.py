@@ -15,17 +15,7 @@ _LINEAR_OF_BYTE = (_BYTES * _LINEAR_STEPS).round().astype("u4")
 _BYTE = (np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS * 255.0).round().astype("u1")
 _DECODE = (linear_from_srgb(_BYTES) * _LINEAR_STEPS).round().astype("u4")
 _ENCODE = (srgb(np.arange(_LINEAR_STEPS + 1) / _LINEAR_STEPS) * 255.0).round().astype("u1")
-
-
-def _decoded() -> tuple[np.ndarray, np.ndarray]:
-    """Return two lookup tables (65536,) complex64: linear red and green, blue and alpha, by the two bytes of a pixel."""
-    color, alpha = linear_from_srgb(np.arange(256) / 255.0), np.arange(256) / 255.0
-    pairs = (np.stack(np.broadcast_arrays(color, second[:, None]), axis=-1) for second in (color, alpha))
-    first, last = (pair.astype(np.float32).reshape(-1, 2).view(np.complex64).ravel() for pair in pairs)
-    return first, last
-
-
-_RED_GREEN, _BLUE_ALPHA = _decoded()
+_COLOR, _ALPHA = linear_from_srgb(_BYTES).astype(np.float32), _BYTES.astype(np.float32)  # values of the bytes of a pixel
 
 
 def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
@@ -37,13 +27,12 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
     down = _weights(height, side)
     out = np.empty((side, side, 8 if weighted else 4), np.float32)
     step = max(_CHUNK_PIXELS * side // max(width * height, 1), 1)
-    pairs = np.ascontiguousarray(pixels).view("<u2")
     for start in range(0, side, step):
         rows = down[start : start + step]
         used = np.flatnonzero(rows.any(0))
-        part = pairs[used[0] : used[-1] + 1]
-        both = [np.take(table, part[..., i], mode="clip") for i, table in enumerate((_RED_GREEN, _BLUE_ALPHA))]
-        values = np.stack(both, axis=-1).view(np.float32)
+        part = pixels[used[0] : used[-1] + 1]
+        values = np.take(_COLOR, part, mode="clip")
+        values[..., 3] = np.take(_ALPHA, part[..., 3], mode="clip")
         if weighted:
             values = np.concatenate([values, values * values[..., 3:4]], axis=-1)
         thin = np.einsum("rh,hv->rv", rows[:, used[0] : used[-1] + 1], values.reshape(len(part), -1))

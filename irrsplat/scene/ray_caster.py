@@ -70,14 +70,12 @@ class RayCaster:
         step = max(sets, _rays_per_call(hits.size) // rays_each // sets * sets)
         origins, frames = (np.asarray(array, np.float32) for array in (origins, frames))
 
-        def trace(first: int) -> None:
-            """Trace the rays of `step` places from `first` on."""
-            chunk = slice(first, first + step)
-            rays = (directions @ frames[chunk].reshape(-1, sets, 3, 3)).reshape(-1, 3)
-            hits[chunk] = self.run(np.repeat(origins[chunk], rays_each, axis=0), rays).reshape(-1, rays_each)
+        def trace(some: slice) -> None:
+            """Trace the rays of some places."""
+            rays = (directions @ frames[some].reshape(-1, sets, 3, 3)).reshape(-1, 3)
+            hits[some] = self.run(np.repeat(origins[some], rays_each, axis=0), rays).reshape(-1, rays_each)
 
-        for _ in _threads().map(trace, range(0, len(origins), step)):
-            pass
+        _in_parts(len(origins), step, trace)
         return hits
 
     def run(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -132,7 +130,7 @@ class RayCaster:
             if self._cut_out is not None:
                 free[free] = self._between_holes(start[free], away[free], np.ones(int(free.sum()), np.float32))[0] < 0
 
-        _in_parts(len(starts), test)
+        _in_parts(len(starts), _rays_per_call(len(starts)), test)
         return found
 
     def reach(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
@@ -148,14 +146,13 @@ class RayCaster:
             if self._cut_out is not None:
                 found[some] = self._between_holes(start, away, found[some])[1]
 
-        _in_parts(len(starts), trace)
+        _in_parts(len(starts), _rays_per_call(len(starts)), trace)
         return found
 
 
-def _in_parts(rays: int, trace: Callable[[slice], None]) -> None:
-    """Call `trace` in several threads, each time for a part of so many rays."""
-    step = _rays_per_call(rays)
-    for _ in _threads().map(trace, (slice(first, first + step) for first in range(0, rays, step))):
+def _in_parts(count: int, step: int, trace: Callable[[slice], None]) -> None:
+    """Call `trace` in several threads, each time for `step` of `count` items."""
+    for _ in _threads().map(trace, (slice(first, first + step) for first in range(0, count, step))):
         pass
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -61,17 +62,9 @@ def parse(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
         raise error(f"nothing is said about it; expected: {USAGE}")
     if words[0] == "cie":
         return _cie(words[1:], error)
-    if _spells_number(words[0]) and not _is_file(folder / text):
+    if _spells_number(words[0]) and not (paths.may_read(folder / text) and os.path.isfile(folder / text)):
         return _plain(words, error)
     return _map(text, folder, error)
-
-
-def _is_file(path: Path) -> bool:
-    """True for a regular file that the scene may read."""
-    try:
-        return paths.may_read(path) and path.is_file()
-    except (OSError, ValueError):
-        return False
 
 
 def _spells_number(word: str) -> bool:
@@ -112,7 +105,7 @@ def _map(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
     path = folder / name
     if not paths.may_read(path):
         raise error(f"this map is not read: {paths.refusal(path)}")
-    if not _is_file(path):
+    if not os.path.isfile(path):
         raise error(f"there is no file {quote(name)}; expected: sky {USAGE}")
     radiance, notices = read_map(path)
     radiance = radiance * np.float32(gain)

@@ -82,14 +82,11 @@ class Line:
         path = self.path.parent / name_of(self.rest)
         if not may_read(path):
             raise self.error(f"{quote(self.rest)} is not read: {refusal(path)}")
-        try:
-            if path.is_dir():
-                raise self.error(f"{quote(self.rest)} is a directory; expected: {usage}")
-            if os.path.exists(path):
-                return path
-        except (OSError, ValueError):
-            pass
-        raise self.error(f"there is no file {quote(self.rest)}; paths are relative to {self.path.name}")
+        if os.path.isdir(path):
+            raise self.error(f"{quote(self.rest)} is a directory; expected: {usage}")
+        if not os.path.exists(path):
+            raise self.error(f"there is no file {quote(self.rest)}; paths are relative to {self.path.name}")
+        return path
 
 
 def lines(path: Path) -> Iterator[Line]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
@@ -44,15 +45,10 @@ def checked(what: str, values: object, count: int, low: float = -GREATEST, high:
 
 def checked_number(what: str, value: object, low: float = -GREATEST, high: float = GREATEST) -> float:
     """Return a number from `low` to `high`; raise InputError, with the name `what`, for other values."""
-    if type(value) is float:
-        found = value
-    elif isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:  # type: ignore[arg-type]  # anything has a number of axes
-        found = math.nan
-    else:
-        try:
+    found = math.nan
+    if not isinstance(value, (str, bytes, bool)) and np.ndim(value) == 0:  # type: ignore[arg-type]  # anything has a number of axes
+        with suppress(TypeError, ValueError, OverflowError):
             found = float(value)  # type: ignore[arg-type]  # it is tried
-        except (TypeError, ValueError, OverflowError):
-            found = math.nan
     if not low <= found <= high:
         raise InputError(f"{what} takes a finite number{_between(low, high)}, not {value!r:.60}")
     return found

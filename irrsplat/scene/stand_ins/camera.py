@@ -84,11 +84,8 @@ def enclosure_of_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, r
     eye = np.asarray(scene.cameras[0].eye)
     around = surroundings(points, eye, axes)
     within = bool(((scene.bounds[0] <= eye) & (eye <= scene.bounds[1])).all())
-    return (
-        around
-        if around.closed >= _CLOSED_ROOM or (within and room_places.rooms and room_places.most_open.closed >= _OPEN_SIDE)
-        else None
-    )
+    in_room = within and room_places.rooms and room_places.most_open.closed >= _OPEN_SIDE
+    return around if around.closed >= _CLOSED_ROOM or in_room else None
 
 
 def _camera_in_front(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:

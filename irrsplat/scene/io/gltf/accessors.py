@@ -12,10 +12,7 @@ from irrsplat.scene.io.gltf.packed import plain_view
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_FREE, _PER_BYTE = (
-    1 << 16,
-    16,
-)  # elements that any accessor may have, and more for each byte of the files, which may be compressed
+_FREE, _PER_BYTE = 1 << 16, 16  # elements allowed in any file, and further elements per byte, which may be compressed
 
 
 def count(document: Document, index: object) -> int:
@@ -62,12 +59,8 @@ def _elements(
     if width not in widths or kind is None:
         raise Damaged(f"accessor {index} has an unexpected type")
     number = count(document, index)
-    if "bufferView" in entry:
-        array = _bytes(
-            document, entry["bufferView"], natural_number(entry, "byteOffset", 0), number, width, np.dtype(kind), index
-        )
-    else:
-        array = np.zeros((number, width), kind)
+    plain = "bufferView" in entry
+    array = _bytes(document, entry, number, width, np.dtype(kind), index) if plain else np.zeros((number, width), kind)
     sparse = entry.get("sparse")
     if isinstance(sparse, dict):
         array = _replaced(document, sparse, array, index)
@@ -79,9 +72,10 @@ def _elements(
 
 
 def _bytes(
-    document: Document, view: object, offset: int, number: int, width: int, kind: np.dtype[Any], index: object
+    document: Document, entry: Mapping[str, Any], number: int, width: int, kind: np.dtype[Any], index: object
 ) -> np.ndarray:
-    """Return (number, width) elements in a buffer view, without a copy; raise Damaged where they exceed it."""
+    """Return (number, width) elements in the buffer view of `entry`, without a copy; raise Damaged where they exceed it."""
+    view, offset = entry["bufferView"], natural_number(entry, "byteOffset", 0)
     data, stride, name = plain_view(document, view)
     size = width * kind.itemsize
     stride = stride or size
@@ -96,13 +90,9 @@ def _replaced(document: Document, sparse: Mapping[str, Any], array: np.ndarray, 
     """Return the elements with those of a sparse accessor replaced."""
     number = natural_number(sparse, "count")
     at, new = sparse["indices"], sparse["values"]
-    places = _bytes(
-        document, at["bufferView"], natural_number(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
-    ).astype(np.int64)[:, 0]
+    places = _bytes(document, at, number, 1, np.dtype(_TYPES[at["componentType"]]), index).astype(np.int64)[:, 0]
     if number and not 0 <= places.min() <= places.max() < len(array):
         raise Damaged(f"accessor {index} replaces elements that it does not have")
     array = array.copy()
-    array[places] = _bytes(
-        document, new["bufferView"], natural_number(new, "byteOffset", 0), number, array.shape[1], array.dtype, index
-    )
+    array[places] = _bytes(document, new, number, array.shape[1], array.dtype, index)
     return array
