@@ -157,11 +157,12 @@ def take_pixels(pixels: int, size: int) -> bool:
     return left >= 0
 
 
-def take_copies(vertices: int) -> bool:
-    """True if the scene being read may have another copy of a mesh with `vertices`."""
+def take_copies(vertices: int) -> None:
+    """Raise InputError if the scene being read may not have further copies of meshes with so many `vertices`."""
     bounds = _limits()
     bounds.copies -= vertices
-    return bounds.copies >= 0
+    if bounds.copies < 0:
+        raise InputError(TOO_MANY_COPIES)
 
 
 def take_search() -> bool:

@@ -40,7 +40,7 @@ class World(Owner):
 
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
-        vertices, faces, _ = flatten(scene)
+        vertices, faces = flatten(scene)
         counts = face_counts(scene)
         with ExitStack() as made:  # frees the geometry if the materials fail
             self.geometry = made.enter_context(Geometry(ctx, vertices, faces, counts))
@@ -116,7 +116,7 @@ class World(Owner):
     def triangles(self) -> TriangleTable:
         """Triangle table for shaders, made at first use. Raises InputError if the GPU cannot hold it."""
         if self._triangles is None:
-            self._triangles = TriangleTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts)
+            self._triangles = TriangleTable(self.ctx, *flatten(self._scene), self.geometry.counts)
         return self._triangles
 
     @property
@@ -155,7 +155,7 @@ class World(Owner):
     def _caster_build(self) -> Future[RayCaster]:
         """Return the build of `caster`, in a thread if it takes long."""
         if self._pending_caster is None:
-            vertices, faces, _ = flatten(self._scene)
+            vertices, faces = flatten(self._scene)
             holes = Holes(self._scene, vertices, faces) if self.geometry.counts.cut_out else None
             self._pending_caster = self._in_background(
                 partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit], holes)
@@ -212,7 +212,7 @@ class World(Owner):
                     "the scene anew with it"
                 )
             before, self._uploaded = self._uploaded, None
-            vertices, faces, _ = flatten(scene)
+            vertices, faces = flatten(scene)
             moved = bool(change.moved) or before is None
             try:
                 if change.repainted or before is None:

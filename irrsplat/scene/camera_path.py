@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import vector
-from irrsplat.core.words import number, quote
+from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.text.scene_text import USAGE
 from irrsplat.scene.model import Camera
@@ -91,7 +91,9 @@ def path_text(path: Path) -> str:
 
     Field of view and names of keys are not included.
     """
-    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_camera_words(key))}\n" for key in path.keys)])
+    points = ((key.eye, key.target, key.up) for key in path.keys)
+    cams = ("  ".join(" ".join(repr(float(x)) for x in point) for point in of_key) for of_key in points)
+    return "".join([f"frames {path.frames}\n", *(f"cam {words}\n" for words in cams)])
 
 
 # ---- the curve -----------------------------------------------------------------------------------------------------------
@@ -152,27 +154,16 @@ def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.n
 
 def _cam(line: Line, fov: float) -> Camera:
     args = line.args
-    if len(args) == 10:
-        try:
-            number(args[0])
-        except ValueError:
-            args = args[1:]
+    if len(args) == 10 and not is_number(args[0]):
+        args = args[1:]
     if len(args) != 9:
         raise line.error(f"'cam' has {len(args)} values; expected: {_CAM}")
     values = line.numbers(USAGE["cam"], args)
-    try:
+    with line.named_in_errors():
         return Camera(vector(values[0:3]), vector(values[3:6]), vector(values[6:9]), fov)
-    except InputError as error:
-        raise line.error(str(error)) from None
 
 
 def _count(line: Line) -> int:
     if len(line.args) != 1 or not re.fullmatch(r"0*[1-9][0-9]{0,8}", line.args[0]):
         raise line.error(f"expected: {_FRAMES}")
     return int(line.args[0])
-
-
-def _camera_words(camera: Camera) -> tuple[str, str, str]:
-    """Return eye, target and up as text, with all digits."""
-    eye, target, up = (" ".join(repr(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
-    return eye, target, up

@@ -7,11 +7,10 @@ import numpy as np
 from irrsplat.core.vertex_layout import WIDTH, vertex_column
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Scene
-from irrsplat.scene.seen_by_light import face_counts
 
 
-def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return vertices (V, WIDTH) float32, rows as in core/vertex_layout.py, faces (F, 3) int32, and the number of closed faces.
+def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (V, WIDTH) float32, rows as in core/vertex_layout.py, and faces (F, 3) int32.
 
     Faces are in the order of appearance.in_order, as in FaceCounts.
     """
@@ -30,4 +29,4 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
         vertex_column(rows, "uv")[:] = 0.0 if mesh.uvs is None else mesh.uvs
         np.add(mesh.faces, row, out=faces[face : face + len(mesh.faces)], casting="same_kind")
         row, face = row + len(rows), face + len(mesh.faces)
-    return vertices, faces, face_counts(scene).closed
+    return vertices, faces

@@ -151,7 +151,7 @@ class SiteChooser:
 
         places, rooms: of lights and cameras, and the reach of their surroundings, see _rooms.
         """
-        vertices, faces, _ = flatten(self.scene)
+        vertices, faces = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
         corners = vertex_column(vertices, "position")[faces]
         area, counts = triangle_areas(corners), np.zeros(len(faces))

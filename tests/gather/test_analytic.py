@@ -308,7 +308,7 @@ def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context, kind: st
     From the line itself the wall is edge-on and vanishes; from inside the floor's triangle it does not.
     """
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
-    vertices, faces, _ = flatten(world)
+    vertices, faces = flatten(world)
     corners = vertices[faces, :3]
     on_line = ((corners[..., 0] == 1.0) & (corners[..., 1] == -1.0)).sum(1) == 2
     floor_triangle = int(np.flatnonzero(on_line & (corners[..., 1] == -1.0).all(1))[0])

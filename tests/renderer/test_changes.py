@@ -60,7 +60,7 @@ def state(renderer: Renderer) -> list[Any]:
         renderer.world.shows(renderer.scene),
         gatherer.has_pending_changes,
     )
-    return [*known, *(a.tobytes() for a in (*cache.values(), *flatten(renderer.scene)[:2], renderer.cache.stale))]
+    return [*known, *(a.tobytes() for a in (*cache.values(), *flatten(renderer.scene), renderer.cache.stale))]
 
 
 def fails(*_: Any, **__: Any) -> Any:

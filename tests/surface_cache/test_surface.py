@@ -28,7 +28,7 @@ INSET = 1e-4  # metres
 
 
 def cut(world: Scene, spacing: float) -> Tessellation:
-    return tessellate(*flatten(world)[:2], spacing, INSET)
+    return tessellate(*flatten(world), spacing, INSET)
 
 
 # ---- cells ------------------------------------------------------------------------------------------------------------
@@ -133,7 +133,7 @@ def test_steps_are_short_near_a_small_light() -> None:
     The parts fill both triangles, and their cells come after those of no other triangle: each has its own row of the table.
     """
     ground = scene(quad((0, 0, 0), (0, 0, 4), (4, 0, 0)))
-    found = tessellate(*flatten(ground)[:2], 0.5, INSET, np.array([[1.0, 0.1, 2.0, 0.0]]))
+    found = tessellate(*flatten(ground), 0.5, INSET, np.array([[1.0, 0.1, 2.0, 0.0]]))
     whole, parts = found.table[:2], found.table[2:]
     assert (whole[:, 0] == [-12, -12]).all() and whole[:, 1].tolist() == [2, 2 + 12**2], "n = 12 for edges of √32 m"
     assert (

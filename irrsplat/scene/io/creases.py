@@ -32,9 +32,8 @@ def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> 
         return mean, at
     with np.errstate(all="ignore"):
         off: np.ndarray = (face[:, None] * mean[at]).sum(2) < np.cos(np.radians(0.5 * angle)) + 1e-6
-    creased = np.zeros(
-        count, bool
-    )  # elsewhere normals lie within half the angle of the mean, hence within the angle of one another
+    # elsewhere, normals lie within half the angle of the mean, hence within the angle of each other
+    creased = np.zeros(count, bool)
     real = np.abs(face).max(axis=1, initial=0.0) > 0.0
     creased[at[off & real[:, None]]] = True
     sharp = np.flatnonzero(creased[flat_at])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,6 +61,14 @@ class Line:
     def error(self, message: str) -> InputError:
         """Return an error with this line's file and number."""
         return InputError(message, self.path, self.number)
+
+    @contextmanager
+    def named_in_errors(self) -> Iterator[None]:
+        """A `with` block whose InputErrors get this line's file and number."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(str(error)) from None
 
     def numbers(self, usage: str, args: tuple[str, ...] | None = None) -> tuple[float, ...]:
         """Return the finite values of a command with the syntax `usage`, such as ``sky R G B``; else raise InputError.

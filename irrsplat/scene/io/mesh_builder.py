@@ -124,9 +124,7 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     points = positions.astype(float)
     points -= points.mean(0)
     a, b, c = (points[faces[:, i]] for i in range(3))
-    total = np.abs(
-        cross_product(b - a, c - a).sum(0)
-    ).max()  # a closed surface's area vectors sum to 0: early exit for most open ones
+    total = np.abs(cross_product(b - a, c - a).sum(0)).max()  # 0 for a closed surface: early exit for most open ones
     if total > 1e-12 * len(faces) * np.abs(points).max() ** 2:
         return False
     first, weld = welded(positions)

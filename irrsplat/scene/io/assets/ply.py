@@ -266,8 +266,8 @@ def _triangles(positions: np.ndarray, columns: Columns) -> tuple[np.ndarray, int
 
 def _unit_colors(values: np.ndarray) -> np.ndarray:
     """Return (N, 3) linear reflectance of sRGB colours, either integers of some width or floats in 0..1."""
-    kind = values.dtype
-    scale = (
-        float(np.iinfo(kind).max) if kind.kind in "ui" else 255.0 if float(np.nan_to_num(values).max(initial=0.0)) > 2.0 else 1.0
-    )
+    if values.dtype.kind in "ui":
+        scale = float(np.iinfo(values.dtype).max)
+    else:
+        scale = 255.0 if float(np.nan_to_num(values).max(initial=0.0)) > 2.0 else 1.0
     return linear_from_srgb(np.clip(np.nan_to_num(values.astype(float) / scale), 0.0, 1.0))

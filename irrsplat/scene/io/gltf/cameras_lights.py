@@ -83,9 +83,8 @@ def _light(entry: Mapping[str, Any], node: Node, per_unit: float) -> Light:
         return Light(_vector(position), _vector(color), physical=True, name=name)
     if kind != "spot":
         raise Damaged("it is of an unknown type")
-    cone = entry.get("spot") if isinstance(entry.get("spot"), dict) else {}
-    outer = math.degrees(number(cone or {}, "outerConeAngle", math.pi / 4.0))
-    inner = math.degrees(number(cone or {}, "innerConeAngle", 0.0))
+    cone = spot if isinstance(spot := entry.get("spot"), dict) else {}
+    outer, inner = (math.degrees(number(cone, *one)) for one in (("outerConeAngle", math.pi / 4.0), ("innerConeAngle", 0.0)))
     if not 0.0 <= inner <= outer or outer <= 0.0:
         raise Damaged("its cone is damaged")
     outer = min(outer, 89.9)  # a half space; shadow maps cannot cover more

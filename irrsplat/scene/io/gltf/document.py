@@ -35,17 +35,7 @@ class Missing(Damaged):
         self.name = name
 
 
-READ_ERRORS = (
-    InputError,
-    ValueError,
-    KeyError,
-    TypeError,
-    AttributeError,
-    IndexError,
-    ArithmeticError,
-    MemoryError,
-    struct.error,
-)
+READ_ERRORS = (InputError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError, struct.error)
 
 
 @dataclass

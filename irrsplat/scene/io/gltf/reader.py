@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
+from irrsplat.core.paths import take_copies
 from irrsplat.core.vectors import Vector, times
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.defaults import finish
@@ -208,8 +208,8 @@ class _Reader:
                 )
             if self._mesh_uses[node.entry["mesh"]] > 1:
                 self._attribute_cache[key] = found
-        elif not take_copies(len(found.rows)):
-            raise Damaged(TOO_MANY_COPIES)
+        else:
+            take_copies(len(found.rows))
         return found
 
     def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
@@ -238,17 +238,16 @@ class _Reader:
 
     def _without_invalid(self, shape: Geometry, node_name: str) -> Geometry:
         """Return the geometry without triangles whose vertices are not finite or exceed float32; other such vertices become 0."""
-        good = (np.abs(shape.positions) <= GREATEST).all(1)  # false for NaN
-        keep: np.ndarray = good[shape.corners].all(1) if not good.all() else np.ones(len(shape.corners), bool)
-        if not keep.all():
-            part = f"{np.count_nonzero(~keep)} triangles of {node_name}" if keep.any() else node_name
-            self.document.leave_out(part, "its vertices are not finite")
-        others = shape.normals, shape.uvs, shape.colors
-        return Geometry(
-            np.where(good[:, None], shape.positions, 0.0) if not good.all() else shape.positions,
-            shape.corners[keep] if not keep.all() else shape.corners,
-            *(a if a is None or np.isfinite(a).all() else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in others),
-        )
+        positions, corners, others = shape.positions, shape.corners, (shape.normals, shape.uvs, shape.colors)
+        good = (np.abs(positions) <= GREATEST).all(1)  # false for NaN
+        if not good.all():
+            keep: np.ndarray = good[corners].all(1)
+            if not keep.all():
+                part = f"{np.count_nonzero(~keep)} triangles of {node_name}" if keep.any() else node_name
+                self.document.leave_out(part, "its vertices are not finite")
+            positions, corners = np.where(good[:, None], positions, 0.0), corners[keep]
+        rest = (a if a is None or np.isfinite(a).all() else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in others)
+        return Geometry(positions, corners, *rest)
 
 
 def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndarray | None, np.ndarray | None]:
@@ -257,10 +256,8 @@ def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndar
         return None, None
     albedo = None
     if not (colors[:, :3] == 1.0).all():
-        factor = (
-            (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]
-        )  # the emission of an unlit material includes its factor
-        albedo = np.clip(colors[:, :3] * np.asarray(factor), 0.0, 1.0)
+        factor = 1.0 if surface.material.unlit else np.asarray(surface.factor[:3])  # unlit: its emission includes the factor
+        albedo = np.clip(colors[:, :3] * factor, 0.0, 1.0)
     return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
 
 
@@ -278,8 +275,7 @@ def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
     number = len(shape.positions)
     if not len(places):
         raise Damaged("its scale is 0")
-    if not take_copies(number * (len(places) - 1)):
-        raise Damaged(TOO_MANY_COPIES)
+    take_copies(number * (len(places) - 1))
     positions = np.concatenate([times(shape.positions, place[:3, :3]) + place[:3, 3] for place in places])
     corners = np.concatenate(
         [shape.corners[:, :: -1 if mirror else 1] + i * number for i, mirror in enumerate(determinants < 0.0)]

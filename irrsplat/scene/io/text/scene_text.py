@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.color import LUMINOUS_EFFICACY
-from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
+from irrsplat.core.paths import take_copies
+from irrsplat.core.vectors import vector
 from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
@@ -86,11 +86,9 @@ class _Reader:
             raise self.stack[-1][0].error("this 'push' has no 'pop'; add one, or remove it")
         cameras = []
         for line, name, values in sorted(self.camera_lines, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
-            eye, target, up = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
-            try:
+            eye, target, up = (vector(values[i : i + 3]) for i in (0, 3, 6))
+            with line.named_in_errors():
                 cameras.append(Camera(eye, target, up, self.fov, name))
-            except InputError as error:
-                raise line.error(str(error)) from None
         meshes, dropped = [], Counter[str]()
         found, origin = build_meshes(self.parts)
         for built in found:
@@ -154,10 +152,8 @@ class _Reader:
             self.lights.append(self.light_reader.light(path, self.per_unit))
             return
         photometry = self.light_reader.photometry(path)
-        try:
+        with line.named_in_errors():
             self.lights.append(placed(photometry, self.matrix))
-        except InputError as error:
-            raise line.error(str(error)) from None
 
     def _brdf(self, line: Line) -> None:
         kind = line.args[0] if line.args else ""
@@ -212,8 +208,9 @@ class _Reader:
             raise line.error(f"the scene has more than {_MOST_OBJECTS} 'obj' lines; join some of its objects in one file")
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
-        elif not take_copies(len(self.shapes[path].positions)):
-            raise line.error(TOO_MANY_COPIES)
+        else:
+            with line.named_in_errors():
+                take_copies(len(self.shapes[path].positions))
         shape = self.shapes[path]
         self.parts.append(
             Part(
