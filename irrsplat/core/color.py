@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from irrsplat.core.vectors import Vector, vector
+
 MID_GREY = 0.18  # reflectance that appears halfway between black and white
 DARKEST = 0.02  # reflectance of black velvet: lower bound for exposure metering
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
@@ -51,7 +53,6 @@ def photometric(values: np.ndarray) -> np.ndarray:
     return found
 
 
-def clip_color(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
+def clip_color(values: Sequence[float] | np.ndarray) -> Vector:
     """Return three values clamped to 0..1; NaN becomes 0."""
-    r, g, b = np.clip(np.nan_to_num(np.asarray(values, float)), 0.0, 1.0).tolist()
-    return r, g, b
+    return vector(np.clip(np.nan_to_num(np.asarray(values, float)), 0.0, 1.0))

@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import Vector
 from irrsplat.core.words import GREATEST, number, quote
 from irrsplat.sky.cie import CIE_KINDS, CieSky
 from irrsplat.sky.environment import Environment
@@ -36,7 +37,7 @@ class Sky:
     sources.
     """
 
-    radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radiance: Vector = (0.0, 0.0, 0.0)
     environment: Environment | None = None
     turn: float = 0.0
     notices: tuple[str, ...] = ()

@@ -50,11 +50,8 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
         corners, positions = corners[good], np.where(usable[:, None], positions, 0.0)
         first, weld = welded(as_float32(positions))
         positions, corners = positions[first], weld[corners]
-        if options.crease_angle > 0.0:
-            normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
-            parts.append(Part(positions, corners, normals, corner_normals, name=path.stem))
-        else:
-            parts.append(Part(positions, corners, name=path.stem))
+        smooth = crease_normals(positions, corners, options.crease_angle) if options.crease_angle > 0.0 else (None, None)
+        parts.append(Part(positions, corners, smooth[0], smooth[1], name=path.stem))
     if lost == count:
         raise InputError("no vertex is finite (NaN or infinity); expected finite coordinates", path)
     if lost:

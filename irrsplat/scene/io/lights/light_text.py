@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import vector
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.core.words import quote
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.io.lines import Line, lines
@@ -50,18 +50,14 @@ class LightReader:
     _lights: dict[Path, Light] = field(default_factory=dict)
 
     def light(self, path: Path, per_unit: float = 1.0) -> Light:
-        """Return the light in a `.light` file, as `_read`."""
-        if path not in self._lights:
-            self._lights[path] = self._read(path, per_unit)
-        return self._lights[path]
-
-    def _read(self, path: Path, per_unit: float) -> Light:
-        """Read the light in the `.light` file at `path`; raise InputError with file and line for an invalid file.
+        """Return the light in the `.light` file at `path`; raise InputError with file and line for an invalid file.
 
         W of `position` is 1 for a point or spot light and 0 for a directional one, which comes *from* X Y Z. `spotDirection` is
         the point that the light is aimed at. A `spotCutoff` of 90 or 180 degrees, or none, means no cone. per_unit: W/sr for each
         unit of `intensity` and `diffuse`; it does not apply to a luminaire's candela.
         """
+        if path in self._lights:
+            return self._lights[path]
         self.files.append(path)
         found: dict[str, tuple[float, ...]] = {}
         at: dict[str, Line] = {}
@@ -73,10 +69,13 @@ class LightReader:
             found[line.word] = () if line.word == "ies" else line.numbers(USAGE[line.word])
             at[line.word] = line
         if "ies" in at:
-            return _luminaire(path, found, at, self.photometry(at["ies"].file(USAGE["ies"])))
-        if "zeroDirection" in at:
+            light = _luminaire(path, found, at, self.photometry(at["ies"].file(USAGE["ies"])))
+        elif "zeroDirection" in at:
             raise at["zeroDirection"].error(f"'zeroDirection' turns a luminaire about its aim; expected as well: {USAGE['ies']}")
-        return _light(path, found, at, per_unit)
+        else:
+            light = _light(path, found, at, per_unit)
+        self._lights[path] = light
+        return light
 
     def photometry(self, path: Path) -> Photometry:
         """Read the photometry in the `.ies` file at `path`; raise InputError as `load_ies`."""
@@ -184,7 +183,7 @@ def _light(path: Path, found: dict[str, tuple[float, ...]], at: dict[str, Line],
 
 def _cone(
     found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...], directional: bool
-) -> tuple[tuple[float, float, float] | None, float, float]:
+) -> tuple[Vector | None, float, float]:
     """Return the target of a spot, its cutoff and its inner half angle; (None, 180, 180) for a light without a cone."""
     cutoff = found.get("spotCutoff", (180.0,))[0]
     if not (0.0 < cutoff <= 90.0 or cutoff == 180.0):
@@ -204,7 +203,7 @@ def _cone(
     return target, cutoff, inner
 
 
-def _target(found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...]) -> tuple[float, float, float]:
+def _target(found: dict[str, tuple[float, ...]], at: dict[str, Line], position: tuple[float, ...]) -> Vector:
     x, y, z = found["spotDirection"]
     if (x, y, z) == position:
         raise at["spotDirection"].error("the light is aimed at its own position; spotDirection is another point in space")

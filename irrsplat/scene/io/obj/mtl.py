@@ -69,7 +69,7 @@ class MaterialFiles:
     notices: list[str] = field(default_factory=list)
     files: list[Path] = field(default_factory=list)
     _images: dict[Path, Image | InputError] = field(default_factory=dict)
-    _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
+    _cut: dict[tuple[Image | None, Image, str], tuple[Image | None, AlphaMode]] = field(default_factory=dict)
 
     def read(self, path: Path, used: Iterable[str] | None = None) -> dict[str, Material]:
         """Return the materials in the file at `path`, by name; surfaces are double-sided.
@@ -154,8 +154,11 @@ class MaterialFiles:
             emission = (1.0,) * 3
         opacity = _opacity(entry)
         mode: AlphaMode = "opaque"
-        if color or "map_d" in textures:
-            color, mode = self._with_alpha(color, textures.get("map_d"), entry.maps.get("map_d"))
+        cut = textures.get("map_d")
+        if cut is not None and (color is None or cut.image is not color.image):
+            color, mode = self._with_alpha(color, cut, entry.maps["map_d"].options.get("-imfchan", [""])[-1])
+        elif color is not None and (cut is not None or not _alpha_is_no_opacity(color.image.pixels)):
+            mode = _mode(color.image.pixels[..., 3])
         if opacity < 1.0:
             mode = "blend"
         bend = entry.maps["norm"].options.get("-bm", ["1"])[-1] if "norm" in textures else "1"
@@ -187,27 +190,17 @@ class MaterialFiles:
         found = {name: f"there is no image {quote(name)}" if file is None else self._images[file] for name, file in files.items()}
         return {name: one if isinstance(one, Image) else str(one) for name, one in found.items()}
 
-    def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
-        """Return the texture with the alpha of `cut`, or else its own, and the mode of that alpha."""
-        if cut is None or written is None or (color is not None and cut.image is color.image):
-            if color is None or (cut is None and _alpha_is_no_opacity(color.image.pixels)):
-                return color, "opaque"
-            return color, _mode(color.image.pixels[..., 3])
-        channel = written.options.get("-imfchan", [""])[-1]
+    def _with_alpha(self, color: Texture | None, cut: Texture, channel: str) -> tuple[Texture | None, AlphaMode]:
+        """Return the texture (None: white) with the alpha of another one, `cut`, and the mode of that alpha."""
         image = color.image if color else None
         key = image, cut.image, channel
         if key not in self._cut:
             alpha = _alpha_channel(cut.image.pixels, channel)
             mode = _mode(alpha)
-            self._cut[key] = (
-                (_image_with_alpha(image, alpha, cut.image.name) if mode != "opaque" or image is None else image),
-                mode,
-            )
+            self._cut[key] = None if mode == "opaque" else _image_with_alpha(image, alpha, cut.image.name), mode
         combined, mode = self._cut[key]
-        if mode == "opaque":
-            return color, mode
         place = color or cut
-        return Texture(combined, 0, place.transform, place.wrap), mode
+        return color if combined is None else Texture(combined, 0, place.transform, place.wrap), mode
 
 
 def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:

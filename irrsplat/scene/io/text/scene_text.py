@@ -13,7 +13,7 @@ import numpy as np
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import take_copies
-from irrsplat.core.vectors import vector
+from irrsplat.core.vectors import Vector, vector
 from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
@@ -134,7 +134,7 @@ class _Reader:
             )
         self.per_unit = 1.0 / LUMINOUS_EFFICACY if line.args == ("photometric",) else 1.0
 
-    def _radiance(self, line: Line, r: float, g: float, b: float) -> tuple[float, float, float]:
+    def _radiance(self, line: Line, r: float, g: float, b: float) -> Vector:
         """Return W/(m² sr) for values in the file's units."""
         self.first_brightness = self.first_brightness or line
         return r * self.per_unit, g * self.per_unit, b * self.per_unit

@@ -14,6 +14,7 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import make_folder, write_bytes, write_text
 from irrsplat.core.paths import read_bytes
+from irrsplat.core.vectors import Vector
 from irrsplat.core.words import is_number
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene, sun_lights
@@ -144,7 +145,7 @@ class _Writer:
         write_text(path, "\n".join(lines) + "\n")
         return f"light {self.folder.name}/{path.name}"
 
-    def mesh(self, mesh: Mesh, origin: tuple[float, float, float]) -> list[str]:
+    def mesh(self, mesh: Mesh, origin: Vector) -> list[str]:
         """Write a mesh, relative to `origin`, and return the lines of its material, its origin and its file; none for a hidden
         mesh."""
         if mesh.is_point or not len(mesh.faces):
