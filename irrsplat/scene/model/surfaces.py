@@ -101,8 +101,8 @@ class Material:
             put(self, **{name: checked_number(f"a material's {name}", getattr(self, name), *within)})
         if self.alpha_mode not in get_args(AlphaMode):
             raise InputError(f"a material's alpha_mode is one of {', '.join(get_args(AlphaMode))}, not {self.alpha_mode!r:.60}")
-        for texture in (self.albedo_texture, self.emission_texture, self.normal_texture):
-            check_type("a material's texture", texture, Texture, None)
+        for texture in self.textures:
+            check_type("a material's texture", texture, Texture)
 
     @property
     def light_cutoff(self) -> float:

@@ -213,14 +213,11 @@ def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _mirrored(angles, rows, 90.0)
     if (first, last) == (0.0, 90.0):
         angles, rows = _mirrored(angles, rows, 90.0)
-        last = 180.0
-    if (first, last) == (0.0, 180.0):
-        angles, rows = _mirrored(angles, rows, 180.0)
-        last = 360.0
-    if (
-        first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _ANGLE_TOLERANCE
-    ):  # the last one is left out
-        angles, rows, last = np.append(angles, 360.0), np.append(rows, 0), 360.0
+    if (angles[0], angles[-1]) == (0.0, 180.0):
+        return _mirrored(angles, rows, 180.0)
+    gap = 360.0 - last
+    if first == 0.0 and 0.0 < gap < 180.0 and gap <= np.diff(angles).max() + _ANGLE_TOLERANCE:  # the last plane is left out
+        return np.append(angles, 360.0), np.append(rows, 0)
     if (first, last) != (0.0, 360.0):
         raise ValueError(
             f"the horizontal angles go from {first:g} to {last:g}; expected 0 alone, 0 to 90, 180 or 360, or 90 to 270"
