@@ -54,8 +54,9 @@ def finish(
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=vector(world[1] + 0.0), own_sky=sky is not None or up is None)
     main_part = scene if cameras else subject(scene)
-    points = surface_points(main_part)
-    room_places = camera.room_places(main_part, points, world) if up is not None or not cameras else camera.RoomPlaces(())
+    if up is not None or not cameras:  # otherwise neither camera nor light depends on rooms
+        points = surface_points(main_part)
+        room_places = camera.room_places(main_part, points, world)
     inside = False
     if not cameras:
         added, inside = camera.default_camera(main_part, points, world, room_places)

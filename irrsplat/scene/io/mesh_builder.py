@@ -32,13 +32,13 @@ def build_meshes(parts: Sequence[Part]) -> tuple[list[Built], Vector]:
     The origin is 0 0 0, or near the meshes if these lie far from there. A triangle with a missing or zero normal gets its face
     normal and vertices of its own. The problem is a transform that cannot be inverted or exceeds the range of float32.
     """
-    built = [built_mesh(part) for part in parts]
+    built = [build_mesh(part) for part in parts]
     meshes = tuple(one.mesh for one in built if one.mesh is not None)
     origin = near_origin(*Scene(meshes, (), ()).bounds)
-    return ([built_mesh(part, origin) for part in parts] if any(origin) else built), origin
+    return ([build_mesh(part, origin) for part in parts] if any(origin) else built), origin
 
 
-def built_mesh(part: Part, origin: Vector = (0.0, 0.0, 0.0)) -> Built:
+def build_mesh(part: Part, origin: Vector = (0.0, 0.0, 0.0)) -> Built:
     """Return the mesh of a part, relative to `origin`."""
     corners, matrix = part.corners.astype(np.int64), np.eye(4) if part.matrix is None else part.matrix
     turn = matrix[:3, :3]

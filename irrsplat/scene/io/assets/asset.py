@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -46,4 +45,4 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
     dropped = sum(built.dropped for built in found)
     files = [file for part in parts for file in part.files]
     up = up_vector(path, options.up_axis)
-    return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up, origin)
+    return finish(path, meshes, (), (), sky, {str(path): dropped}, notices, files, up, origin)

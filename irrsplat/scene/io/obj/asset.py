@@ -36,10 +36,9 @@ def read_obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     part, names, used = _parts(shape, path.stem, materials)
 
     order = np.argsort(part.astype(np.uint16 if len(names) < 1 << 16 else np.int64), kind="stable")
-    ends = np.cumsum(np.bincount(part, minlength=len(names)))
+    rows_of_parts = np.split(order, np.cumsum(np.bincount(part))[:-1])
     parts = []
-    for i, (name, number, end) in enumerate(zip(names, used, ends.tolist(), strict=True)):
-        rows = order[ends[i - 1] if i else 0 : end]
+    for name, number, rows in zip(names, used, rows_of_parts, strict=True):
         material = materials.get(number)
         colors, uvs, corner_uvs = shape.colors, None, None
         positions, corners, where = _compact(shape.positions, shape.corners[rows])
