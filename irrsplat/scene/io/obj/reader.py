@@ -59,8 +59,8 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     lines = find_lines(path, text_bytes(path, strict, MOST_GEOMETRY))
     others = np.flatnonzero(lines.kind == OTHER)
     spans = zip(lines.start[others].tolist(), lines.end[others].tolist(), strict=True)
-    words = [lines.data[a:b].split(None, 1) for a, b in spans]
-    if len(others) == len(lines.kind) and words and not {decoded(word[0]) for word in words} & _OTHER_WORDS:
+    table = _State(others, [lines.data[a:b].split(None, 1) for a, b in spans])
+    if len(others) == len(lines.kind) > 0 and not set(map(decoded, table.keys)) & _OTHER_WORDS:
         raise InputError("no line of this file is an OBJ command; expected 'v', 'vn' and 'f' lines", path)
     remarks: list[str] = []
     vertices = _vectors(lines, VERTEX, (3, 4, 6, 7), strict, remarks)
@@ -74,7 +74,6 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     faces = _without_bad_vertices(lines, faces, positions, remarks)
     at, polygon = triangulate(positions, faces.corners[:, 0], faces.sides)
     line = faces.lines[polygon]
-    table = _State(others, words)
     if not strict:
         table.report_not_shown(remarks)
     names, materials = table.names(b"usemtl", line)
@@ -93,7 +92,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
         table.flat(line),
         names,
         group_names,
-        tuple(decoded(words[i][1]).strip() for i in table.lines_of(b"mtllib") if len(words[i]) > 1),
+        tuple(decoded(table.rests[i]).strip() for i in table.lines_of(b"mtllib") if table.rests[i]),
         tuple(remarks),
     )
 
@@ -188,11 +187,11 @@ def _uvs_from_top(coordinates: np.ndarray) -> np.ndarray:
 
 
 class _State:
-    """State lines between the faces, in file order: `lines` (K,) are their numbers, `words` keyword and rest."""
+    """State lines between the faces, in file order. lines: (K,) their numbers. keys, rests: their keywords and other words."""
 
     def __init__(self, lines: np.ndarray, words: list[list[bytes]]) -> None:
-        self.lines, self.words = lines, words
-        self.keys = [word[0] for word in words]
+        self.lines, self.keys = lines, [word[0] for word in words]
+        self.rests = [word[1] if len(word) > 1 else b"" for word in words]
 
     def lines_of(self, keys: bytes) -> list[int]:
         """Return the lines with one of the keywords in `keys`."""
@@ -205,15 +204,13 @@ class _State:
         number: dict[bytes, int] = {b"": 0}
         index = [0]
         for i in lines_of:
-            word = self.words[i]
-            index.append(number.setdefault(b" ".join(word[1].split()) if len(word) > 1 else b"", len(number)))
-        names = tuple(decoded(name) for name in number)
-        return names, np.array(index)[np.searchsorted(self.lines[lines_of], line)]
+            index.append(number.setdefault(b" ".join(self.rests[i].split()), len(number)))
+        return tuple(map(decoded, number)), np.array(index)[np.searchsorted(self.lines[lines_of], line)]
 
     def flat(self, line: np.ndarray) -> np.ndarray:
         """Return (F,) bool: True where smoothing is off at these lines."""
         lines_of = self.lines_of(b"s")
-        off = [False, *(len(self.words[i]) > 1 and self.words[i][1].strip().lower() in (b"off", b"0") for i in lines_of)]
+        off = [False, *(self.rests[i].strip().lower() in (b"off", b"0") for i in lines_of)]
         return np.array(off)[np.searchsorted(self.lines[lines_of], line)]
 
     def report_not_shown(self, remarks: list[str]) -> None:
