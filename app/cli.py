@@ -33,10 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with _quiet_libraries(debug), _ended_as_by_ctrl_c():
             args = grammar.parse(sys.argv[1:] if argv is None else argv)
-            command = grammar.COMMANDS[args.command]
             _check_scenes(args)
-            command.check_files(args)
-            status = command.run(args)
+            status: int = args.run(args)
             sys.stdout.flush()
             return status
     except SystemExit as done:  # --help, --version

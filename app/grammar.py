@@ -3,36 +3,36 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from irrsplat import __version__
 from irrsplat.app.commands import bake, bench, cache, fill, info, measure, render, verify, view
 from irrsplat.app.commands.shared import flags
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Parser
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.settings import SETTINGS
 
-COMMANDS: dict[str, Command] = {  # in the order of --help
-    "view": view.COMMAND,
-    "render": render.COMMAND,
-    "fill": fill.COMMAND,
-    "cache": cache.COMMAND,
-    "measure": measure.COMMAND,
-    "bake": bake.COMMAND,
-    "bench": bench.COMMAND,
-    "info": info.COMMAND,
-    "doctor": info.DOCTOR,
-    "verify": verify.COMMAND,
+COMMANDS: dict[str, Callable[[Any], None]] = {  # functions that add a command and its `run`, in the order of --help
+    "view": view.add,
+    "render": render.add,
+    "fill": fill.add,
+    "cache": cache.add,
+    "measure": measure.add,
+    "bake": bake.add,
+    "bench": bench.add,
+    "info": info.add,
+    "doctor": info.add_doctor,
+    "verify": verify.add,
 }
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Return the checked command line.
 
-    It has `command`, its arguments, `loading` for a scene, and `values`, the settings given by flag. Raises InputError, one
-    line, for the first error; SystemExit(0) after --help and --version.
+    It has `command`, its function `run`, its arguments, `loading` for a scene, and `values`, the settings given by flag.
+    Raises InputError, one line, for the first error; SystemExit(0) after --help and --version.
     """
     top = build()
     args: argparse.Namespace
@@ -49,7 +49,6 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         }
     if hasattr(args, "camera"):
         flags.check_camera(args)
-    COMMANDS[args.command].check(args)
     return args
 
 
@@ -58,8 +57,8 @@ def build() -> Parser:
     top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action="version", version=f"irrsplat {__version__}", help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
-    for command in COMMANDS.values():
-        command.add(commands)
+    for add in COMMANDS.values():
+        add(commands)
     return top
 
 

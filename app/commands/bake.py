@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from irrsplat.app.commands.shared import flags, values
-from irrsplat.app.commands.shared.command import Command
-from irrsplat.app.common.outputs import Outputs, twins
+from irrsplat.app.common.outputs import Outputs, check_distinct
 from irrsplat.app.common.terminal import out, progress, say, wrote
 from irrsplat.core.errors import InputError
 
@@ -43,6 +42,7 @@ def add(commands: Any) -> None:
     add("--stats", metavar="FILE.json", help="write sizes, records, times and settings to this file")
     flags.add_preset(parser, "default")
     flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup"))
+    parser.set_defaults(run=run)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -60,8 +60,7 @@ def _check(args: argparse.Namespace) -> None:
     outputs = [args.output, *([str(Path(args.output).with_suffix(".exr"))] if args.to == "lightmap" else [])]
     for path in (*outputs, *([] if args.stats is None else [args.stats])):
         files.check_file(path)
-    for twin in twins(outputs, [("--stats", args.stats)]):
-        raise InputError(twin)
+    check_distinct(outputs, [("--stats", args.stats)])
 
 
 def run(args: argparse.Namespace) -> int:
@@ -71,7 +70,6 @@ def run(args: argparse.Namespace) -> int:
     import irrsplat
     from irrsplat import settings
     from irrsplat.app import bake
-    from irrsplat.core import files
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
     for notice in scene.notices:
@@ -86,10 +84,9 @@ def run(args: argparse.Namespace) -> int:
     outputs = Outputs()
     if outputs.write(args.output, partial(made.save, args.output, *form)) and form:
         wrote(Path(args.output).with_suffix(".exr"))
-    if args.stats is not None:
-        stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **made.summary,
-                 "preset": args.preset, "settings": vars(settings.preset(args.preset, **args.values))}  # fmt: skip
-        outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
+    stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **made.summary}
+    stats |= {"preset": args.preset, "settings": vars(settings.preset(args.preset, **args.values))}
+    outputs.write_json(args.stats, stats, 1)
     if not made.converged:
         say("notice: stopped before every point was covered; raise --a")
     out(made.words)
@@ -97,6 +94,3 @@ def run(args: argparse.Namespace) -> int:
     out(f"time        {seconds:.1f} s")
     outputs.raise_failures()
     return 0
-
-
-COMMAND = Command(add, run)

@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared import flags
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import wrote
 
 
@@ -33,6 +32,7 @@ def add(commands: Any) -> None:
     add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
     add("--growth", action="store_true", help="only measure time against triangles and pixels; takes some minutes")
     add("-o", "--output", metavar="FILE.png", help="with --peers: write the plot")
+    parser.set_defaults(run=run)
 
 
 def _peers() -> str:
@@ -58,6 +58,3 @@ def run(args: argparse.Namespace) -> int:
         if path is not None:
             wrote(path)
     return status
-
-
-COMMAND = Command(add, run)

@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared import values
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Parser
 
 
@@ -38,21 +37,14 @@ def add(commands: Any) -> None:
     prune.add_argument("--most", type=values.count, metavar="N", help=words)
     for tool in (merge, prune):
         tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
-
-
-def check_files(args: argparse.Namespace) -> None:
-    """Raise InputError if the cache cannot be written."""
-    if args.tool != "info":
-        from irrsplat.core import files
-
-        files.check_file(args.output)
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run `irrsplat cache`."""
     from irrsplat.app.commands.work import cache as work
+    from irrsplat.core import files
 
+    if args.tool != "info":
+        files.check_file(args.output)
     return work.run(args)
-
-
-COMMAND = Command(add, run, check_files=check_files)

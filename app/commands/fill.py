@@ -7,10 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
-from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:
     from irrsplat.app.film.fill import Filled
@@ -36,12 +34,7 @@ def add(commands: Any) -> None:
     flags.add_flight(parser, "the flight")
     flags.add_camera(parser)
     flags.add_settings(parser, stages=flags.STAGES[:-1])  # picture settings too, so that a film's flags are valid here
-
-
-def check(args: argparse.Namespace) -> None:
-    """Raise InputError for a missing flight."""
-    if args.path is None:
-        raise InputError("fill needs a flight; give --path FILE")
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -50,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
 
+    rendering.check_kept_files(args)
     settings.preset(args.preset, **args.values)
 
     import irrsplat
@@ -65,8 +59,7 @@ def run(args: argparse.Namespace) -> int:
         outputs = Outputs()
         if renderer.cache.count:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
-        if args.stats is not None:
-            rendering.write_stats(args, filling.statistics(done, renderer.cache.count), outputs)
+        outputs.write_json(args.stats, filling.statistics(done, renderer.cache.count))
     return _end_of_fill(done, flight, outputs)
 
 
@@ -79,6 +72,3 @@ def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
         return fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
     filling.warn(done)
     return 0
-
-
-COMMAND = Command(add, run, check, rendering.check_kept_files)

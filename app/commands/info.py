@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared import flags
-from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
@@ -16,6 +15,7 @@ def add(commands: Any) -> None:
         "scene", nargs="?", metavar="SCENE", help="a path or the name of a bundled scene (default: list the bundled scenes)"
     )
     flags.add_loading(parser)
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -30,7 +30,7 @@ def add_doctor(commands: Any) -> None:
     """Add `irrsplat doctor`, which has no flags."""
     words = "check OpenGL on this machine"
     description = "Print the OpenGL version of this machine, the result of the self-test, and remedies."
-    commands.add_parser("doctor", help=words, description=description)
+    commands.add_parser("doctor", help=words, description=description).set_defaults(run=run_doctor)
 
 
 def run_doctor(args: argparse.Namespace) -> int:
@@ -38,7 +38,3 @@ def run_doctor(args: argparse.Namespace) -> int:
     from irrsplat.app.commands.work import info as report
 
     return report.doctor()
-
-
-COMMAND = Command(add, run)
-DOCTOR = Command(add_doctor, run_doctor)

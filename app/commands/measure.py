@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared import flags, values
-from irrsplat.app.commands.shared.command import Command
 
 
 def add(commands: Any) -> None:
@@ -54,6 +53,7 @@ def add(commands: Any) -> None:
     add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
     flags.add_preset(parser, "reference")
     flags.add_settings(parser, stages=("shadow", "gather"))
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,6 +65,3 @@ def run(args: argparse.Namespace) -> int:
     import irrsplat
 
     return measuring.run(irrsplat.load(args.scene, **vars(args.loading)), args)
-
-
-COMMAND = Command(add, run)

@@ -8,14 +8,16 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering, values
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 from irrsplat.core.errors import InputError
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
+    from irrsplat.app.common.false_colours import FalseColours
     from irrsplat.image.statistics import Statistics
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 SAMPLES = 16  # samples per pixel of a picture without --samples; arrays have one, at the pixel's centre
@@ -59,6 +61,7 @@ def add(commands: Any) -> None:
     group = flags.add_flight(parser, "a flight instead of one picture; frames share records and the first exposure")
     group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
     flags.add_settings(parser)
+    parser.set_defaults(run=run)
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:
@@ -79,23 +82,41 @@ def _add_false_colours(parser: argparse.ArgumentParser) -> None:
 # ---- before the work ---------------------------------------------------------------------------------------------------
 
 
-def check_files(args: argparse.Namespace) -> None:
-    """Raise InputError for unknown buffers, and for files of outputs, --stats and --cache that cannot be written."""
+def _check_files(args: argparse.Namespace) -> bool:
+    """Return True if one of the outputs is a folder, which has the paper's figures.
+
+    Raises InputError for unknown buffers, and for files of outputs, --stats and --cache that cannot be written.
+    """
     from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
-    names = [flight.first_name(args, pattern) if flight.flies(args) else pattern for pattern in args.output]
+    flies, folder = args.path is not None, False
+    names = [flight.first_name(args, pattern) if flies else pattern for pattern in args.output]
     for name in names:
         if video.is_film(name):
-            video.check(name, flight.flies(args))
+            video.check(name, flies)
         else:
-            check_writable(name, _buffers(args), video.ENDINGS)
+            folder |= not check_writable(name, _buffers(args), video.ENDINGS)
     rendering.check_kept_files(args, names)
+    return folder
 
 
 def _buffers(args: argparse.Namespace) -> list[str] | None:
     """Return the names in --buffers; None for all."""
     return None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
+
+
+def _is_sampled(args: argparse.Namespace) -> bool:
+    """True if a .png has SAMPLES samples per pixel: a single picture in plain colours, without --samples."""
+    from irrsplat.lighting.gl_limits import LARGE
+
+    small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
+    return args.path is None and small and "samples" not in args.values and args.falsecolor is None
+
+
+def _has_arrays(args: argparse.Namespace) -> bool:
+    """True if one of the outputs is an .exr or .npz."""
+    return any(output.lower().endswith((".exr", ".npz")) for output in args.output)
 
 
 def _check_frozen(args: argparse.Namespace) -> None:
@@ -106,15 +127,6 @@ def _check_frozen(args: argparse.Namespace) -> None:
         )
     if args.values.get("quality"):
         raise InputError("--quality gathers records, and --cache-mode frozen lets none be gathered; leave one of them out")
-
-
-def _has_folder(args: argparse.Namespace) -> bool:
-    """True if one of the outputs is a folder, which has the paper's figures."""
-    from irrsplat.app.film import flight, video
-    from irrsplat.image.frame import check_writable
-
-    names = [flight.first_name(args, pattern) for pattern in args.output] if flight.flies(args) else args.output
-    return "" in [check_writable(name) for name in names if not video.is_film(name)]
 
 
 # ---- the work ----------------------------------------------------------------------------------------------------------
@@ -129,15 +141,13 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.common import false_colours
     from irrsplat.app.film import films, frames
     from irrsplat.app.film import flight as flights
-    from irrsplat.image.frame import needed
-    from irrsplat.lighting.gl_limits import LARGE
 
+    has_folder, frozen = _check_files(args), args.cache_mode == "frozen"
     settings.preset(args.preset, **args.values)
-    buffers, keeps = _buffers(args), args.cache_mode == "frozen"
-    with_figures = _has_folder(args) and not keeps
+    figures = has_folder and not frozen
     coloured = false_colours.checked(args)
     films.check(args)
-    if keeps:
+    if frozen:
         _check_frozen(args)
     if args.tile_size and args.falsecolor == "light":
         raise InputError("--tile-size and --falsecolor light do not go together; leave one of them out")
@@ -145,89 +155,73 @@ def run(args: argparse.Namespace) -> int:
     import irrsplat
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    camera, flight, made = rendering.camera(args, scene), None, None
-    if flights.flies(args):
-        flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene), args.output))
+    camera = rendering.camera(args, scene)
+    flight, made = (None, None) if args.path is None else films.plan(args, flights.plan(args, scene, args.output))
     # direct light alone requires whole views
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
-    tiles = {} if tile_size is None else {"tile_size": tile_size}
-    small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
-    pictures_sampled = flight is None and small and "samples" not in args.values and coloured is None
-    arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
-    sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
-    made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
-    with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
+    made_with: dict[str, Any] = args.values | ({"samples": SAMPLES} if _is_sampled(args) and not _has_arrays(args) else {})
+    outputs, unfinished = Outputs(), ""
+    with irrsplat.Renderer(scene, tuple(args.size), args.preset, tile_size=tile_size, **made_with) as renderer:
         cache = rendering.load_cache(renderer, args) if args.cache is not None else None
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
-        outputs, how = Outputs(), dict[str, Any]()
-        with rendering.round_progress(args) as on_round:
-            if flight is not None:
-                how = {"frozen": keeps, "kept": "" if made is None else made.temporary}
-                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, **how)
-            else:
-                needed_buffers = None if with_figures or coloured is not None else needed(args.output, buffers)
-                how = {"gather": False} if keeps else {"figures": with_figures}
-                frame = renderer.render(camera, progress=on_round, buffers=needed_buffers, **how)
-        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
-            return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
-        pngs = [path for path in args.output if path.lower().endswith(".png")]
-        if arrays and pngs and pictures_sampled and renderer.settings.quality:  # a further render ends the refinement
-            picture = renderer.accumulate(renderer.frame(camera)[0], SAMPLES).read()
-        elif arrays and pngs and pictures_sampled:
-            renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
-            picture = renderer.render(camera, buffers=needed(pngs, buffers), gather=False)
-        elif flight is None:
-            picture = frame
-        for path in args.output if flight is None else ():
-            shown = picture if path in pngs else frame
-            outputs.write(path, partial(false_colours.save, coloured, path, shown, buffers, renderer, camera))
-        if cache is not None and renderer.cache.count and not keeps:
+        if flight is None or made is None:
+            done = [_picture(args, renderer, camera, figures, coloured, outputs)]
+            if done[0].get("interrupted"):
+                unfinished = f"the files hold what {done[0].get('rounds', 0)} whole rounds gave"
+        else:
+            with rendering.round_progress(args) as on_round:
+                done, complete = frames.render(
+                    renderer, flight, _buffers(args), figures, on_round, outputs, coloured, frozen, kept=made.temporary
+                )
+            if not complete:
+                unfinished = f"{len(done)} of {len(flight.numbers)} frames were written{', and no film' if made.names else ''}"
+        if cache is not None and renderer.cache.count and not frozen:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if flight is not None and made is not None:
-            if complete:
-                made.write(flight, outputs)
-            made.release()
-    if keeps:
-        _say_gaps([frame.stats] if flight is None else done)
-    if flight is None:
-        return _end_of_render(args, frame.stats, outputs)
-    unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
-    if unfinished is not None and made is not None:
-        unfinished += ", and no film"
-    return _end_of_path(args, done, unfinished, outputs)
+            made.end(() if unfinished else flight.numbers, outputs)
+    if frozen:
+        _say_gaps(done)
+    outputs.write_json(args.stats, done[0] if flight is None else {"frames": done})
+    outputs.raise_failures()
+    return fail(f"interrupted; {unfinished}", INTERRUPTED) if unfinished else _say_missing_light(done, flight is not None)
+
+
+def _picture(
+    args: argparse.Namespace,
+    renderer: Renderer,
+    camera: Camera,
+    figures: bool,
+    coloured: FalseColours | None,
+    outputs: Outputs,
+) -> Statistics:
+    """Render a picture and write it to all outputs; return its statistics.
+
+    Raises KeyboardInterrupt for Ctrl-C before the first round is complete.
+    """
+    from irrsplat.app.common import false_colours
+    from irrsplat.image.frame import needed
+
+    buffers, frozen = _buffers(args), args.cache_mode == "frozen"
+    with rendering.round_progress(args) as on_round:
+        names = None if figures or coloured is not None else needed(args.output, buffers)
+        frame = renderer.render(camera, progress=on_round, buffers=names, figures=figures, gather=not frozen)
+    if frame.stats.get("interrupted") and not frame.stats.get("rounds") and not frozen:
+        raise KeyboardInterrupt("interrupted before the first round was complete; nothing was written")
+    picture, pngs = frame, [path for path in args.output if path.lower().endswith(".png")]
+    if pngs and _has_arrays(args) and _is_sampled(args):
+        if renderer.settings.quality:  # a further render ends the refinement
+            picture = renderer.accumulate(renderer.frame(camera)[0], SAMPLES).read()
+        else:
+            renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
+            picture = renderer.render(camera, buffers=needed(pngs, buffers), gather=False)
+    for path in args.output:
+        shown = picture if path in pngs else frame
+        outputs.write(path, partial(false_colours.save, coloured, path, shown, buffers, renderer, camera))
+    return frame.stats
 
 
 # ---- after the work ----------------------------------------------------------------------------------------------------
-
-
-def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs) -> int:
-    """Write a picture's statistics on request, print its gaps, and return the exit status.
-
-    Raises IrrsplatError if one of the `outputs` failed.
-    """
-    rendering.write_stats(args, stats, outputs)
-    outputs.raise_failures()
-    if stats.get("interrupted"):
-        return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
-    if not stats.get("converged", True) and "uncovered" not in stats:
-        say(f"notice: stopped after {stats.get('rounds')} rounds {_end_in_words([stats])}")
-    if (notice := _bounces_notice([stats])) is not None:
-        say(f"notice: {notice}")
-    return 0
-
-
-def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:
-    """Finish a path with the frames `done`, as _end_of_render. interrupted: progress in words; None for a complete path."""
-    rendering.write_stats(args, {"frames": done}, outputs)
-    outputs.raise_failures()
-    if interrupted is not None:
-        return fail(f"interrupted; {interrupted}", INTERRUPTED)
-    if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
-        say(f"notice: {short} of {len(done)} frames stopped {_end_in_words(done)}")
-    if (notice := _bounces_notice(done)) is not None:
-        say(f"notice: {notice}")
-    return 0
 
 
 def _say_gaps(done: Sequence[Statistics]) -> None:
@@ -239,17 +233,14 @@ def _say_gaps(done: Sequence[Statistics]) -> None:
         say(f"notice: in {where} no record reaches {some}, which take the light of those around; fill the cache for this view")
 
 
-def _bounces_notice(stats: Sequence[Statistics]) -> str | None:
-    """Return the first notice on missing bounces of pictures with `stats`, or None."""
+def _say_missing_light(done: Sequence[Statistics], flies: bool) -> int:
+    """Print notices on pictures with missing records or bounces; return the exit status. flies: True for frames of a flight."""
     from irrsplat.image.statistics import bounces_notice
 
-    return next(filter(None, map(bounces_notice, stats)), None)
-
-
-def _end_in_words(stats: Sequence[Statistics]) -> str:
-    """Return the end of the notice on incomplete pictures: the limit to raise."""
-    full = any(one.get("full") for one in stats)
-    return f"before every pixel was covered; raise {'--max-records or ' if full else ''}--a"
-
-
-COMMAND = Command(add, run, check_files=check_files)
+    if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
+        where = f"{short} of {len(done)} frames stopped" if flies else f"stopped after {done[0].get('rounds')} rounds"
+        limit = "--max-records or --a" if any(stats.get("full") for stats in done) else "--a"
+        say(f"notice: {where} before every pixel was covered; raise {limit}")
+    if notice := next(filter(None, map(bounces_notice, done)), None):
+        say(f"notice: {notice}")
+    return 0

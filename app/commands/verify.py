@@ -6,7 +6,6 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared import flags, rendering, values
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import wrote
 
 
@@ -33,7 +32,7 @@ def add(commands: Any) -> None:
     add("-o", "--output", metavar="FILE.png", help="write reference, picture and error side by side")
     flags.add_camera(parser)
     flags.add_settings(parser, besides=("samples",))  # errors refer to pixel centres, and --samples has another meaning here
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(run=run, path=None, frames=None)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,6 +50,3 @@ def run(args: argparse.Namespace) -> int:
     if args.output is not None:
         wrote(args.output)
     return status
-
-
-COMMAND = Command(add, run)

@@ -8,7 +8,6 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering
-from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import IrrsplatError
 
@@ -32,7 +31,7 @@ def add(commands: Any) -> None:
     flags.add_cache_mode(parser)
     flags.add_camera(parser)
     flags.add_settings(parser)
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(run=run, path=None, frames=None)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -69,6 +68,3 @@ def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues, up
     files.check_file(path)
     if os.path.exists(path):
         cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)), update)
-
-
-COMMAND = Command(add, run)

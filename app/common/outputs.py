@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 
 from irrsplat.app.common.terminal import doing, wrote
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -14,16 +14,15 @@ def missing(error: ModuleNotFoundError) -> str:
     return f"this needs the Python module '{error.name}', which is missing; irrsplat doctor lists what is there"
 
 
-def twins(outputs: Sequence[str], others: Iterable[tuple[str, str | None]]) -> list[str]:
-    """Return an error for each file that two outputs share. outputs: of -o; others: flags and their files, None for absent
-    ones.
-    """
-    flags_of: dict[str, list[tuple[str, str]]] = {}
-    given = [("-o", output) for output in outputs] + [(flag, path) for flag, path in others if path is not None]
-    for flag, path in given:
-        flags_of.setdefault(os.path.realpath(path), []).append((flag, path))
-    uses = [" and ".join(f"{flag} {path}" for flag, path in same) for same in flags_of.values() if len(same) > 1]
-    return [f"{use} are one file; give each a name of its own" for use in uses]
+def check_distinct(outputs: Iterable[str], others: Iterable[tuple[str, str | None]]) -> None:
+    """Raise InputError for a file of several outputs. outputs: of -o; others: flags and their files, None for absent ones."""
+    uses: dict[str, list[str]] = {}
+    for flag, path in (*(("-o", output) for output in outputs), *others):
+        if path is not None:
+            uses.setdefault(os.path.realpath(path), []).append(f"{flag} {path}")
+    for same in uses.values():
+        if len(same) > 1:
+            raise InputError(f"{' and '.join(same)} are one file; give each a name of its own")
 
 
 class Outputs:
@@ -54,6 +53,13 @@ class Outputs:
                 wrote(path)
             return True
         return False
+
+    def write_json(self, path: str | None, value: object, indent: int = 2) -> None:
+        """Write `value` as JSON to the file `path`; None: nowhere."""
+        from irrsplat.core import files  # needs numpy, which --help does not import
+
+        if path is not None:
+            self.write(path, lambda: files.write_text(path, files.json_text(value, indent) + "\n"))
 
     def raise_failures(self) -> None:
         """Raise an error with every failed file, if any."""

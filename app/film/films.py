@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -36,8 +37,8 @@ class Films:
     """Films `names`, made from the PNG files of `pattern`. folder: of these files; None if they are outputs themselves."""
 
     names: tuple[str, ...]
-    pattern: str
-    rate: Fraction
+    pattern: str = ""
+    rate: Fraction = Fraction(video.RATE)
     folder: tempfile.TemporaryDirectory[str] | None = None
 
     @property
@@ -45,14 +46,11 @@ class Films:
         """Pattern of temporary files; "" without them."""
         return "" if self.folder is None else self.pattern
 
-    def write(self, flight: Flight, outputs: Outputs) -> None:
-        """Encode the films of a flight after all frames are written."""
-        pictures = [Path(numbered(self.pattern, number)) for number in flight.numbers]
-        for name in self.names:
+    def end(self, numbers: Sequence[int], outputs: Outputs) -> None:
+        """Encode the frames `numbers`, unless there are none, and remove the temporary files."""
+        pictures = [Path(numbered(self.pattern, number)) for number in numbers]
+        for name in self.names if pictures else ():
             outputs.write(name, partial(self._encode, name, pictures))
-
-    def release(self) -> None:
-        """Remove the temporary files."""
         if self.folder is not None:
             self.folder.cleanup()
 
@@ -66,14 +64,14 @@ class Films:
             video.write(name, pictures, self.rate, show)
 
 
-def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None]:
-    """Return the flight with picture outputs only, and its films, or None.
+def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films]:
+    """Return the flight with picture outputs only, and its films.
 
     The films are made from a .png output if one exists, else from pictures in a temporary folder next to the first film.
     """
     names = tuple(output for output in flight.outputs if video.is_film(output))
     if not names:
-        return flight, None
+        return flight, Films(())
     stills = tuple(output for output in flight.outputs if not video.is_film(output))
     rate = Fraction(args.fps or video.RATE).limit_denominator(1001)
     of_png = next((output for output in stills if output.lower().endswith(".png")), None)

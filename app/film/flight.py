@@ -28,40 +28,34 @@ class Flight:
     outputs: tuple[str, ...] = ()
 
 
-def flies(args: argparse.Namespace) -> bool:
-    """True if a command renders a flight rather than one picture."""
-    return args.path is not None
-
-
 def first_name(args: argparse.Namespace, pattern: str) -> str:
     """Return the output name of the first frame, for checks before loading; raise InputError for an invalid {frame}."""
     return pattern if is_film(pattern) else numbered(pattern, _span(args)[0])
 
 
-def plan(args: argparse.Namespace, scene: Scene) -> Flight:
-    """Return the frames that --path and --frames select. Raises InputError for an invalid path or an empty selection."""
+def plan(args: argparse.Namespace, scene: Scene, outputs: Sequence[str] = ()) -> Flight:
+    """Return the frames that --path and --frames select, with their output files.
+
+    Raises InputError for an invalid path, an empty selection, and two frames with one file.
+    """
     path = load_path(_find(args.path, scene), scene.camera().fov if args.fov is None else args.fov)
     start, stop = _span(args)
     if max(start + 1, stop or 0) > path.frames:
         span = f"{start}:{'' if stop is None else stop}"
         raise InputError(f"--frames {span}: the path '{args.path}' has {path.frames} frames; give A:B within 0:{path.frames}")
-    return Flight(path, range(start, path.frames if stop is None else stop))
-
-
-def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
-    """Return the flight with output files; raise InputError if two frames share a file."""
+    numbers = range(start, path.frames if stop is None else stop)
     taken: dict[str, str] = {}  # file names, and the output of each
     for pattern in outputs:
         if is_film(pattern):
             continue
-        if len(flight.numbers) > 1 and numbered(pattern, 0) == numbered(pattern, 1):
-            reason = f"{len(flight.numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
+        if len(numbers) > 1 and numbered(pattern, 0) == numbered(pattern, 1):
+            reason = f"{len(numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
             raise InputError(f"{reason}, or choose one with --frames", pattern)
-        for number in flight.numbers:
+        for number in numbers:
             name = numbered(pattern, number)
             if (other := taken.setdefault(os.path.realpath(name), pattern)) != pattern:
                 raise InputError(f"frame {number} would go to a file of '{other}'; give it a name of its own", pattern)
-    return Flight(flight.path, flight.numbers, tuple(outputs))
+    return Flight(path, numbers, tuple(outputs))
 
 
 def _span(args: argparse.Namespace) -> tuple[int, int | None]:

@@ -131,3 +131,5 @@ def check_camera(args: argparse.Namespace) -> None:
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:
             raise InputError(f"--path brings its own cameras; leave --path or --{flag} out")
+    if args.path is None and args.command == "fill":
+        raise InputError("fill needs a flight; give --path FILE")

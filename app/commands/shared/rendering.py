@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.common.kept_cache import KeptCache
-from irrsplat.app.common.outputs import Outputs, twins
+from irrsplat.app.common.outputs import check_distinct
 from irrsplat.app.common.terminal import progress, say
-from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:
     from irrsplat.app.film.frames import OnRound
@@ -42,8 +41,7 @@ def check_kept_files(args: argparse.Namespace, names: Sequence[str] = ()) -> Non
             paths.check_readable(File(path), paths.MOST_GEOMETRY)
         elif path is not None:
             files.check_file(path)
-    for twin in twins(names, (("--stats", args.stats), ("--cache", args.cache))):
-        raise InputError(twin)
+    check_distinct(names, (("--stats", args.stats), ("--cache", args.cache)))
 
 
 def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:
@@ -80,11 +78,3 @@ def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
         percent = 100.0 * state.error  # falls with the square root of the work
         return "quality", f"{line}, error {percent:.2g} % to {quality:g} %", min(1.0, (quality / max(percent, 1e-6)) ** 2)
     return "rounds", f"{line}, coverage", state.coverage
-
-
-def write_stats(args: argparse.Namespace, stats: Mapping[str, object], outputs: Outputs) -> None:
-    """Write `stats` to the file of --stats, if given; failures go to `outputs`."""
-    if args.stats is not None:
-        from irrsplat.core import files
-
-        outputs.write(args.stats, lambda: files.write_text(args.stats, files.json_text(stats) + "\n"))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat import settings
-from irrsplat.app.common.outputs import Outputs, twins
+from irrsplat.app.common.outputs import Outputs, check_distinct
 from irrsplat.app.common.terminal import columns, out, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -52,8 +52,7 @@ def check(args: argparse.Namespace) -> None:
         files.check_file(args.output)
     if args.stats is not None:
         files.check_file(args.stats)
-    for twin in twins([] if args.output in (None, _STDOUT) else [args.output], [("--stats", args.stats)]):
-        raise InputError(twin)
+    check_distinct([], [("-o", None if args.output == _STDOUT else args.output), ("--stats", args.stats)])
 
 
 def run(scene: Scene, args: argparse.Namespace) -> int:
@@ -86,8 +85,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         write()
     else:
         outputs.write(args.output, write)
-    if args.stats is not None:
-        outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
+    outputs.write_json(args.stats, stats, 1)
     for text in _summary_lines(summary, grid, along):
         (say if args.output == _STDOUT else out)(text)
     outputs.raise_failures()
