@@ -9,7 +9,7 @@ from typing import cast
 
 from irrsplat.app.bench import compare, machine
 from irrsplat.app.bench.cases import LEGEND, TURN, Run, measure
-from irrsplat.app.common.terminal import columns, doing, out, say
+from irrsplat.app.common.terminal import columns, out, say
 from irrsplat.core.errors import InputError
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
@@ -18,7 +18,6 @@ from irrsplat.settings import SETTINGS, All, Settings
 DEFAULT_SCENES = ("cornell-paper",)
 PAPER = "cornell-paper"  # scene that is also timed as published, unless presets are given
 SIZE = [800, 800]
-Size = tuple[int, int]
 
 
 def run(args: Namespace) -> int:
@@ -68,33 +67,26 @@ def _bounces(text: str) -> int | All:
 
 def _timed(loaded: Sequence[Scene], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
     """Print the tables of every scene and size; return the machine and the runs for the JSON."""
+    import irrsplat
+
     about: dict[str, object] = {}
     runs: list[Run] = []
     for scene in loaded:
         for notice in scene.notices:
             say(f"notice: {notice}")
-        sizes: list[Size] = list(dict.fromkeys((w, h) for w, h in args.size or [SIZE]))
-        for size in sizes:
-            presets = list(dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))))
-            runs += _scene(scene, size, presets, bounces, about)
+        for width, height in dict.fromkeys((w, h) for w, h in args.size or [SIZE]):
+            found: list[Run] = []
+            for preset in dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))):
+                with irrsplat.Renderer(scene, (width, height), preset, bounces=bounces, tile_size=0) as renderer:
+                    if not about:
+                        about = machine.about(renderer.about)
+                        out(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
+                        out(LEGEND)
+                    found += measure(renderer)
+            out(f"\n{scene.name}, {width}x{height}, {in_words(bounces)}")
+            out("\n".join(_cases(found)))
+            runs += found
     return about, runs
-
-
-def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, object]) -> list[Run]:
-    """Print the cases of one scene and size; fill `about` if it is empty."""
-    import irrsplat
-
-    runs: list[Run] = []
-    for preset in presets:
-        with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces, tile_size=0) as renderer:
-            if not about:
-                about |= machine.about(renderer.about)
-                out(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
-                out(LEGEND)
-            runs += measure(renderer, doing)
-    out(f"\n{scene.name}, {size[0]}x{size[1]}, {in_words(bounces)}")
-    out("\n".join(_cases(runs)))
-    return runs
 
 
 def _cases(runs: Sequence[Run]) -> Iterator[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from irrsplat.app.bench import gather_truth
+from irrsplat.app.common.terminal import doing
 from irrsplat.scene.model import Camera, Light, Scene
 
 if TYPE_CHECKING:
@@ -65,32 +66,27 @@ class Timing:
     processor: float
 
 
-def measure(renderer: Renderer, notify: Callable[[str], object] = lambda words: None) -> Iterator[Run]:
-    """Yield the cases of one renderer from its scene's first camera; notify: called with progress messages."""
+def measure(renderer: Renderer) -> Iterator[Run]:
+    """Yield the cases of one renderer from its scene's first camera."""
     scene, camera = renderer.scene, renderer.scene.camera()
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
-
-    def result(case: str, timings: list[Timing], seen: Camera) -> Run:
-        notify(f"{name}: error of {case}")
-        return _run(renderer, case, timings, error(renderer, seen))
-
-    notify(f"{name}: compiling, and a first run that does not count")
+    doing(f"{name}: compiling, and a first run that does not count")
     warm_up(renderer, camera)
-    notify(f"{name}: empty")
+    doing(f"{name}: empty")
     empty = from_records(renderer, camera)
     kept = records_of(renderer)
-    yield result("empty", empty, camera)
-    notify(f"{name}: warm")
-    yield result("warm", from_records(renderer, camera, kept), camera)
-    notify(f"{name}: moved")
-    yield result("moved", from_records(renderer, turned_camera, kept), turned_camera)
+    yield _run(renderer, "empty", empty, camera)
+    doing(f"{name}: warm")
+    yield _run(renderer, "warm", from_records(renderer, camera, kept), camera)
+    doing(f"{name}: moved")
+    yield _run(renderer, "moved", from_records(renderer, turned_camera, kept), turned_camera)
     if scene.lights:
-        notify(f"{name}: light")
+        doing(f"{name}: light")
         _restore(renderer, kept)
         renderer.converge(camera)
-        yield result("light", relit(renderer, camera), camera)
+        yield _run(renderer, "light", relit(renderer, camera), camera)
         renderer.relight(scene.lights)
-    notify("")
+    doing("")
 
 
 def warm_up(renderer: Renderer, camera: Camera, surface: bool = True) -> None:
@@ -187,14 +183,11 @@ def picture(renderer: Renderer, camera: Camera) -> Timing:
         return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), processor)
 
 
-def error(renderer: Renderer, camera: Camera) -> float | None:
-    """Return the relative RMSE of irradiance against `gather_truth.truth`; None without a reference or without light."""
+def _run(renderer: Renderer, case: str, timings: list[Timing], camera: Camera) -> Run:
+    """Return a measured case, with the error against `gather_truth.truth`."""
+    doing(f"{renderer.scene.name} {renderer.preset}: error of {case}")
     irradiance = renderer.render(camera).irradiance
     truth = gather_truth.truth(renderer, camera)
-    return None if truth is None else truth.error(irradiance)
-
-
-def _run(renderer: Renderer, case: str, timings: list[Timing], rmse: float | None) -> Run:
     timing = middle(timings)
     return Run(
         scene=renderer.scene.name,
@@ -203,7 +196,7 @@ def _run(renderer: Renderer, case: str, timings: list[Timing], rmse: float | Non
         case=case,
         seconds=timing.seconds,
         records=timing.records,
-        rmse=rmse,
+        rmse=None if truth is None else truth.error(irradiance),
         stages_ms=timing.stages,
         clock=renderer.timers.clock,
         bounces=renderer.settings.bounces,

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import tempfile
 import time
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core import files
-from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.errors import InputError
+from irrsplat.core.timing import other_process
 
 TRIANGLES = (10**3, 10**4, 10**5, 10**6)
 SIDES = (400, 800, 1600, 3200)  # pixels
+_CODE = "from irrsplat.app.bench.scaling import measured; from irrsplat.core.timing.other_process import serve; serve(measured)"
 OWN = 6360  # triangles of the bundled `curved`
 REPETITIONS, SLOW = 3, 5.0  # repetitions; seconds above which a case runs once
 LEGEND = """\
@@ -46,9 +46,9 @@ class Row:
     moved: float
     record: float  # ms
     records: int
-    stages: dict[str, float] = field(default_factory=dict)
-    clock: str = "wall"
-    machine: dict[str, object] = field(default_factory=dict)
+    stages: dict[str, float]
+    clock: str
+    machine: dict[str, object]
 
 
 def run(args: Namespace) -> int:
@@ -62,7 +62,8 @@ def run(args: Namespace) -> int:
     rows: list[Row] = []
     for k, (count, side) in enumerate(plan):
         doing(f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
-        rows.append(_apart(count, side))
+        failure = f"the row of {count} triangles at {side}x{side} failed: {{why}}"
+        rows.append(cast(Row, other_process.call(_CODE, (count, side), failure=failure)))
     doing("")
     out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
     by_triangles, by_pixels = rows[: len(TRIANGLES)], rows[len(TRIANGLES) :]
@@ -107,18 +108,7 @@ def _runs(row: Row) -> Iterator[dict[str, object]]:
 # ---- a row's own process -----------------------------------------------------------------------------------------------
 
 
-def _apart(triangles: int, side: int) -> Row:
-    """Measure a row in a separate process; raise IrrsplatError with its last line of output if it fails."""
-    command = [sys.executable, "-m", "irrsplat.app.bench.scaling", str(triangles), str(side)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        last_line = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {last_line}")
-    values = json.loads(done.stdout.splitlines()[-1])
-    return Row(**values | {"size": tuple(values["size"])})
-
-
-def measured(triangles: int, side: int) -> Row:
+def measured(triangles: int, side: int, report: object = None) -> Row:
     """Return the row of `curved` with about `triangles` triangles and side² pixels; the process runs nothing else."""
     import irrsplat
     from irrsplat.scenes import generate
@@ -159,7 +149,3 @@ def measured(triangles: int, side: int) -> Row:
             renderer.timers.clock,
             machine.about(renderer.about),
         )
-
-
-if __name__ == "__main__":
-    print(json.dumps(asdict(measured(int(sys.argv[1]), int(sys.argv[2])))))

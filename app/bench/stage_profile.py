@@ -171,12 +171,12 @@ class _CountingClock(Clock):
 
 def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> list[dict[str, object]]:
     """Profile a first view of each scene at each size, print a table for each, and return them for the JSON."""
-    found: list[dict[str, object]] = []
-    for scene in scenes:
-        for size in args.size or [SIZE]:
-            for preset in args.preset or ["default"]:
-                found.append(_profiled(scene, (size[0], size[1]), preset, bounces))
-    return found
+    return [
+        _profiled(scene, (width, height), preset, bounces)
+        for scene in scenes
+        for width, height in args.size or [SIZE]
+        for preset in args.preset or ["default"]
+    ]
 
 
 def _profiled(scene: Scene, size: tuple[int, int], preset: str, bounces: int | All) -> dict[str, object]:

@@ -11,6 +11,8 @@ from irrsplat.app.common.terminal import wrote
 
 def add(commands: Any) -> None:
     """Add the flags of `irrsplat bench`."""
+    from irrsplat.app.bench.peers.table import others
+
     parser = commands.add_parser(
         "bench",
         help="measure times, also of the published method and of other renderers",
@@ -28,19 +30,11 @@ def add(commands: Any) -> None:
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as in the paper)")
     add("--json", metavar="FILE", help="also write the results to this file")
     add("--compare", metavar="FILE", help="print ratios of time to an earlier --json")
-    add("--peers", action="store_true", help=f"only compare time against error with {_peers()}")
+    add("--peers", action="store_true", help=f"only compare time against error with {others()}")
     add("--profile", action="store_true", help="only measure processor time by stage, and of the rays alone")
     add("--growth", action="store_true", help="only measure time against triangles and pixels; takes some minutes")
     add("-o", "--output", metavar="FILE.png", help="with --peers: write the plot")
     parser.set_defaults(run=run)
-
-
-def _peers() -> str:
-    try:
-        from irrsplat.app.bench.peers.table import others
-    except ModuleNotFoundError:  # other commands work without the benchmark
-        return "other renderers"
-    return others()
 
 
 def run(args: argparse.Namespace) -> int:
