@@ -6,7 +6,7 @@ Each point is gathered like a record, at its exact position. Direct light comes 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Unpack
 
 import moderngl
@@ -43,14 +43,6 @@ _OWN = 4e-7  # of the greatest coordinate or diagonal: the resolution of float32
 OnPoints = Callable[[float], None]  # called with the finished share of the points, 0..1
 
 
-@dataclass(frozen=True)
-class _Light:
-    """The lighting of all points."""
-
-    shadows: ShadowMaps
-    lamps: SiteLightPass
-
-
 class LightMeter(Tenant):
     """Measures the light of a scene at any points.
 
@@ -73,12 +65,11 @@ class LightMeter(Tenant):
             self.gatherer = made.enter_context(
                 RecordGatherer(self.world, self.settings, self.cache, self.lit.timers, measuring=True)
             )
-        self._light: _Light | None = None
+        self._direct: SiteLightPass | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """Return the resources that `release` frees, without the context."""
-        lamps = None if self._light is None else self._light.lamps
-        return (self.gatherer, lamps, self.lit)
+        return (self.gatherer, self._direct, self.lit)
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
@@ -92,19 +83,19 @@ class LightMeter(Tenant):
         self._use()
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
-        light = self._lit()
+        shadows, lights = self.lit.shadows, self._prepared()
         greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
         offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
         lift = np.full(count, offset)  # metres, of a ray origin above its point: at most half the way to the first surface
         for first in range(0, count, _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
             here = sites[some]
-            direct[some], free = light.lamps(light.shadows, here, np.zeros(len(here), np.float32), (own, 2.0 * offset))
-            if light.lamps.world is not None:
+            direct[some], free = lights(shadows, here, np.zeros(len(here), np.float32), (own, 2.0 * offset))
+            if lights.world is not None:
                 lift[some] = 0.5 * free
             if self.settings.most_bounces:
                 lower = (lift[some] - offset)[:, None] * here.normal  # the gather adds the offset
-                indirect[some], radius[some] = self._gathered(light.shadows, replace(here, position=here.position + lower))
+                indirect[some], radius[some] = self._gathered(shadows, replace(here, position=here.position + lower))
             if on_progress is not None:
                 on_progress(min(first + _AT_ONCE, count) / count)
         status = np.full(count, Status.OK)
@@ -116,9 +107,9 @@ class LightMeter(Tenant):
         check_finite("the light", measured, lambda at: "{:g} {:g} {:g}".format(*places[at[0]]))
         return Readings(places, sites.normal, direct, indirect, status)
 
-    def _lit(self) -> _Light:
-        """Return the shadow maps and make the surface cache at first use, its finest level for a fine gather."""
-        if self._light is None:
+    def _prepared(self) -> SiteLightPass:
+        """Return the pass of direct light; at first use, make the surface cache, its finest level for a fine gather."""
+        if self._direct is None:
             shadows = self.lit.shadows
             if self.settings.most_bounces:
                 self.gatherer.prepare(shadows, Budget(None))
@@ -126,8 +117,8 @@ class LightMeter(Tenant):
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:
                     self.gatherer.refine_surface(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
-            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE, shadow_caster(self.world, self.settings)))
-        return self._light
+            self._direct = SiteLightPass(self.ctx, defines, _AT_ONCE, shadow_caster(self.world, self.settings))
+        return self._direct
 
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
         """Return (N, 3) W/m² without direct light at the sites, and (N,) harmonic mean distances of the hits, metres."""

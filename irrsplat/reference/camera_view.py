@@ -49,10 +49,10 @@ class Visible:
         return Visible(**{name: a.reshape(height, width, *a.shape[1:]) for name, a in arrays.items()})
 
 
-def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5) -> np.ndarray:
+def camera_rays(camera: Camera, size: tuple[int, int], dx: float = 0.5, dy: float = 0.5) -> np.ndarray:
     """Return (W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
 
-    size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
+    size: (W, H). dx, dy: 0..1 to the right and downward.
     """
     width, height = size
     row, column = np.indices((height, width))

@@ -447,40 +447,22 @@ def _world(positions: np.ndarray, faces: np.ndarray) -> Any:
     return mi.load_dict({"type": "scene", "mesh": mesh})
 
 
-class _LaneHits:
-    """Hits of a camera's rays (N, 3) on all triangles; `nearest` is a camera_view.Nearest."""
+def view(tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float = 0.5, dy: float = 0.5) -> Visible:
+    """Return the surfaces at one point of every pixel, see camera_rays; one ray per pixel, row by row."""
+    directions, eye = camera_rays(camera, size, dx, dy), np.asarray(camera.eye, float)
+    # rays start where they enter the scene's sphere: from a distant eye, float32 would miss by pixels
+    entry = directions @ (tracer.scene.bounds.mean(axis=0) - eye) - 0.51 * tracer.scene.diagonal
 
-    def __init__(self, tracer: Tracer, camera: Camera, directions: np.ndarray) -> None:
-        self.world, self.epsilon, self.directions = tracer.camera_world, tracer.epsilon, directions
-        self.eye = np.asarray(camera.eye, float)
-        # rays start where they enter the scene's sphere: from a distant eye, float32 would miss by pixels
-        middle = tracer.scene.bounds.mean(axis=0)
-        self.entry = directions @ (middle - self.eye) - 0.51 * tracer.scene.diagonal
-
-    def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the nearest hits of rays by number (N,) beyond these distances (N,)."""
-        start = np.maximum(np.maximum(beyond, self.epsilon), self.entry[pixel])
-        d = self.directions[pixel]
-        ray = mi.Ray3f(mi.Point3f((self.eye + start[:, None] * d).T), mi.Vector3f(d.T))
-        found = self.world.ray_intersect_preliminary(ray, coherent=False)
+    def nearest(pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        start = np.maximum(np.maximum(beyond, tracer.epsilon), entry[pixel])
+        d = directions[pixel]
+        ray = mi.Ray3f(mi.Point3f((eye + start[:, None] * d).T), mi.Vector3f(d.T))
+        found = tracer.camera_world.ray_intersect_preliminary(ray, coherent=False)
         valid = np.array(found.is_valid())
         face, u, v, t = (np.array(x) for x in (found.prim_index, found.prim_uv.x, found.prim_uv.y, found.t))
         return valid, face.astype(np.int64), u.astype(float), v.astype(float), start + np.where(valid, t, 0.0)
 
-
-def view(
-    tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
-) -> Visible:
-    """Return the surfaces at one point of every pixel, see camera_rays; one ray per pixel, row by row."""
-    directions = camera_rays(camera, size, dx, dy)
-    return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions).nearest, tracer.epsilon)
-
-
-def visible_hits(
-    tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
-) -> Hit:
-    """Return the visible surfaces at one point of every pixel, with mapped normals; one lane per pixel."""
-    return surface(view(tracer, camera, size, dx, dy), camera)
+    return seen(tracer.surfaces, directions, nearest, tracer.epsilon)
 
 
 def surface(found: Visible, camera: Camera) -> Hit:

@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.core.timing.other_process import Report
 from irrsplat.reference.camera_view import Visible, camera_rays
 from irrsplat.reference.lanes import lights
-from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view, visible_hits
+from irrsplat.reference.path_tracer import Hit, Tracer, image, surface, view
 from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
@@ -102,14 +102,10 @@ def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -
             before = one.camera, one.size
             places = _places(tracer, one.camera, one.size)[0]
         share = one.samples * one.pixels / whole
-        halves = _halves(tracer, places, one.side, bounces, one.number * _SEEDS, partial(_report_part, report, done, share))
+        part = partial(lambda done, share, finished: report(done + share * finished), done, share)
+        halves = _halves(tracer, places, one.side, bounces, one.number * _SEEDS, part)
         done += share
         report(done, {"halves": halves, "seen": places.seen, "valid": places.valid})
-
-
-def _report_part(report: Report, done: float, share: float, part: float) -> None:
-    """Report `done` plus the given part of the next `share`."""
-    report(done + share * part)
 
 
 def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, Visible, Hit, np.ndarray]:
@@ -163,13 +159,11 @@ def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: V
     return albedo / count, np.where(length > 0.0, normal / np.where(length > 0.0, length, 1.0), centre.normal)
 
 
-def neighbours(array: np.ndarray, reach: int = 1) -> np.ndarray:
-    """Return (windows, H, W, …) views of `array` shifted by up to `reach` pixels; its border is repeated outward."""
-    width = [(reach, reach)] * 2 + [(0, 0)] * (array.ndim - 2)
-    padded = np.pad(array, width, mode="edge")
+def neighbours(array: np.ndarray) -> np.ndarray:
+    """Return (9, H, W, …) copies of `array` shifted by up to one pixel; its border is repeated outward."""
+    padded = np.pad(array, [(1, 1)] * 2 + [(0, 0)] * (array.ndim - 2), mode="edge")
     h, w = array.shape[:2]
-    span = range(2 * reach + 1)
-    return np.stack([padded[i : i + h, j : j + w] for i in span for j in span])
+    return np.stack([padded[i : i + h, j : j + w] for i in range(3) for j in range(3)])
 
 
 def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, diagonal: float) -> np.ndarray:
@@ -196,7 +190,7 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
         least.append(np.ones((height, width), bool))
         most.append(np.zeros((height, width), bool))
     for dx, dy in _within_a_pixel(3):
-        sub = visible_hits(tracer, camera, size, dx, dy)
+        sub = surface(view(tracer, camera, size, dx, dy), camera)
         for k, light in enumerate(tracer.scene.lights):
             E, before = tracer.lit(light, sub)
             # for surfaces turned away and outside of cones the light is zero, so visibility is as well

@@ -16,8 +16,7 @@ from irrsplat.core.vectors import check_finite
 from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.light_scale import LightScale
-from irrsplat.meter.line import line_points
-from irrsplat.meter.plane import Plane, horizontal
+from irrsplat.meter.plane import Plane, horizontal, line_points
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from tests.support import worlds

@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.path_tracer import Tracer, choose_variant, image, visible_hits
+from irrsplat.reference.path_tracer import Tracer, choose_variant, image, surface, view
 from irrsplat.reference.trace_view import direct_light, distance_to, valid_pixels
 from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene import load
@@ -51,7 +51,7 @@ def converge(tracer: Tracer, points: Points, bounces: int, goal: float, seconds:
 def make(scene: Scene, name: str, options: argparse.Namespace, old: dict[str, Any] | None) -> dict[str, Any]:
     """The arrays of one reference; what an `old` one of the same scene has of one bounce, and of all, is kept."""
     tracer, camera, size = Tracer(scene), scene.cameras[0], (SIZE, SIZE)
-    hit = visible_hits(tracer, camera, size)
+    hit = surface(view(tracer, camera, size), camera)
     position, normal, geometric = (image(v, size) for v in (hit.p, hit.n, hit.g))
     valid = valid_pixels(position, normal, image(hit.valid, size), scene.diagonal)
     direct, changes = direct_light(tracer, camera, hit, size)

@@ -19,8 +19,7 @@ from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
-from irrsplat.meter.line import line_points
-from irrsplat.meter.plane import Grid, Plane, horizontal
+from irrsplat.meter.plane import Grid, Plane, horizontal, line_points
 from irrsplat.meter.readings import Readings, Status, Summary, Unit
 from irrsplat.scene.model import Scene
 
@@ -185,8 +184,7 @@ def _summary_lines(summary: Summary, grid: Grid | None, along: np.ndarray | None
         yield f"points      {grid.columns} x {grid.rows}, {summary['points']} of them count"
     if along is not None:
         yield f"points      {len(along)} along {along[-1]:.4g} m, {summary['points']} of them count"
-    for status, why in ((Status.INSIDE, "within solids"), (Status.BEHIND, "with a surface on them")):
-        left_out = summary["inside"] if status == Status.INSIDE else summary["behind"]
+    for left_out, why in ((summary["inside"], "within solids"), (summary["behind"], "with a surface on them")):
         if left_out:
             yield f"left out    {left_out} {why}"
     mean, low, high, even = (summary[name] for name in ("mean", "minimum", "maximum", "uniformity"))
