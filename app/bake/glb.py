@@ -76,13 +76,13 @@ class Glb:
             entry |= {"min": values.min(0).tolist(), "max": values.max(0).tolist()}
         return self.add("accessors", entry)
 
-    def picture(self, data: bytes, name: str) -> int:
-        """Add an encoded PNG as a texture: clamped, bilinear, without mipmaps, which would mix charts."""
+    def picture(self, data: bytes, name: str) -> dict[str, Any]:
+        """Add an encoded PNG as a texture: clamped, bilinear, without mipmaps, which would mix charts; return its reference."""
         image = self.add("images", {"bufferView": self._view(data), "mimeType": "image/png", "name": name})
         return self._texture(image, ("clamp", "clamp"), nearest=False, mipmaps=False)
 
-    def texture(self, texture: Texture) -> int:
-        """Add a texture of the scene."""
+    def texture(self, texture: Texture) -> dict[str, Any]:
+        """Add a texture of the scene; return its reference."""
         from PIL import Image as Pillow
 
         key = id(texture.image)
@@ -95,7 +95,7 @@ class Glb:
             self._kept.append(texture.image)
         return self._texture(self._images[key], texture.wrap, texture.nearest, mipmaps=True)
 
-    def _texture(self, image: int, wrap: tuple[str, str], nearest: bool, mipmaps: bool) -> int:
+    def _texture(self, image: int, wrap: tuple[str, str], nearest: bool, mipmaps: bool) -> dict[str, Any]:
         key = image, wrap, nearest, mipmaps
         if key not in self._textures:
             sampler = {
@@ -105,7 +105,7 @@ class Glb:
                 "wrapT": _WRAPS[wrap[1]],
             }
             self._textures[key] = self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
-        return self._textures[key]
+        return {"index": self._textures[key]}
 
     def material(self, material: Material, base: Sequence[float], two_sided: bool) -> dict[str, Any]:
         """Return a new material entry: diffuse reflectance `base` (3,), no specular part, and the opacity of `material`."""

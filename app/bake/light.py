@@ -93,7 +93,7 @@ class PlaceLight(Tenant):
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)
-            totals, _ = splats.read()
+            totals = splats.read()
         covered = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
@@ -114,15 +114,10 @@ class PlaceLight(Tenant):
             if self.scene.lights:
                 kinds, turned = {**light_defines(self.scene), **self.world.material_defines}, 2.399963 * number
                 with DirectPass(self.ctx, where.size, kinds, irradiance=True) as lamps:
-                    found += _colours(
-                        lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=shadow_caster(self.world, self.settings))
-                    )
+                    caster = shadow_caster(self.world, self.settings)
+                    lit = lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=caster)
+                    found += np.frombuffer(lit.read(), "f4").reshape(*where.seen.shape, -1)[..., :3]
         return np.where(where.seen[..., None], found, 0.0).astype(np.float32)
-
-
-def _colours(texture: moderngl.Texture) -> np.ndarray:
-    """Return the colours (H, W, 3) of an RGBA32F texture, in its row order."""
-    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, -1)[..., :3]
 
 
 class _Drawn(Owner):

@@ -192,7 +192,7 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
     about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
     glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
-    picture = {"index": glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}"), "texCoord": 1}
+    picture = glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}") | {"texCoord": 1}
     scene, receivers, first_face = made.receivers.scene, made.receivers, 0
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
@@ -217,7 +217,7 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
             if form == "radiance":
                 entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
                 if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
-                    entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, material.albedo_texture)
+                    entry["pbrMetallicRoughness"]["baseColorTexture"] = glb.texture(material.albedo_texture)
                 glb.emissive(entry, (strength,) * 3, picture)
             else:
                 entry = own_material(glb, mesh, two_sided, lying)
@@ -234,7 +234,7 @@ def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -
     material: Material = mesh.material
     entry = glb.material(material, (1.0, 1.0, 1.0) if mesh.colors is not None else material.albedo, two_sided)
     alike = {
-        name: info(glb, texture)
+        name: glb.texture(texture)
         for name in ("albedo", "emission", "normal")
         if (texture := getattr(material, f"{name}_texture")) is not None and lying is not None
         and (texture.uv_set, texture.transform) == (lying.uv_set, lying.transform)
@@ -245,11 +245,6 @@ def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -
         entry["normalTexture"] = alike["normal"] | {"scale": material.normal_scale}
     glb.emissive(entry, material.emission, alike.get("emission"))
     return entry
-
-
-def info(glb: Glb, texture: Texture) -> dict[str, Any]:
-    """Return the glTF reference to a texture."""
-    return {"index": glb.texture(texture)}
 
 
 def texture_coordinates(uvs: np.ndarray, texture: Texture) -> np.ndarray:

@@ -71,18 +71,16 @@ class PlaceSplats(Owner):
         self._drawn = inputs, cache.count, SplatBuffer(sums, weight, cache.luminance_floor, 1)
         return self._drawn[2]
 
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return Σ k·E and Σ k (H, W, 4), and Σ w (H, W), of the last draw."""
-        sums, weight = (np.frombuffer(t.read(), "f4").reshape(*self.size[::-1], -1) for t in self.target.textures)
-        return sums, weight[..., 0]
+    def read(self) -> np.ndarray:
+        """Return Σ k·E and Σ k (H, W, 4) of the last draw."""
+        return np.frombuffer(self.target.textures[0].read(), "f4").reshape(*self.size[::-1], 4)
 
     def _draw(self, cache: RecordCache, pairs: np.ndarray) -> None:
         """Draw records on tiles; `pairs` (N, 3): record number, x and y of the tile."""
         rows = np.concatenate([pairs[:, :1], pairs[:, 1:] * TILE, np.zeros((len(pairs), 1))], axis=1)
         table = table_texture(self.ctx, table_rows(rows[:, None].astype("f4")))
-        some: Uniforms = {} if self.gbuffer.mapped_normal is None or not self.settings.gradients else {
-            "lit_normal": self.gbuffer.mapped_normal
-        }  # fmt: skip
+        mapped = self.gbuffer.mapped_normal if self.settings.gradients else None
+        bent: Uniforms = {} if mapped is None else {"lit_normal": mapped}
         self.program(
             self.target,
             vertices=4,
@@ -98,7 +96,7 @@ class PlaceSplats(Owner):
             radius_bounds=(self.reach.least, self.reach.greatest),
             position=self.gbuffer.position,
             normal=self.gbuffer.normal,
-            **some,
+            **bent,
             pixel_stride=1,
         )
         table.release()

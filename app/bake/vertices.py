@@ -15,7 +15,7 @@ from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.encoding import limit_of
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
-from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
+from irrsplat.app.bake.lightmap import Light, texture_coordinates
 from irrsplat.app.bake.places import Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -233,8 +233,10 @@ def glb_of(made: VertexLight) -> bytes:
     lit = made.irradiance / np.pi
     mesh_of = receivers.mesh_of[cut.root]
     glows = np.array([any(mesh.material.emission) for mesh in receivers.meshes], bool)[mesh_of]
+    coloured = np.array([mesh.colors is not None for mesh in receivers.meshes], bool)[mesh_of]
+    tint = np.where(coloured[:, None], blended(surfaces.albedo), 1.0)
     # Reflection only: light in the vertices and colours in the material; with emission, radiance in the vertices
-    colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * _tints(made))
+    colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * tint)
     strength = limit_of(colours.max(1)) or 1.0
     about = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
     glb = Glb({"irrsplat": about}, receivers.origin)
@@ -259,7 +261,7 @@ def glb_of(made: VertexLight) -> bytes:
         attributes = {"POSITION": positions[mine], "NORMAL": normals[mine], "COLOR_0": colour}
         texture = material.albedo_texture
         if texture is not None and not emits:
-            entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, texture)
+            entry["pbrMetallicRoughness"]["baseColorTexture"] = glb.texture(texture)
             attributes["TEXCOORD_0"] = texture_coordinates(uvs[mine], texture)
         faces = number[cut.faces[receivers.mesh_of[cut.of] == i]]
         glb.mesh(scene.meshes[receivers.sources[i]].name, attributes, [(faces, glb.add("materials", entry))])
@@ -267,12 +269,3 @@ def glb_of(made: VertexLight) -> bytes:
         glb.camera(camera)
     glb.json["extensionsUsed"].remove("KHR_materials_specular")
     return glb.encoded()
-
-
-def _tints(made: VertexLight) -> np.ndarray:
-    """Return the colours (V, 3) of coloured meshes' vertices, else 1."""
-    surfaces, cut = made.receivers.surfaces, made.cut
-    own = np.array([mesh.colors is not None for mesh in made.receivers.meshes], bool)[made.receivers.mesh_of[cut.root]]
-    colours = (surfaces.albedo[surfaces.faces[cut.root]].astype(float) * cut.corner[..., None]).sum(1)
-    found: np.ndarray = np.where(own[:, None], colours, 1.0)
-    return found

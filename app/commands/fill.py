@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
-
-if TYPE_CHECKING:
-    from irrsplat.app.film.fill import Filled
-    from irrsplat.app.film.flight import Flight
 
 
 def add(commands: Any) -> None:
@@ -55,18 +51,11 @@ def run(args: argparse.Namespace) -> int:
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         with rendering.round_progress(args) as on_round:
-            done = filling.fill(renderer, flight, on_round, filling.saved_at_times(partial(cache.save, renderer.save_cache)))
+            done = filling.fill(renderer, flight, on_round, partial(cache.save, renderer.save_cache))
         outputs = Outputs()
         if renderer.cache.count:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         outputs.write_json(args.stats, filling.statistics(done, renderer.cache.count))
-    return _end_of_fill(done, flight, outputs)
-
-
-def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
-    """Print the coverage of a flight; return the exit status. Raise IrrsplatError if one of the `outputs` failed."""
-    from irrsplat.app.film import fill as filling
-
     outputs.raise_failures()
     if done.interrupted:
         return fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)

@@ -37,15 +37,13 @@ class Filled:
         return [number for number, coverage in self.frames.items() if coverage < 1.0]
 
 
-def fill(
-    renderer: Renderer, flight: Flight, on_round: OnRound | None = None, after_frame: Callable[[], object] = lambda: None
-) -> Filled:
+def fill(renderer: Renderer, flight: Flight, on_round: OnRound | None, save: Callable[[], object]) -> Filled:
     """Gather the records of the frames of `flight`; repeat until no frame has lost coverage to another frame's records.
 
-    No file is written. after_frame: called between two frames, with all records in place.
+    save: called between two frames once a minute, so that a kill loses little work.
     """
     found: dict[int, float] = {}
-    evicted, flown = renderer.cache.evicted, 0
+    evicted, flown, saved = renderer.cache.evicted, 0, time.monotonic()
     try:
         for flown in range(1, PASSES + 1):
             lost = 0
@@ -59,26 +57,15 @@ def fill(
                     if stats["interrupted"]:
                         raise KeyboardInterrupt
                     found[number] = stats["coverage"]
-                    after_frame()
+                    if time.monotonic() - saved > _SAVED_EACH:
+                        save()
+                        saved = time.monotonic()
             if not lost:
                 break
         found |= {number: renderer.coverage(flight.path.camera(number)) for number in flight.numbers if flown == PASSES}
     except KeyboardInterrupt:
         return Filled(found, flown, renderer.cache.evicted - evicted, interrupted=True)
     return Filled(found, flown, renderer.cache.evicted - evicted)
-
-
-def saved_at_times(save: Callable[[], object]) -> Callable[[], None]:
-    """Return a function to call after each frame; it saves the cache once a minute, so that a kill loses little work."""
-    last = time.monotonic()
-
-    def after_frame() -> None:
-        nonlocal last
-        if time.monotonic() - last > _SAVED_EACH:
-            save()
-            last = time.monotonic()
-
-    return after_frame
 
 
 def statistics(done: Filled, records: int) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -51,19 +51,14 @@ def _lines(path: str, content: Content) -> list[str]:
 
 
 def _merge(args: argparse.Namespace) -> int:
-    contents = read_alike(args.files)
-    return _write(
-        args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "covered by others"
-    )
-
-
-def read_alike(paths: Sequence[str]) -> list[Content]:
-    """Return the contents of these files; raise InputError for unreadable files and for different scenes or settings."""
-    contents = [cache_file.read_any(path) for path in paths]
-    for path, content in zip(paths, contents, strict=True):
+    contents = [cache_file.read_any(path) for path in args.files]
+    for path, content in zip(args.files, contents, strict=True):
         if reason := cache_file.difference(content.key, contents[0].key):
-            raise InputError(f"this record cache was made {reason}, as '{paths[0]}' was; only caches of one scene merge", path)
-    return contents
+            raise InputError(
+                f"this record cache was made {reason}, as '{args.files[0]}' was; only caches of one scene merge", path
+            )
+    done = merge([content.state for content in contents], contents[0].settings())
+    return _write(args.output, contents[0], done, "covered by others")
 
 
 def _prune(args: argparse.Namespace) -> int:
