@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.bake.places import Places
-from irrsplat.app.bake.splats import PlaceSplats, Reach
+from irrsplat.app.bake.splats import PlaceSplats
 from irrsplat.core.buffers import GBuffer
 from irrsplat.core.vectors import check_finite, octahedral_encode
 from irrsplat.gather.kinds import shadow_caster
@@ -80,7 +80,7 @@ class PlaceLight(Tenant):
         scheduler.gatherer.prepare(self.lit.shadows, budget)
         with (
             _Drawn(self.ctx, where, settings.gradients) as drawn,
-            PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
+            PlaceSplats(self.ctx, drawn.gbuffer, where, settings, self._radius_bounds(texel)) as splats,
         ):
             view, before = ViewState((_NOBODY,)), self.cache.count
             for _ in range(MOST_ROUNDS):
@@ -99,12 +99,12 @@ class PlaceLight(Tenant):
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
         return Gathered(irradiance, covered, self.cache.count, view.phase is Phase.SETTLED)
 
-    def _reach(self, texel: float) -> Reach:
+    def _radius_bounds(self, texel: float) -> tuple[float, float]:
         """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""
         side = self.scene.diagonal / np.sqrt(3.0) / 100.0
         greatest = self.settings.radius_max * side or self.scene.diagonal
         least = max(self.settings.radius_min * side, texel)
-        return Reach(min(least, greatest), greatest, texel)
+        return min(least, greatest), greatest
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
         """Return the irradiance (H, W, 3) of lights with shadows, in W/m²; number: index of the subtexel sample."""

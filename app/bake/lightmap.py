@@ -197,7 +197,7 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
         material = mesh.material
-        two_sided = material.double_sided and not receivers.both[i]
+        two_sided = receivers.is_two_sided(i)
         lying = next((t for t in (material.albedo_texture, material.emission_texture, material.normal_texture) if t), None)
         second = made.charts.uv[i] / size
         first = second if lying is None or mesh.uvs is None else texture_coordinates(mesh.uvs[vertex], lying)

@@ -27,14 +27,12 @@ class Receivers:
     """Surfaces that receive baked light.
 
     meshes: their front is the lit side; a mesh lit on both sides occurs twice. sources: index of each mesh in the scene.
-    both: True for meshes that occur twice. triangle: (F,) the renderer's triangle numbers. origin: world position of the
-    local origin.
+    triangle: (F,) the renderer's triangle numbers. origin: world position of the local origin.
     """
 
     scene: Scene
     meshes: tuple[Mesh, ...]
     sources: tuple[int, ...]
-    both: tuple[bool, ...]
     triangle: np.ndarray
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -48,6 +46,10 @@ class Receivers:
         """Index (F,) of each triangle's mesh."""
         return np.repeat(np.arange(len(self.meshes)), [len(mesh.faces) for mesh in self.meshes])
 
+    def is_two_sided(self, number: int) -> bool:
+        """True if both sides of the mesh with this number are visible, and no other mesh has its back."""
+        return self.meshes[number].material.double_sided and self.sources.count(self.sources[number]) == 1
+
     @staticmethod
     def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
         """Return the lit sides of a scene's meshes, in the scene's order and relative to its origin.
@@ -60,7 +62,7 @@ class Receivers:
         for mesh in ordered:
             first[mesh] = at
             at += len(mesh.faces)
-        meshes, sources, both, triangles = [], [], [], []
+        meshes, sources, triangles = [], [], []
         lit = _lit_sides(scene, ctx)
         for i, mesh in enumerate(scene.meshes):
             if not len(mesh.faces):
@@ -68,11 +70,8 @@ class Receivers:
             for side in lit[i]:
                 meshes.append(mesh if side == "front" else _turned(mesh))
                 sources.append(i)
-                both.append(len(lit[i]) == 2)
                 triangles.append(first[mesh] + np.arange(len(mesh.faces)))
-        return Receivers(
-            scene, tuple(meshes), tuple(sources), tuple(both), np.concatenate([np.zeros(0, int), *triangles]), origin
-        )
+        return Receivers(scene, tuple(meshes), tuple(sources), np.concatenate([np.zeros(0, int), *triangles]), origin)
 
 
 @dataclass(frozen=True, eq=False)

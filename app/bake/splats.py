@@ -9,6 +9,7 @@ from itertools import pairwise
 import moderngl
 import numpy as np
 
+from irrsplat.app.bake.places import Places
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -26,50 +27,44 @@ _TRIED = 1 << 22  # pairs tested at once
 _FAR = 1e15  # metres: bounds of an empty box; the square fits float32
 
 
-@dataclass(frozen=True)
-class Reach:
-    """Bounds of a·R in metres, `least` and `greatest`, in place of a view's pixel bounds; texel: metres per texel."""
-
-    least: float
-    greatest: float
-    texel: float
-
-
 class PlaceSplats(Owner):
-    """Sums of all records of a cache at the points of one g-buffer; `seen` points lie at `position` (H, W, 3)."""
+    """Sums of all records of a cache at the places of one g-buffer.
+
+    bounds: least and greatest a·R in metres, in place of a view's pixel bounds.
+    """
 
     def __init__(
-        self, ctx: moderngl.Context, gbuffer: GBuffer, position: np.ndarray, seen: np.ndarray, settings: Settings, reach: Reach
+        self, ctx: moderngl.Context, gbuffer: GBuffer, where: Places, settings: Settings, bounds: tuple[float, float]
     ) -> None:
-        self.ctx, self.gbuffer, self.settings, self.reach = ctx, gbuffer, settings, reach
-        height, width = seen.shape
-        self.size = width, height
+        self.ctx, self.gbuffer, self.settings, self.bounds, self.size = ctx, gbuffer, settings, bounds, where.size
         bent = int(settings.gradients and gbuffer.mapped_normal is not None)
         defines = {**record_defines(settings.gradients), "NORMAL_MAPS": bent, "REFINED": 0}
         self.program = Program(ctx, "indirect/splat", "bake/splat", defines)
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": 0})
         self.target = splat_target(ctx, self.size)
-        self.tiles = _Boxes.of(position, seen, TILE)
-        self.blocks = _Boxes.of(position, seen, TILE * _BLOCK)
-        self._drawn: tuple[tuple[object, ...], int, SplatBuffer] | None = None
+        self.tiles = _Boxes.of(where.position, where.seen, TILE)
+        self.blocks = _Boxes.of(where.position, where.seen, TILE * _BLOCK)
+        self._drawn: tuple[int, int, SplatBuffer] | None = None  # revision and number of the records, and their sums
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.program, self.empty, self.target)
 
     def update(self, cache: RecordCache) -> SplatBuffer:
         """Return the sums of all records of the cache; the same object while the sums are unchanged."""
-        inputs, drawn = (cache.revision,), self._drawn
-        if drawn is not None and drawn[0] == inputs and drawn[1] >= cache.count:
-            return drawn[2]
-        first = drawn[1] if drawn is not None and drawn[0] == inputs else 0
+        first = 0
+        if self._drawn is not None and self._drawn[0] == cache.revision:
+            _, first, kept = self._drawn
+            if first >= cache.count:
+                return kept
         self._drawn = None
         if first == 0:
             self.empty(self.target, state=DrawState(depth="1"), position=self.gbuffer.position, pixel_stride=1)
         for pairs in self._pairs(cache, first):
             self._draw(cache, pairs)
         sums, weight = self.target.textures
-        self._drawn = inputs, cache.count, SplatBuffer(sums, weight, cache.luminance_floor, 1)
-        return self._drawn[2]
+        made = SplatBuffer(sums, weight, cache.luminance_floor, 1)
+        self._drawn = cache.revision, cache.count, made
+        return made
 
     def read(self) -> np.ndarray:
         """Return Σ k·E and Σ k (H, W, 4) of the last draw."""
@@ -93,7 +88,7 @@ class PlaceSplats(Owner):
             **cache.records.uniforms,
             **record_uniforms(self.settings),
             eye=(0.0, 0.0, 0.0),
-            radius_bounds=(self.reach.least, self.reach.greatest),
+            radius_bounds=self.bounds,
             position=self.gbuffer.position,
             normal=self.gbuffer.normal,
             **bent,
@@ -105,7 +100,7 @@ class PlaceSplats(Owner):
         """Yield (N, 3) pairs of records from number `first` on and tiles (x, y) within reach, at most _AT_ONCE each."""
         centre = cache.positions[first:].astype(np.float32)
         own = self.settings.a * self.settings.widest * cache.values[first:, 3]
-        radius = 1.001 * np.clip(own, self.reach.least, self.reach.greatest)
+        radius = 1.001 * np.clip(own, *self.bounds)
         chunk = max(1, _TRIED // max(len(self.blocks.low), 1))
         for start, stop in pairwise([*range(0, len(centre), chunk), len(centre)]):
             which, block = np.nonzero(self.blocks.near(centre[start:stop, None], radius[start:stop, None]))

@@ -182,6 +182,7 @@ class _Found:
         shares = corner + share * (1.0 / 3.0 - corner)
         order = np.argsort(along_a_way((corners * shares[..., None]).sum(1)), kind="stable")
         index = _tiles(len(root))
+        there = index >= 0
         triangle = np.append(root[order], -1)[index]  # index -1 selects the appended entry
         u, v = (np.append(shares[order, k], 0.0)[index] for k in (1, 2))
         where = places(self.receivers, triangle, u, v)
@@ -189,28 +190,22 @@ class _Found:
         gathered = self.lights.gathered(where, self.apart)
         direct = self.lights.direct(where)
         self.records, self.converged = gathered.records, self.converged and gathered.converged
-        back = np.empty(len(root), np.intp)
-        back[order] = np.arange(len(root))
-        row, column = (v[back] for v in _places_of(len(root)))
-        indirect, straight, seen = gathered.irradiance[row, column], direct[row, column], gathered.covered[row, column]
+        pixel = np.empty(len(root), np.intp)  # of each point
+        pixel[order[index[there]]] = np.flatnonzero(there)
+        found = (picture.reshape(-1, 3)[pixel] for picture in (gathered.irradiance, direct, where.position))
+        indirect, straight, position = found
+        seen = gathered.covered.ravel()[pixel]
         total = indirect + (straight if self.light == "all" else 0.0)
         self._sum, self._count = self._sum + float(total[seen].max(1).sum()), self._count + int(seen.sum())
-        return _Known(total, indirect, straight, seen, where.position[row, column].astype(float))
-
-
-def _places_of(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows and columns (count,) that place successive points in shared tiles."""
-    number = np.arange(count)
-    tile, within = number // _TILE**2, number % _TILE**2
-    return tile // _COLUMNS * _TILE + within // _TILE, tile % _COLUMNS * _TILE + within % _TILE
+        return _Known(total, indirect, straight, seen, position.astype(float))
 
 
 def _tiles(count: int) -> np.ndarray:
-    """Return the picture of point numbers (H, W), -1 for none."""
-    rows = -(-max(count, 1) // (_TILE**2 * _COLUMNS)) * _TILE
-    picture = np.full((rows, _COLUMNS * _TILE), -1)
-    picture[_places_of(count)] = np.arange(count)
-    return picture
+    """Return the picture of point numbers (H, W), -1 for none; successive points share tiles."""
+    rows = -(-max(count, 1) // (_TILE**2 * _COLUMNS))
+    of_tiles = np.arange(rows * _COLUMNS * _TILE**2).reshape(rows, _COLUMNS, _TILE, _TILE)
+    numbers = of_tiles.swapaxes(1, 2).reshape(rows * _TILE, -1)
+    return np.where(numbers < count, numbers, -1)
 
 
 # ---- the file ----------------------------------------------------------------------------------------------------------
@@ -251,7 +246,7 @@ def glb_of(made: VertexLight) -> bytes:
         material = mesh.material
         emits = any(material.emission)
         base = (1.0, 1.0, 1.0) if emits or mesh.colors is not None else material.albedo
-        entry = glb.material(material, base, material.double_sided and not receivers.both[i])
+        entry = glb.material(material, base, receivers.is_two_sided(i))
         entry["extensions"] = {"KHR_materials_unlit": {}}
         entry["extras"] = {"strength": strength}
         colour = np.clip(colours[mine] / strength, 0.0, 1.0)
