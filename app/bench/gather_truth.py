@@ -15,7 +15,7 @@ from irrsplat.reference.truth import kept, vertices
 
 if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Camera, Scene
+    from irrsplat.scene.model import Camera
 
 VERSION = 2  # version of the reference's method
 COUNT = 2000  # pixels
@@ -48,20 +48,15 @@ def truth(renderer: Renderer, camera: Camera, trace: bool = False) -> fine_gathe
             if bounces == 1:
                 return fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
             pixels = fine_gather.chosen(seen, scene, COUNT)
-            return fine_gather.Truth(pixels, _traced(scene, seen, pixels, vertices(bounces)))
+            at = tuple(pixels.T)
+            normal = seen.normal if seen.lit_normal is None else seen.lit_normal
+            points = seen.position[at], normal[at], seen.geometric[at]
+            irradiance: np.ndarray = worker.call("trace_view", "at_points", (scene, points, SIDE, vertices(bounces)))
+            return fine_gather.Truth(pixels, irradiance)
 
     name = f"{'gather' if bounces == 1 else 'points'}-{key}.npz"
     found = disk_cache.kept(name, lambda path: _read(path, size), make, lambda line: say(f"notice: {line}"))
     return found if len(found.pixels) else None
-
-
-def _traced(scene: Scene, seen: paper_scan.Seen, pixels: np.ndarray, bounces: int) -> np.ndarray:
-    """Return (N, 3) float32 path-traced irradiance of `bounces` at these pixels (N, 2)."""
-    at = tuple(pixels.T)
-    normal = seen.normal if seen.lit_normal is None else seen.lit_normal
-    points = seen.position[at], normal[at], seen.geometric[at]
-    found: np.ndarray = worker.call("trace_view", "at_points", (scene, points, SIDE, bounces))
-    return found
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:

@@ -34,21 +34,21 @@ ms a record: gather and reduction\
 class Row:
     """One scene and size.
 
-    Times: wall time in seconds, named in LEGEND. stages: milliseconds by stage from an empty cache; clock: their clock.
+    seconds: wall times by case, see LEGEND. stages: milliseconds by stage from an empty cache; clock: their clock.
     """
 
     triangles: int
     size: tuple[int, int]
-    load: float
-    build: float
-    surface: float
-    empty: float
-    moved: float
-    record: float  # ms
+    seconds: dict[str, float]
     records: int
     stages: dict[str, float]
     clock: str
     machine: dict[str, object]
+
+    @property
+    def record(self) -> float:
+        """Milliseconds of gather and reduction per record."""
+        return (self.stages["gather"] + self.stages["reduce"]) / max(self.records, 1)
 
 
 def run(args: Namespace) -> int:
@@ -83,20 +83,20 @@ def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     head = ("triangles", "size", "load s", "build s", "surface s", "from empty s", "turned s", "ms a record", "records")
     lines: list[tuple[str, ...]] = [head]
     for row in rows:
-        seconds = (f"{s:.3f}" for s in (row.load, row.build, row.surface, row.empty, row.moved, row.record))
+        seconds = (f"{s:.3f}" for s in (*row.seconds.values(), row.record))
         lines.append((f"{row.triangles:,}", f"{row.size[0]}x{row.size[1]}", *seconds, str(row.records)))
     return lines
 
 
 def _runs(row: Row) -> Iterator[dict[str, object]]:
     """Yield the entries of the benchmark's JSON, one per time."""
-    for case in ("load", "build", "surface", "empty", "moved"):
+    for case, seconds in row.seconds.items():
         yield {
             "scene": f"curved, {row.triangles} triangles",
             "preset": "default",
             "size": list(row.size),
             "case": f"growth {case}",
-            "seconds": getattr(row, case),
+            "seconds": seconds,
             "records": row.records,
             "rmse": None,
             "stages_ms": row.stages if case == "empty" else {},
@@ -117,35 +117,23 @@ def measured(triangles: int, side: int, report: object = None) -> Row:
         generate.curved(Path(folder), triangles / OWN)
         start = time.perf_counter()
         scene = irrsplat.load(str(Path(folder) / "curved.scene"))
-        load = time.perf_counter() - start
+        seconds = {"load": time.perf_counter() - start}
     start = time.perf_counter()
     with irrsplat.Renderer(scene, size=(side, side)) as renderer:
         renderer.ctx.finish()
-        build = time.perf_counter() - start
+        seconds["build"] = time.perf_counter() - start
         camera = scene.camera()
         _, stats = renderer.converge(camera)
-        surface = 1e-3 * renderer.timers.milliseconds().get("surface", 0.0)
-        count, best = int(stats["records"]), {}
+        seconds["surface"] = 1e-3 * renderer.timers.milliseconds().get("surface", 0.0)
+        count = int(stats["records"])
         for case, view, records in (("empty", camera, 0), ("moved", turned(camera, TURN), count)):
-            seconds: list[float] = []
-            while len(seconds) < REPETITIONS and (not seconds or seconds[0] < SLOW):
+            times: list[float] = []
+            while len(times) < REPETITIONS and (not times or times[0] < SLOW):
                 renderer.forget(records=records == 0, lights=records == 0)
                 renderer.cache.truncate(records)
-                seconds.append(renderer.converge(view)[1]["seconds"])
+                times.append(renderer.converge(view)[1]["seconds"])
                 if case == "empty":
                     stages = renderer.timers.milliseconds()
-            best[case] = min(seconds)
-        return Row(
-            scene.triangles,
-            (side, side),
-            load,
-            build,
-            surface,
-            best["empty"],
-            best["moved"],
-            (stages["gather"] + stages["reduce"]) / max(count, 1),
-            count,
-            stages,
-            renderer.timers.clock,
-            machine.about(renderer.about),
-        )
+            seconds[case] = min(times)
+        clock, about = renderer.timers.clock, machine.about(renderer.about)
+        return Row(scene.triangles, (side, side), seconds, count, stages, clock, about)

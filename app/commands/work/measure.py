@@ -6,7 +6,6 @@ import argparse
 import io
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -79,7 +78,7 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
-    outputs, write = Outputs(), partial(_write, args.output, _Table(readings, unit, grid, along), files.json_text(stats, None))
+    outputs, write = Outputs(), partial(_write, args.output, readings, unit, grid, along, files.json_text(stats, None))
     if args.output in (None, _STDOUT):
         write()
     else:
@@ -112,67 +111,48 @@ def _along(args: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
 # ---- output ------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Readings, their unit, their grid or None, and distances (N,) in metres along a line or None."""
-
-    readings: Readings
-    unit: Unit
-    grid: Grid | None
-    along: np.ndarray | None
-
-
-def _write(output: str | None, table: _Table, stats: str) -> None:
-    """Write the readings to a file, or print them."""
+def _write(output: str | None, readings: Readings, unit: Unit, grid: Grid | None, along: np.ndarray | None, stats: str) -> None:
+    """Write the readings to a file, or print them. along: (N,) metres along a line; None for other points."""
     if output is None:
-        for line in columns(list(_rows(table, "{:.4g}")), 0):
+        for line in columns(list(_rows(readings, unit, along, "{:.4g}")), 0):
             out(line)
     elif output == _STDOUT or output.lower().endswith(".csv"):
-        text = "".join(",".join(row) + "\n" for row in _rows(table, "{:.7g}"))
+        text = "".join(",".join(row) + "\n" for row in _rows(readings, unit, along, "{:.7g}"))
         if output == _STDOUT:
             sys.stdout.write(text)
         else:
             files.write_text(output, text)
     else:
-        readings = table.readings
         arrays: dict[str, np.ndarray] = {
             "position": readings.position,
             "normal": readings.normal,
-            **readings.values(table.unit),
+            **readings.values(unit),
             "status": readings.status.astype(np.uint8),
             "stats": np.array(stats),
         }
-        if table.grid is not None:
-            arrays["grid"] = np.array([table.grid.columns, table.grid.rows])
-        if table.along is not None:
-            arrays["along"] = table.along
+        if grid is not None:
+            arrays["grid"] = np.array([grid.columns, grid.rows])
+        if along is not None:
+            arrays["along"] = along
         data = io.BytesIO()
         np.savez_compressed(data, **arrays)  # type: ignore[arg-type]  # numpy's stub takes a further keyword for an array
         files.write_bytes(output, data.getvalue())
 
 
-def _rows(table: _Table, form: str) -> Iterator[list[str]]:
+def _rows(readings: Readings, unit: Unit, along: np.ndarray | None, form: str) -> Iterator[list[str]]:
     """Yield the rows of the table with a header: distance along a line, place, direct, indirect and total light, status.
 
     The light of invalid points is empty.
     """
-    readings, along = table.readings, table.along
-    parts = readings.values(table.unit)
-    colours = ("",) if table.unit == "lux" else ("_r", "_g", "_b")
-    places = readings.position.tolist()
+    parts = readings.values(unit)
+    names = [name + colour for name in parts for colour in (("",) if unit == "lux" else ("_r", "_g", "_b"))]
+    places, axes = readings.position, ["x", "y", "z"]
     if along is not None:
-        places = np.column_stack([along, readings.position]).tolist()
-    yield [
-        *([] if along is None else ["along"]),
-        "x",
-        "y",
-        "z",
-        *(name + colour for name in parts for colour in colours),
-        "status",
-    ]
+        places, axes = np.column_stack([along, places]), ["along", *axes]
+    yield [*axes, *names, "status"]
     exact = form if readings.position.dtype == np.float32 else "{:.12g}"  # far from the origin
     light = np.concatenate([values.reshape(len(values), -1) for values in parts.values()], axis=1)
-    for place, values, status in zip(places, light.tolist(), readings.status.tolist(), strict=True):
+    for place, values, status in zip(places.tolist(), light.tolist(), readings.status.tolist(), strict=True):
         shown = [form.format(v) if status == Status.OK else "" for v in values]
         yield [*(exact.format(v) for v in place), *shown, Status(status).word]
 
