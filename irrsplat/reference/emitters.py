@@ -59,13 +59,6 @@ class Emitters:
         density = sums_in_place(corners[face], power / area[face]) / total[group]
         return Emitters(face, power / total[group], density, area[face], group, (low + high) / 2.0, radius, total / total.sum())
 
-    def weights(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
-        """Return (N, G) weights of the clusters at points (N, 3) with normals (N, 3); a cluster is chosen in proportion."""
-        toward = self.centre - p[:, None]
-        above = (toward * n[:, None]).sum(-1) > -self.radius
-        weights: np.ndarray = np.where(above, self.power / ((toward**2).sum(-1) + self.radius**2), 0.0)
-        return weights
-
 
 def _groups(corners: np.ndarray, power: np.ndarray) -> np.ndarray:
     """Return (N,) clusters of triangles (N, 3, 3): split repeatedly the one with the greatest power · extent²."""

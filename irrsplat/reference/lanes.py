@@ -58,7 +58,7 @@ class EmitterLanes:
         self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
 
     def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:
-        """Return Emitters.weights of one cluster at each p."""
+        """Return the weight of one cluster at each p with normal n; a cluster is chosen in proportion."""
         toward = dr.gather(mi.Vector3f, self.centre, group) - mi.Vector3f(p)
         radius, power = dr.gather(mi.Float, self.radius, group), dr.gather(mi.Float, self.power, group)
         return dr.select(dr.dot(toward, n) > -radius, power / (dr.squared_norm(toward) + dr.square(radius) + TINY), 0.0)

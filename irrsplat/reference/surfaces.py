@@ -140,8 +140,8 @@ class Surfaces:
         return chosen
 
     @cached_property
-    def least_and_most_opacity(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds of the opacity on each triangle for light, two of (F,)."""
+    def seen_by_light(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two of (F,) bool: True if light may hit the triangle, and if that depends on the point."""
         table, corners = self.materials, self.opacity[self.faces]
         low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=0.0)
         alphas = {
@@ -150,13 +150,8 @@ class Surfaces:
         ends = np.array([*(alphas[id(t.image)] for t in table.textures), (1.0, 1.0)])  # the last one stands for no texture
         least, most = ends[table.texture["albedo"][self.material]].T
         reads = table.reads_opacity[self.material]
-        return np.where(reads, low * least, 1.0), np.where(reads, high * most, 1.0)
-
-    @cached_property
-    def seen_by_light(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two of (F,) bool: True if light may hit the triangle, and if that depends on the point."""
-        least, most = self.least_and_most_opacity
-        cutoff = self.materials.light_cutoff[self.material]
+        least, most = np.where(reads, low * least, 1.0), np.where(reads, high * most, 1.0)  # bounds of the opacity
+        cutoff = table.light_cutoff[self.material]
         return most >= cutoff, (most >= cutoff) & (least < cutoff)
 
     def at(self, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> Points:

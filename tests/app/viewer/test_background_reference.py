@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from irrsplat.app.verify.error_image import signed_error
+from irrsplat.app.verify.verify import signed_error
 from irrsplat.app.viewer import actions
 from irrsplat.app.viewer.buffers.background_reference import Estimate, TracedReference
 from irrsplat.app.viewer.buffers.table import BUFFERS, NO_REFERENCE
