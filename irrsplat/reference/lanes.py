@@ -14,6 +14,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.reference.emitters import Emitters
+from irrsplat.reference.textures import Backend
 from irrsplat.scene.model import Photometry
 
 Lanes: TypeAlias = Any  # a Dr.Jit array with one entry per lane; its class depends on the variant chosen at run time
@@ -21,23 +22,13 @@ Lanes: TypeAlias = Any  # a Dr.Jit array with one entry per lane; its class depe
 TINY = 1e-30  # keeps divisors from 0
 
 
-class LaneBackend:
-    """The operations of textures.NumpyBackend on lanes."""
-
-    def array(self, values: np.ndarray) -> Lanes:
-        return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
-
-    def gather(self, table: Lanes, index: Lanes) -> Lanes:
-        return dr.gather(type(table), table, index)
-
-    def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
-        return dr.select(condition, yes, no)
-
-    def floor(self, x: Lanes) -> Lanes:
-        return dr.floor(x)
-
-    def whole(self, x: Lanes) -> Lanes:
-        return mi.UInt32(x)
+BACKEND = Backend(
+    array=lambda values: mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32)),
+    gather=lambda table, index: dr.gather(type(table), table, index),
+    select=dr.select,
+    floor=dr.floor,
+    whole=lambda x: mi.UInt32(x),  # noqa: PLW0108  # the class depends on the variant
+)
 
 
 class EmitterLanes:

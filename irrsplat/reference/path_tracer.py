@@ -30,9 +30,9 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.camera_view import EPSILON, Visible, camera_rays, seen
 from irrsplat.reference.emitters import Emitters
 from irrsplat.reference.lanes import (
+    BACKEND,
     TINY,
     EmitterLanes,
-    LaneBackend,
     Lanes,
     PhotometryLanes,
     cosine_hemisphere,
@@ -122,7 +122,7 @@ class Tracer:
         if depends.any():
             self.cutoff = mi.Float(np.where(depends[solid], table.light_cutoff[material], 0.0).astype(np.float32))
         self.opacity, self.uvs = mi.Float(surfaces.opacity), mi.Float(surfaces.uvs.ravel())
-        self.textures = TextureTable.of(table.textures, LaneBackend()) if table.textures else None
+        self.textures = TextureTable.of(table.textures, BACKEND) if table.textures else None
         numbers = {kind: table.texture[kind][material] for kind in ("albedo", "emission")}  # −1 becomes the greatest number
         self.texture = {k: mi.UInt32(n.astype(np.uint32)) if (n >= 0).any() else None for k, n in numbers.items()}
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from irrsplat.reference.textures import NumpyBackend, TextureTable
+from irrsplat.reference.textures import NUMPY, TextureTable
 from irrsplat.scene.model import Material, Mesh, Scene, Texture
 
 
@@ -124,7 +124,7 @@ class Surfaces:
     @cached_property
     def textures(self) -> TextureTable:
         """Textures of `materials`."""
-        return TextureTable.of(self.materials.textures, NumpyBackend())
+        return TextureTable.of(self.materials.textures, NUMPY)
 
     @cached_property
     def emission_varies(self) -> np.ndarray:
@@ -144,10 +144,9 @@ class Surfaces:
         """Two of (F,) bool: True if light may hit the triangle, and if that depends on the point."""
         table, corners = self.materials, self.opacity[self.faces]
         low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=0.0)
-        alphas = {
-            id(t.image): (t.image.pixels[..., 3].min() / 255.0, t.image.pixels[..., 3].max() / 255.0) for t in table.textures
-        }
-        ends = np.array([*(alphas[id(t.image)] for t in table.textures), (1.0, 1.0)])  # the last one stands for no texture
+        images = {texture.image for texture in table.textures}
+        alphas = {image: (image.pixels[..., 3].min(), image.pixels[..., 3].max()) for image in images}
+        ends = np.array([*(alphas[t.image] for t in table.textures), (255, 255)]) / 255.0  # the last one stands for no texture
         least, most = ends[table.texture["albedo"][self.material]].T
         reads = table.reads_opacity[self.material]
         least, most = np.where(reads, low * least, 1.0), np.where(reads, high * most, 1.0)  # bounds of the opacity

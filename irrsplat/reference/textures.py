@@ -6,14 +6,14 @@ backend holds the differences.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from irrsplat.core.color import linear_from_srgb
-from irrsplat.scene.model import Image, Texture
+from irrsplat.scene.model import Texture
 
 Values: TypeAlias = Any  # an array with one entry per point; its class depends on the backend
 
@@ -22,28 +22,27 @@ _NUMBERS = 12  # per texture: width, height, wrap u and v, nearest, the set of c
 _FARTHEST = 1e9  # texture coordinates beyond, and NaN, count as 0
 
 
-class NumpyBackend:
-    """Operations on NumPy's arrays, in float64."""
+class Backend(NamedTuple):
+    """Operations on the arrays of one library.
 
-    def array(self, values: np.ndarray) -> Values:
-        """Return the values, floats as float64."""
-        return values if values.dtype.kind == "u" else values.astype(np.float64)
+    array: of NumPy's values. gather: entries of a table at indices. select: one of two values by a condition. floor: the greatest
+    whole numbers up to floats. whole: whole floats as indices.
+    """
 
-    def gather(self, table: Values, index: Values) -> Values:
-        """Return the table's entries."""
-        return table[index]
+    array: Callable[[np.ndarray], Values]
+    gather: Callable[[Values, Values], Values]
+    select: Callable[[Values, Values, Values], Values]
+    floor: Callable[[Values], Values]
+    whole: Callable[[Values], Values]
 
-    def select(self, condition: Values, yes: Values, no: Values) -> Values:
-        """Return `yes` for entries with `condition`, else `no`."""
-        return np.where(condition, yes, no)
 
-    def floor(self, x: Values) -> Values:
-        """Return the greatest whole numbers up to x."""
-        return np.floor(x)
-
-    def whole(self, x: Values) -> Values:
-        """Return whole floats as indices."""
-        return x.astype(np.int64)
+NUMPY = Backend(  # in float64
+    array=lambda values: values if values.dtype.kind == "u" else values.astype(np.float64),
+    gather=lambda table, index: table[index],
+    select=np.where,
+    floor=np.floor,
+    whole=lambda x: x.astype(np.int64),
+)
 
 
 @dataclass(frozen=True)
@@ -54,20 +53,20 @@ class TextureTable:
     texture's first texel. numbers: (T · _NUMBERS,). decode: (256,) linear values of sRGB-encoded bytes.
     """
 
-    backend: Any
+    backend: Backend
     texels: Values
     first: Values
     numbers: Values
     decode: Values
 
     @staticmethod
-    def of(textures: Iterable[Texture], backend: Any) -> TextureTable:
+    def of(textures: Iterable[Texture], backend: Backend) -> TextureTable:
         """Return the table of these textures, numbered in order."""
         textures = list(textures)
-        images: dict[int, Image] = {id(t.image): t.image for t in textures}
-        sizes = [image.pixels.shape[0] * image.pixels.shape[1] for image in images.values()]
+        images = dict.fromkeys(t.image for t in textures)
+        sizes = [image.pixels.shape[0] * image.pixels.shape[1] for image in images]
         starts = dict(zip(images, np.cumsum([0, *sizes]).tolist(), strict=False))
-        words = [np.ascontiguousarray(image.pixels).view("<u4").ravel() for image in images.values()]
+        words = [np.ascontiguousarray(image.pixels).view("<u4").ravel() for image in images]
         rows = [
             (t.image.pixels.shape[1], t.image.pixels.shape[0], *(_WRAPS[w] for w in t.wrap), t.nearest, t.uv_set, *t.transform)
             for t in textures
@@ -75,7 +74,7 @@ class TextureTable:
         return TextureTable(
             backend,
             backend.array(np.concatenate([np.zeros(0, np.uint32), *words])),
-            backend.array(np.array([starts[id(t.image)] for t in textures], np.uint32)),
+            backend.array(np.array([starts[t.image] for t in textures], np.uint32)),
             backend.array(np.array(rows, np.float32).ravel()),
             backend.array(linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)),
         )

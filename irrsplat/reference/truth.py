@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core import files
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.frame import Frame
-from irrsplat.reference import blemishes, disk_cache, worker
+from irrsplat.reference import disk_cache, worker
 from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
@@ -23,6 +24,8 @@ MOST_SAMPLES = 131_072  # limits the memory of samples in flight
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 SAMPLES = 2048  # rays of each kind per pixel
 OUTLIER = 0.3  # of the mean: a larger error is clearly visible
+SPOT = 0.2  # of the local reference: a pixel with a larger error is a spot, which an RMSE weighs by size, not by visibility
+_AROUND = 9  # pixels: side of the square whose mean is the local reference
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
 
     `errors` of its irradiance in the valid pixels; `net`: `rmse` without the reference's noise; `direct`: relative RMSE of direct
     light in the clear pixels; `albedo`: median difference of its channels, and `normal`: median angle between the normals in
-    degrees, in the valid pixels; `spots`: see blemishes.spots. Raises InputError without a valid pixel, or for different sizes.
+    degrees, in the valid pixels; `spots`: see the function. Raises InputError without a valid pixel, or for different sizes.
     """
     if frame.irradiance.shape != truth.direct.shape:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
@@ -113,11 +116,31 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     albedo = float(np.median(np.abs(frame.albedo[truth.valid] - truth.albedo[truth.valid])))
     return found | {
         "net": net,
-        "spots": blemishes.spots(frame.irradiance, truth.irradiance, truth.valid),
+        "spots": spots(frame.irradiance, truth.irradiance, truth.valid),
         "direct": direct,
         "albedo": albedo,
         "normal": median_angle(frame.normal, truth.normal, truth.valid),
     }
+
+
+def spots(E: np.ndarray, E_ref: np.ndarray, valid: np.ndarray) -> float | None:
+    """Return the share of valid pixels whose luminance error exceeds SPOT of the local reference; None for a dark reference.
+
+    The local reference is the mean of the reference's luminance over the valid pixels of the 9×9 pixels around. E, E_ref: (H, W,
+    3) irradiance in W/m². valid: (H, W) bool, at least one pixel.
+    """
+    from scipy import ndimage
+
+    Y, Y_ref = (one.astype(float) @ LUMINANCE.astype(float) for one in (E, E_ref))
+    if not Y_ref[valid].any():
+        return None
+
+    def square(values: np.ndarray) -> np.ndarray:
+        found: np.ndarray = ndimage.uniform_filter(values, _AROUND, mode="constant")
+        return found
+
+    local = square(np.where(valid, Y_ref, 0.0))[valid] / square(valid.astype(float))[valid]
+    return float(np.mean(np.abs(Y - Y_ref)[valid] > SPOT * local))
 
 
 def median_angle(normals: np.ndarray, others: np.ndarray, where: np.ndarray) -> float:

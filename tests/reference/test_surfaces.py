@@ -12,7 +12,7 @@ import irrsplat
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.reference.emitters import Emitters
 from irrsplat.reference.surfaces import Surfaces
-from irrsplat.reference.textures import NumpyBackend, TextureTable
+from irrsplat.reference.textures import NUMPY, TextureTable
 from irrsplat.scene.emitters import emitters
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Texture
 from tests.support.truth import cast
@@ -37,7 +37,7 @@ def worn(mesh: Mesh) -> Mesh:
 
 def color(texture: Texture, u: float, v: float, linear: bool = False) -> np.ndarray:
     """(4,) a texture's colour at (u, v) of both sets; the second set is u + 0.25, v."""
-    table = TextureTable.of([Texture(image(7)), texture], NumpyBackend())
+    table = TextureTable.of([Texture(image(7)), texture], NUMPY)
     uvs = tuple(np.array([x]) for x in (u, v, u + 0.25, v))
     return np.array([channel[0] for channel in table.color_at(np.array([1]), uvs, linear)])
 
