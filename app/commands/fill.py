@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
         cache = rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
-        with rendering.round_progress(args) as on_round:
-            done = filling.fill(renderer, flight, on_round, partial(cache.save, renderer.save_cache))
+        with rendering.round_progress(args) as on_frame:
+            done = filling.fill(renderer, flight, on_frame, partial(cache.save, renderer.save_cache))
         outputs = Outputs()
         if renderer.cache.count:
             outputs.write(args.cache, partial(cache.save, renderer.save_cache))

@@ -170,9 +170,9 @@ def run(args: argparse.Namespace) -> int:
             if done[0].get("interrupted"):
                 unfinished = f"the files hold what {done[0].get('rounds', 0)} whole rounds gave"
         else:
-            with rendering.round_progress(args) as on_round:
+            with rendering.round_progress(args) as on_frame:
                 done, complete = frames.render(
-                    renderer, flight, _buffers(args), figures, on_round, outputs, coloured, frozen, kept=made.temporary
+                    renderer, flight, _buffers(args), figures, on_frame, outputs, coloured, frozen, kept=made.temporary
                 )
             if not complete:
                 unfinished = f"{len(done)} of {len(flight.numbers)} frames were written{', and no film' if made.names else ''}"
@@ -203,9 +203,9 @@ def _picture(
     from irrsplat.image.frame import needed
 
     buffers, frozen = _buffers(args), args.cache_mode == "frozen"
-    with rendering.round_progress(args) as on_round:
+    with rendering.round_progress(args) as on_frame:
         names = None if figures or coloured is not None else needed(args.output, buffers)
-        frame = renderer.render(camera, progress=on_round, buffers=names, figures=figures, gather=not frozen)
+        frame = renderer.render(camera, progress=on_frame("", 0, 1), buffers=names, figures=figures, gather=not frozen)
     if frame.stats.get("interrupted") and not frame.stats.get("rounds") and not frozen:
         raise KeyboardInterrupt("interrupted before the first round was complete; nothing was written")
     picture, pngs = frame, [path for path in args.output if path.lower().endswith(".png")]

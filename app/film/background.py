@@ -15,7 +15,6 @@ from irrsplat.app.film.flight import Flight
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing import clock, other_process
 from irrsplat.image.frame import numbered
-from irrsplat.image.view import Progress
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SettingValues
@@ -106,17 +105,17 @@ def main() -> None:
     other_process.serve(_write)
 
 
-def _write(job: FilmJob, name: str, report: Callable[[float], object]) -> None:
+def _write(job: FilmJob, name: str, report: Callable[[float], None]) -> None:
     """Render all frames into the folder of the film `name`, and encode them."""
     from irrsplat.renderer import Renderer
 
-    def on_round(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
-        report(before + share * state.coverage)
+    def on_frame(frame: str, done: int, count: int) -> frames.OnRound:
+        return lambda state: report((done + state.coverage) / count)
 
     pattern, numbers = films.pattern_in(str(File(name).parent)), range(job.path.frames)
     flight, outputs = Flight(job.path, numbers, (pattern,)), Outputs()
     with Renderer(job.scene, job.size, job.preset, **job.values) as renderer:
-        frames.render(renderer, flight, None, False, on_round, outputs, None, kept=pattern)
+        frames.render(renderer, flight, None, False, on_frame, outputs, None, kept=pattern)
     outputs.raise_failures()
     report(1.0)
     video.write(name, [File(numbered(pattern, number)) for number in numbers], Fraction(video.RATE))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
-from irrsplat.app.film.frames import OnRound, frame_callback
+from irrsplat.app.film.frames import OnFrame
 
 if TYPE_CHECKING:
     from irrsplat.app.film.flight import Flight
@@ -37,7 +37,7 @@ class Filled:
         return [number for number, coverage in self.frames.items() if coverage < 1.0]
 
 
-def fill(renderer: Renderer, flight: Flight, on_round: OnRound | None, save: Callable[[], object]) -> Filled:
+def fill(renderer: Renderer, flight: Flight, on_frame: OnFrame, save: Callable[[], object]) -> Filled:
     """Gather the records of the frames of `flight`; repeat until no frame has lost coverage to another frame's records.
 
     save: called between two frames once a minute, so that a kill loses little work.
@@ -52,8 +52,7 @@ def fill(renderer: Renderer, flight: Flight, on_round: OnRound | None, save: Cal
                 camera = flight.path.camera(number)
                 if flown == 1 or renderer.coverage(camera) < found[number]:
                     lost += 1
-                    show = frame_callback(on_round, words, i, len(flight.numbers))
-                    _, stats = renderer.converge(camera, show)
+                    _, stats = renderer.converge(camera, on_frame(words, i, len(flight.numbers)))
                     if stats["interrupted"]:
                         raise KeyboardInterrupt
                     found[number] = stats["coverage"]

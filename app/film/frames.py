@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from irrsplat.app.common.false_colours import FalseColours, save
 from irrsplat.image import frame as output
@@ -18,18 +18,8 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
 
 
-class OnRound(Protocol):
-    """Callback after each round of a render.
-
-    frame: name of the frame. before: share 0..1 of the path before this frame. share: the frame's share of the path.
-    """
-
-    def __call__(self, state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None: ...
-
-
-def frame_callback(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
-    """Return a callback for the rounds of one frame, `words`, after `done` of `count` frames; None for None."""
-    return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
+OnRound = Callable[["Progress"], None]  # called after each round of a render
+OnFrame = Callable[[str, int, int], OnRound | None]  # takes a frame's name, its index and the number of frames
 
 
 def metered(renderer: Renderer, flight: Flight, coloured: FalseColours | None) -> float:
@@ -52,7 +42,7 @@ def render(
     flight: Flight,
     buffers: list[str] | None,
     figures: bool,
-    on_round: OnRound | None,
+    on_frame: OnFrame,
     outputs: Outputs,
     coloured: FalseColours | None,
     frozen: bool = False,
@@ -63,7 +53,7 @@ def render(
     False follows from Ctrl-C, or from a failure of all `outputs`. Records stay from frame to frame. All frames have the first
     one's exposure: individual metering would flicker.
 
-    on_round: as for Renderer.render, with the frame and the path's progress. coloured: of pictures. frozen: keep the cache
+    on_frame: returns the callback of Renderer.render for a frame. coloured: of pictures. frozen: keep the cache
     unchanged. Each frame then depends only on cache, path and settings: figures are left out, and frame 0 of the path
     determines the exposure. kept: output with temporary files, written without a message.
     """
@@ -71,7 +61,7 @@ def render(
     try:
         exposure = metered(renderer, flight, coloured) if frozen else None
         for i, number in enumerate(flight.numbers):
-            show = frame_callback(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
+            show = on_frame(f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
             camera = flight.path.camera(number)
             if frozen:
                 read = None if coloured is not None else output.needed(flight.outputs, buffers)

@@ -15,7 +15,7 @@ from irrsplat.app.common.outputs import check_distinct
 from irrsplat.app.common.terminal import progress, say
 
 if TYPE_CHECKING:
-    from irrsplat.app.film.frames import OnRound
+    from irrsplat.app.film.frames import OnFrame, OnRound
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera, Scene
@@ -57,16 +57,22 @@ def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:
 
 
 @contextmanager
-def round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
-    """Provide a callback for a progress line after each round; None if stderr is no terminal."""
+def round_progress(args: argparse.Namespace) -> Iterator[OnFrame]:
+    """Provide the callbacks that show a progress line after each round of a frame; they are None if stderr is no terminal.
+
+    A frame without a name is a single picture.
+    """
     with progress("round 1: what is seen, and the light of further bounces") as line:
 
-        def show(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
-            if line is not None:
-                stage, words, done = _stage(state, float(args.values.get("quality", 0.0)))
-                line(before + share * done, f"{frame}, {words}" if frame else words, "path" if frame else stage)
+        def on_frame(frame: str, done: int, count: int) -> OnRound | None:
+            def show(state: Progress) -> None:
+                stage, words, share = _stage(state, float(args.values.get("quality", 0.0)))
+                if line is not None:
+                    line((done + share) / count, f"{frame}, {words}" if frame else words, "path" if frame else stage)
 
-        yield None if line is None else show
+            return None if line is None else show
+
+        yield on_frame
 
 
 def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
