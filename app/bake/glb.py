@@ -40,9 +40,8 @@ class Glb:
             self._node({"name": "origin", "translation": [float(x) for x in origin], "children": []})
             self._nodes = self.json["nodes"][0]["children"]
         self._data = bytearray()
-        self._images: dict[int, int] = {}
+        self._images: dict[Image, int] = {}
         self._textures: dict[object, int] = {}
-        self._kept: list[Image] = []  # references that keep the ids unique
 
     def add(self, kind: str, entry: Mapping[str, Any]) -> int:
         """Append an entry to the list `kind`; return its index."""
@@ -85,15 +84,13 @@ class Glb:
         """Add a texture of the scene; return its reference."""
         from PIL import Image as Pillow
 
-        key = id(texture.image)
-        if key not in self._images:
+        if texture.image not in self._images:
             pixels, data = texture.image.pixels, io.BytesIO()
             clear = bool((pixels[..., 3] == 255).all())
             Pillow.fromarray(pixels[..., :3] if clear else pixels).save(data, "PNG")
             entry = {"bufferView": self._view(data.getvalue()), "mimeType": "image/png"}
-            self._images[key] = self.add("images", entry | ({"name": texture.image.name} if texture.image.name else {}))
-            self._kept.append(texture.image)
-        return self._texture(self._images[key], texture.wrap, texture.nearest, mipmaps=True)
+            self._images[texture.image] = self.add("images", entry | ({"name": texture.image.name} if texture.image.name else {}))
+        return self._texture(self._images[texture.image], texture.wrap, texture.nearest, mipmaps=True)
 
     def _texture(self, image: int, wrap: tuple[str, str], nearest: bool, mipmaps: bool) -> dict[str, Any]:
         key = image, wrap, nearest, mipmaps

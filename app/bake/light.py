@@ -108,15 +108,14 @@ class PlaceLight(Tenant):
 
     def direct(self, where: Places, number: int = 0) -> np.ndarray:
         """Return the irradiance (H, W, 3) of lights with shadows, in W/m²; number: index of the subtexel sample."""
+        if not self.scene.lights:
+            return np.zeros((*where.seen.shape, 3), np.float32)
         self._use()
-        with _Drawn(self.ctx, where, True) as drawn:
-            found = np.zeros((*where.seen.shape, 3), np.float32)
-            if self.scene.lights:
-                kinds, turned = {**light_defines(self.scene), **self.world.material_defines}, 2.399963 * number
-                with DirectPass(self.ctx, where.size, kinds, irradiance=True) as lamps:
-                    caster = shadow_caster(self.world, self.settings)
-                    lit = lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=caster)
-                    found += np.frombuffer(lit.read(), "f4").reshape(*where.seen.shape, -1)[..., :3]
+        kinds, turned = {**light_defines(self.scene), **self.world.material_defines}, 2.399963 * number
+        with _Drawn(self.ctx, where, True) as drawn, DirectPass(self.ctx, where.size, kinds, irradiance=True) as lights:
+            caster = shadow_caster(self.world, self.settings)
+            lit = lights(drawn.gbuffer, self.lit.shadows, rotation=turned, world=caster)
+            found = np.frombuffer(lit.read(), "f4").reshape(*where.seen.shape, -1)[..., :3]
         return np.where(where.seen[..., None], found, 0.0).astype(np.float32)
 
 

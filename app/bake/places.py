@@ -58,10 +58,8 @@ class Receivers:
         """
         scene = scene.recentred
         origin, scene = scene.origin, scene.local
-        ordered, first, at = in_order(scene), {}, 0
-        for mesh in ordered:
-            first[mesh] = at
-            at += len(mesh.faces)
+        ordered = in_order(scene)
+        first = dict(zip(ordered, np.cumsum([0, *(len(mesh.faces) for mesh in ordered)]).tolist(), strict=False))
         meshes, sources, triangles = [], [], []
         lit = _lit_sides(scene, ctx)
         for i, mesh in enumerate(scene.meshes):
