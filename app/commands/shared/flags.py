@@ -8,7 +8,7 @@ from typing import Any
 from irrsplat.app.commands.shared import values
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
-from irrsplat.settings import PRESETS, SETTINGS, Declaration
+from irrsplat.settings import PRESETS, SETTINGS
 
 DEFAULT_SCENE = "cornell"
 STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
@@ -64,17 +64,12 @@ def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (),
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
             if declaration.stage == stage and declaration.name not in besides:
-                add_setting(group, declaration)
-
-
-def add_setting(group: Any, declaration: Declaration) -> None:
-    """Add one setting."""
-    default = declaration.default
-    word = default if not isinstance(default, bool) else "on" if default else "off"
-    shown = f"{word:g}" if isinstance(word, float) else word
-    text = f"{declaration.help} ({declaration.range}; default: {shown})"
-    metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
-    group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text.replace("%", "%%"))
+                default = declaration.default
+                word = default if not isinstance(default, bool) else "on" if default else "off"
+                shown = f"{word:g}" if isinstance(word, float) else word
+                text = f"{declaration.help} ({declaration.range}; default: {shown})".replace("%", "%%")
+                metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
+                group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text)
 
 
 def add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "", action: str = "store") -> None:
