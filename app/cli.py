@@ -49,17 +49,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except MemoryError:
-        if debug:
-            traceback.print_exc()
-        return fail("out of memory; take a smaller --size, or fewer --buffers", 1)
-    except ModuleNotFoundError as error:
-        if debug:
-            traceback.print_exc()
-        return fail(missing(error), 1)
     except Exception as error:
         if debug:
             traceback.print_exc()
+        if isinstance(error, MemoryError):
+            return fail("out of memory; take a smaller --size, or fewer --buffers", 1)
+        if isinstance(error, ModuleNotFoundError):
+            return fail(missing(error), 1)
         return fail(f"internal error: {type(error).__name__}: {error}; IRRSPLAT_DEBUG=1 shows where", 1)
 
 

@@ -82,15 +82,12 @@ def _is_run(run: object) -> TypeGuard[EarlierRun]:
     size, times = run.get("size"), run.get("seconds_all", [])
     whole = isinstance(size, list) and len(size) == 2 and all(type(n) is int for n in size) and isinstance(times, list)
     rmse = run.get("rmse")
-    return whole and all(map(_is_time, [run.get("seconds"), *times])) and (rmse is None or _is_number(rmse))
+    whole = whole and all(_is_number(time) and time > 0.0 for time in (run.get("seconds"), *times))
+    return whole and (rmse is None or _is_number(rmse))
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_time(value: object) -> bool:
-    return isinstance(value, (int, float)) and _is_number(value) and value > 0.0
 
 
 def _percent(run: EarlierRun) -> str:

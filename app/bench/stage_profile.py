@@ -39,32 +39,32 @@ surface: the part of the surface cache; calls: number of calls of the stage
 limit: time of Embree alone, on one thread, for as many cosine-distributed rays from the surfaces of the view\
 """
 
-# The functions of each stage, as module:class.function
+# The functions of each stage, as module.class.function
 _BORDERS: dict[str, tuple[str, ...]] = {
-    _RAYS: ("scene.ray_caster:RayCaster.first_hits", "scene.ray_caster:RayCaster.free"),
-    "shading of hits": ("gather.trace:TraceGather.__call__", "gather.plane:PlaneGather.__call__"),
-    "shadow samples": ("gather.light_samples:LightSamplePass.__call__", "gather.light_samples:LightSearch.light_samples"),
-    "sky shares": ("gather.sky_share:SkyShares.__call__",),
-    "reduction": ("gather.reduce:ReducePass.__call__",),
-    "surface cache": ("surface_cache.cache:SurfaceCache.advance",),
+    _RAYS: ("scene.ray_caster.RayCaster.first_hits", "scene.ray_caster.RayCaster.free"),
+    "shading of hits": ("gather.trace.TraceGather.__call__", "gather.plane.PlaneGather.__call__"),
+    "shadow samples": ("gather.light_samples.LightSamplePass.__call__", "gather.light_samples.LightSearch.light_samples"),
+    "sky shares": ("gather.sky_share.SkyShares.__call__",),
+    "reduction": ("gather.reduce.ReducePass.__call__",),
+    "surface cache": ("surface_cache.cache.SurfaceCache.advance",),
     "transport": (
-        "surface_cache.transport:Transport.__init__",
-        "surface_cache.transport:Transport.fill",
-        "surface_cache.transport:Transport.__call__",
+        "surface_cache.transport.Transport.__init__",
+        "surface_cache.transport.Transport.fill",
+        "surface_cache.transport.Transport.__call__",
     ),
-    "splats": ("indirect.splat_buffer:ViewSplats.update", "indirect.splat_buffer:ViewSplats.at_every_pixel"),
+    "splats": ("indirect.splat_buffer.ViewSplats.update", "indirect.splat_buffer.ViewSplats.at_every_pixel"),
     "examination": (
-        "indirect.examine:ExaminePass.__call__",
-        "gather.spot_check:SpotPass.__call__",
-        "indirect.scheduler:RecordScheduler._select",
+        "indirect.examine.ExaminePass.__call__",
+        "gather.spot_check.SpotPass.__call__",
+        "indirect.scheduler.RecordScheduler._select",
     ),
-    "radii": ("records.adaptive_radius:AdaptiveRadius.__call__",),
+    "radii": ("records.adaptive_radius.AdaptiveRadius.__call__",),
     "picture": (
-        "renderer.stages:Stages.draw_gbuffer",
-        "renderer.stages:Stages.draw_shadows",
-        "renderer.stages:Stages.draw_picture",
+        "renderer.stages.Stages.draw_gbuffer",
+        "renderer.stages.Stages.draw_shadows",
+        "renderer.stages.Stages.draw_picture",
     ),
-    "shaders": ("gpu.program:Program._link",),
+    "shaders": ("gpu.program.Program._link",),
 }
 _SURFACE = "surface cache"
 _TRANSFERS = "transfer"  # of data between the processor and OpenGL, and new textures
@@ -143,8 +143,7 @@ class Profile:
         ends = [
             (getattr(import_module(f"irrsplat.{module}"), owner), name, stage)
             for stage, places in _BORDERS.items()
-            for module, _, path in (place.partition(":") for place in places)
-            for owner, _, name in (path.partition("."),)
+            for module, owner, name in (place.rsplit(".", 2) for place in places)
         ]
         ends += [(getattr(moderngl, owner), name, _TRANSFERS) for owner, names in _TRANSFERRING.items() for name in names]
         try:
@@ -200,15 +199,14 @@ def _profiled(scene: Scene, size: tuple[int, int], preset: str, bounces: int | A
         limit = _limit(renderer, rays) if profile.rays else None
         records = renderer.cache.count
     doing("")
-    written: dict[str, object] = {"scene": scene.name, "preset": preset, "size": list(size), "bounces": bounces}
     stages = {name: {"seconds": s.seconds, "surface": s.surface, "calls": s.calls} for name, s in profile.shares.items()}
-    written |= {"records": records, "rays": rays, "seconds": plain, "profiled_seconds": whole, "limit_seconds": limit}
-    written |= {"stages": stages, "gpu_ms": gpu}
     out(f"\n{title}, {in_words(bounces)}")
     out("\n".join(_table(profile, whole, plain, rays, limit)))
     for name, ms in gpu.items():
         out(f"on the GPU, {name}: {ms:.1f} ms")
-    return written
+    about: dict[str, object] = {"scene": scene.name, "preset": preset, "size": list(size), "bounces": bounces}
+    measured = {"records": records, "rays": rays, "seconds": plain, "profiled_seconds": whole, "limit_seconds": limit}
+    return about | measured | {"stages": stages, "gpu_ms": gpu}
 
 
 def _seconds(renderer: Renderer) -> float:
