@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import cached_property
 
 import moderngl
 
@@ -36,7 +37,6 @@ class LitScene(Owner):
             made.pop_all()
         self.timers = Timers(ctx, bool(about["software"]))
         self._shadow_size = settings.shadow_size
-        self._shadows: ShadowMaps | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         return (self.cache, self.shadow_pass, self.world)
@@ -47,9 +47,7 @@ class LitScene(Owner):
         small = gl_limits.shadow_notices(self.shadow_pass.ctx, self.world.scene, self._shadow_size)
         return (*small, *self.world.materials.notices)
 
-    @property
+    @cached_property
     def shadows(self) -> ShadowMaps:
         """Shadow maps, drawn at first use."""
-        if self._shadows is None:
-            self._shadows = self.shadow_pass(self.world, self._shadow_size)
-        return self._shadows
+        return self.shadow_pass(self.world, self._shadow_size)

@@ -20,11 +20,6 @@ class Status(IntEnum):
     INSIDE = 1
     BEHIND = 2
 
-    @property
-    def word(self) -> str:
-        """Name in tables."""
-        return self.name.lower()
-
 
 class Summary(TypedDict):
     """Summary of the valid points, in `unit`: mean, least and greatest value, and U0 = minimum/mean (EN 12665), None in the dark.

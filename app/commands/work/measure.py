@@ -154,7 +154,7 @@ def _rows(readings: Readings, unit: Unit, along: np.ndarray | None, form: str) -
     light = np.concatenate([values.reshape(len(values), -1) for values in parts.values()], axis=1)
     for place, values, status in zip(places.tolist(), light.tolist(), readings.status.tolist(), strict=True):
         shown = [form.format(v) if status == Status.OK else "" for v in values]
-        yield [*(exact.format(v) for v in place), *shown, Status(status).word]
+        yield [*(exact.format(v) for v in place), *shown, Status(status).name.lower()]
 
 
 def _summary_lines(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
