@@ -17,7 +17,6 @@ from irrsplat.gpu.texel_table import table_rows
 if TYPE_CHECKING:
     from irrsplat.app.bake.places import Receivers
 
-INSTALL = "pip install 'irrsplat[bake]'"
 PADDING = 2  # texels between charts: bilinear filtering stays within a chart's own rim
 _TRIES = 6
 _ONE_PLACE = 0.01  # texels: distance below which corners coincide in the map
@@ -53,7 +52,7 @@ def unwrap(receivers: Receivers, size: int) -> Charts:
     try:
         import xatlas
     except ModuleNotFoundError as error:
-        raise InputError(f"a lightmap needs the Python module 'xatlas'; run: {INSTALL}") from error
+        raise InputError("a lightmap needs the Python module 'xatlas'; run: pip install 'irrsplat[bake]'") from error
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
     density, atlas = 0.0, None

@@ -43,11 +43,9 @@ def run(args: argparse.Namespace) -> int:
         from irrsplat.core.files import check_file
 
         check_file(args.json)
-    if args.growth:
-        from irrsplat.app.bench import scaling as work
-    else:
-        from irrsplat.app.bench import bench as work  # type: ignore[no-redef]
-    status = work.run(args)
+    from irrsplat.app.bench import bench, scaling
+
+    status = scaling.run(args) if args.growth else bench.run(args)
     for path in (args.json, args.output):
         if path is not None:
             wrote(path)

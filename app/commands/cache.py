@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import os
+from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import values
 from irrsplat.app.common.parser import Parser
+from irrsplat.app.common.terminal import columns, out
+from irrsplat.core.errors import InputError
+from irrsplat.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from irrsplat.records.cache_file import Content
+    from irrsplat.records.merge import Merged
 
 
 def add(commands: Any) -> None:
@@ -37,14 +45,79 @@ def add(commands: Any) -> None:
     prune.add_argument("--most", type=values.count, metavar="N", help=words)
     for tool in (merge, prune):
         tool.add_argument("-o", "--output", required=True, metavar="OUT", help="output cache; may be one of the inputs")
-    parser.set_defaults(run=run)
+    info.set_defaults(run=_info)
+    merge.set_defaults(run=_merge)
+    prune.set_defaults(run=_prune)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Run `irrsplat cache`."""
-    from irrsplat.app.commands.work import cache as work
+def _info(args: argparse.Namespace) -> int:
+    """Print the content of each file."""
+    from irrsplat.records import cache_file
+
+    contents = [cache_file.read_any(path) for path in args.files]
+    for path, content in zip(args.files, contents, strict=True):
+        out("\n".join(_lines(path, content)))
+    return 0
+
+
+def _lines(path: str, content: Content) -> list[str]:
+    """Return the description of a cache file as lines of text."""
+    from irrsplat.records import cache_file
+
+    records, scene, found = content.state.records, content.scene, content.state.bounces
+    ended, stale = found["bounces_converged"], int((records["epoch"] < records["clocks"][0]).sum())
+    bounces = f"{found['bounces']}" + (
+        "" if ended is None else ", more would add hardly anything" if ended else ", more would add light"
+    )
+    values = vars(content.settings())
+    special = {d.flag: values[name] for name, d in SETTINGS.items() if values[name] != d.default}
+    words = (f"{flag} {('off', 'on')[value] if isinstance(value, bool) else value}" for flag, value in special.items())
+    rows = [
+        ("scene", f"{scene.name}: {len(scene.meshes)} meshes, {sum(mesh.triangles for mesh in scene.meshes)} triangles"),
+        ("records", f"{len(records['id'])}" + (f", {stale} of them to be gathered again" if stale else "")),
+        ("size", f"{1e-6 * os.path.getsize(path):.1f} MB, format {cache_file.FORMAT}"),
+        ("bounces", bounces),
+        ("gathered by", str(found["gathered_by"])),
+        ("settings", " ".join(words) or "as by default"),
+        ("made for", f"geometry {content.key.geometry[:12]}, lights {content.key.lights[:12]}"),
+    ]
+    return [path, *(f"  {line}" for line in columns(rows, left=2))]
+
+
+def _merge(args: argparse.Namespace) -> int:
+    """Merge the files into one."""
     from irrsplat.core import files
+    from irrsplat.records import cache_file
+    from irrsplat.records.merge import merge
 
-    if args.tool != "info":
-        files.check_file(args.output)
-    return work.run(args)
+    files.check_file(args.output)
+    contents = [cache_file.read_any(path) for path in args.files]
+    for path, content in zip(args.files, contents, strict=True):
+        if reason := cache_file.difference(content.key, contents[0].key):
+            raise InputError(
+                f"this record cache was made {reason}, as '{args.files[0]}' was; only caches of one scene merge", path
+            )
+    done = merge([content.state for content in contents], contents[0].settings())
+    return _write(args.output, contents[0], done, "covered by others")
+
+
+def _prune(args: argparse.Namespace) -> int:
+    """Write the file without redundant records."""
+    from irrsplat.core import files
+    from irrsplat.records import cache_file
+    from irrsplat.records.merge import prune
+
+    files.check_file(args.output)
+    content = cache_file.read_any(args.file)
+    words = "covered by others" if args.most is None else "least useful"
+    return _write(args.output, content, prune(content.state, content.settings(), args.most), words)
+
+
+def _write(path: str, content: Content, done: Merged, why: str) -> int:
+    """Write the remaining records, and print their number. why: reason for the removal of the others."""
+    from irrsplat.records import cache_file
+
+    cache_file.write(path, content.key, done.state, content.scene)
+    count = len(done.state.records["id"])
+    out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
+    return 0

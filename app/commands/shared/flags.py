@@ -10,14 +10,13 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
 from irrsplat.settings import PRESETS, SETTINGS
 
-DEFAULT_SCENE = "cornell"
 STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # in the order of the frame
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add SCENE and the options of its loading."""
     words = "a path or the name of a bundled scene (default: cornell)"
-    parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
+    parser.add_argument("scene", nargs="?", metavar="SCENE", default="cornell", help=words)
     add_loading(parser)
 
 
