@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
@@ -26,15 +26,10 @@ class Filled:
     the flight. evicted: records removed for lack of space. interrupted: True after Ctrl-C.
     """
 
-    frames: dict[int, float] = field(default_factory=dict)
-    passes: int = 0
-    evicted: int = 0
+    frames: dict[int, float]
+    passes: int
+    evicted: int
     interrupted: bool = False
-
-    @property
-    def short(self) -> list[int]:
-        """Numbers of the frames with under-covered pixels."""
-        return [number for number, coverage in self.frames.items() if coverage < 1.0]
 
 
 def fill(renderer: Renderer, flight: Flight, on_frame: OnFrame, save: Callable[[], object]) -> Filled:
@@ -77,6 +72,6 @@ def warn(done: Filled) -> None:
     """Print missing coverage, if any."""
     if done.evicted:
         say(f"notice: the flight needs more records than there may be, {done.evicted} had to go; raise --max-records")
-    if short := done.short:
-        most = 1.0 - min(done.frames[number] for number in short)
+    if short := [coverage for coverage in done.frames.values() if coverage < 1.0]:  # frames with under-covered pixels
+        most = 1.0 - min(short)
         say(f"notice: {len(short)} of {len(done.frames)} frames still ask for records, at worst at {most:.2%} of their pixels")
