@@ -75,18 +75,16 @@ class _Places:
 
 def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
     """Return (2, H, W, 3) irradiance of `bounces`, side² samples of each kind per pixel and half, from the seeds after `seed`."""
-    seen = places.seen
-    halves = np.zeros((2, *seen.shape, 3), np.float32)
-    p, n, g = (a[seen] for a in (places.position, places.normal, places.geometric))
+    p, n, g = (a[places.seen] for a in (places.position, places.normal, places.geometric))
+    found = np.zeros((2, len(p), 3), np.float32)
     step = max(_PART // (side * side), 1)
     parts = [slice(k, k + step) for k in range(0, len(p), step)]
-    found: list[list[np.ndarray]] = [[], []]
     for k, part in enumerate(parts):
         for half in range(2):
-            found[half].append(tracer.irradiance(p[part], n[part], g[part], side, seed + 2 * k + half + 1, bounces))
+            found[half, part] = tracer.irradiance(p[part], n[part], g[part], side, seed + 2 * k + half + 1, bounces)
         report((k + 1) / len(parts))
-    for half in range(2):
-        halves[half][seen] = np.concatenate(found[half]) if parts else 0.0
+    halves = np.zeros((2, *places.seen.shape, 3), np.float32)
+    halves[:, places.seen] = found
     return halves
 
 
