@@ -37,12 +37,11 @@ _NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # placeholder camera: the ro
 class Gathered:
     """Light of records at places: irradiance (H, W, 3) in W/m², valid where `covered` (H, W).
 
-    records: records in the cache. converged: True if no place requests another record.
+    converged: True if no place requests another record.
     """
 
     irradiance: np.ndarray
     covered: np.ndarray
-    records: int
     converged: bool
 
 
@@ -75,7 +74,7 @@ class PlaceLight(Tenant):
         self._use()
         empty = np.zeros((*where.seen.shape, 3), np.float32)
         if not self.settings.most_bounces or not where.seen.any():
-            return Gathered(empty, where.seen.copy(), self.cache.count, True)
+            return Gathered(empty, where.seen.copy(), True)
         scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
         scheduler.gatherer.prepare(self.lit.shadows, budget)
         with (
@@ -97,7 +96,7 @@ class PlaceLight(Tenant):
         covered = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(covered[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
         check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
-        return Gathered(irradiance, covered, self.cache.count, view.phase is Phase.SETTLED)
+        return Gathered(irradiance, covered, view.phase is Phase.SETTLED)
 
     def _radius_bounds(self, texel: float) -> tuple[float, float]:
         """Return the radius bounds without a view: the side of a cube with the scene's diagonal replaces the image height."""

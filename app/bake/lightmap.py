@@ -163,7 +163,7 @@ def _baked(
         lit,
         chart,
         texel,
-        gathered.records,
+        lights.cache.count,
         gathered.converged,
     )
 

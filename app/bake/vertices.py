@@ -120,11 +120,11 @@ def bake_vertices(
             at[rest] = len(tested) + np.arange(len(rest))
             tried = tried.and_(found.at(edges.root[rest], edges.middle[rest]))
             pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
-        complete = not marked.any()
+        complete, records = not marked.any(), lights.cache.count
     mesh = receivers.mesh_of[pieces.root][None]
     total = seams.filled(known.total[None], known.seen[None], known.position[None], mesh)[0].astype(np.float32)
     return VertexLight(
-        receivers, pieces, light, total, known.indirect, known.direct, found.records, found.converged,
+        receivers, pieces, light, total, known.indirect, known.direct, records, found.converged,
         complete,
     )  # fmt: skip
 
@@ -165,7 +165,7 @@ class _Found:
 
     def __init__(self, receivers: Receivers, lights: PlaceLight, light: Light, apart: float) -> None:
         self.receivers, self.lights, self.light, self.apart = receivers, lights, light, apart
-        self.records, self.converged, self._sum, self._count = 0, True, 0.0, 0
+        self.converged, self._sum, self._count = True, 0.0, 0
 
     @property
     def mean(self) -> float:
@@ -189,7 +189,7 @@ class _Found:
         where = where.but(hidden(scene, where))
         gathered = self.lights.gathered(where, self.apart)
         direct = self.lights.direct(where)
-        self.records, self.converged = gathered.records, self.converged and gathered.converged
+        self.converged &= gathered.converged
         pixel = np.empty(len(root), np.intp)  # of each point
         pixel[order[index[there]]] = np.flatnonzero(there)
         found = (picture.reshape(-1, 3)[pixel] for picture in (gathered.irradiance, direct, where.position))

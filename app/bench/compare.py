@@ -13,7 +13,6 @@ from irrsplat.core.errors import InputError
 
 NOISE = 0.1  # ratios within this distance of 1 may be noise
 ONCE = 0.25  # as NOISE, for cases timed once
-Key = tuple[str, str, str, str, str]  # scene, preset, size, bounces, case
 
 
 class EarlierRun(TypedDict):
@@ -71,7 +70,8 @@ def _span(run: EarlierRun) -> tuple[float, float]:
     return min(times) / half, max(times) * half
 
 
-def _key(run: EarlierRun) -> Key:
+def _key(run: EarlierRun) -> tuple[str, str, str, str, str]:
+    """Return scene, preset, size, bounces and case."""
     size = "x".join(str(n) for n in run["size"])
     return run["scene"], run["preset"], size, str(run.get("bounces", 1)), run["case"]
 

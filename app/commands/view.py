@@ -13,7 +13,6 @@ from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
-    from irrsplat.settings import SettingValues
 
 
 def add(commands: Any) -> None:
@@ -48,23 +47,25 @@ def run(args: argparse.Namespace) -> int:
     remembered, notices = preferences.load()
     update = args.cache_mode == "update"
     if args.cache is not None:
-        _check_cache(args.cache, scene, args.preset, args.values, update)
+        _check_cache(args, scene)
     from irrsplat.app.viewer import viewer
 
     size = tuple(args.size) if args.size else None
-    chosen = args.preset, args.values
-    closing_notice = viewer.run(scene, args.scene, size, remembered, camera, *chosen, notices, args.cache, args.loading, update)
+    closing_notice = viewer.run(
+        scene, args.scene, size, remembered, camera, args.preset, args.values, notices, args.cache, args.loading, update
+    )
     if closing_notice is not None:
         say(f"notice: {closing_notice}")
     return 0
 
 
-def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues, update: bool) -> None:
-    """Raise InputError for a cache file that cannot be written or has other settings or, without `update`, another scene."""
+def _check_cache(args: argparse.Namespace, scene: Scene) -> None:
+    """Raise InputError for a cache file that cannot be written or has other settings or, unless updated, another scene."""
     from irrsplat import settings
     from irrsplat.core import files
     from irrsplat.records import cache_file
 
-    files.check_file(path)
-    if os.path.exists(path):
-        cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)), update)
+    files.check_file(args.cache)
+    if os.path.exists(args.cache):
+        key = cache_file.key(scene.recentred.local, settings.preset(args.preset, **args.values))
+        cache_file.read(args.cache, key, args.cache_mode == "update")
