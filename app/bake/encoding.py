@@ -20,11 +20,11 @@ _CLIPPED = 0.005  # largest share of all light lost to clipping in the picture; 
 class Encoding:
     """Map as an 8-bit picture whose scale differs between groups of charts.
 
-    values: (H, W, 3) linear, 0..1. strength: (G,) radiance or irradiance of a group's 1. part: (F,) group of each triangle.
-    limit: clipping threshold. clipped: share of all light on texels above the limit.
+    png: sRGB-encoded, dithered to keep the mean over several texels. strength: (G,) radiance or irradiance of a group's 1.
+    part: (F,) group of each triangle. limit: clipping threshold. clipped: share of all light on texels above the limit.
     """
 
-    values: np.ndarray
+    png: bytes
     strength: np.ndarray
     part: np.ndarray
     limit: float
@@ -50,12 +50,8 @@ class Encoding:
         shown = np.minimum(values / np.maximum(own[owner], 1e-30)[..., None], 1.0)
         total = float(bright[on >= 0].sum())
         clipped = float(np.maximum(bright[on >= 0] - limit, 0.0).sum()) / max(total, 1e-30)
-        return Encoding(shown, strength, group.ravel()[made.charts.chart], limit, clipped)
-
-    @property
-    def eight_bits(self) -> bytes:
-        """An sRGB-encoded 8-bit PNG, dithered to keep the mean over several texels."""
-        return as_png(dithered(srgb(self.values)) * (self.values > 0.0) / 255.0)
+        png = as_png(dithered(srgb(shown)) * (shown > 0.0) / 255.0)
+        return Encoding(png, strength, group.ravel()[made.charts.chart], limit, clipped)
 
 
 def limit_of(values: np.ndarray) -> float:

@@ -192,7 +192,7 @@ def glb_of(made: Lightmap, form: Form) -> bytes:
     about = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
     glb = Glb({"irrsplat": about | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
-    picture = glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}") | {"texCoord": 1}
+    picture = glb.picture(encoding.png, f"{form} of {made.light} light, {unit}") | {"texCoord": 1}
     scene, receivers, first_face = made.receivers.scene, made.receivers, 0
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]

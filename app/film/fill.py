@@ -29,7 +29,7 @@ class Filled:
     frames: dict[int, float]
     passes: int
     evicted: int
-    interrupted: bool = False
+    interrupted: bool
 
 
 def fill(renderer: Renderer, flight: Flight, on_frame: OnFrame, save: Callable[[], object]) -> Filled:
@@ -38,7 +38,7 @@ def fill(renderer: Renderer, flight: Flight, on_frame: OnFrame, save: Callable[[
     save: called between two frames once a minute, so that a kill loses little work.
     """
     found: dict[int, float] = {}
-    evicted, flown, saved = renderer.cache.evicted, 0, time.monotonic()
+    evicted, flown, saved, interrupted = renderer.cache.evicted, 0, time.monotonic(), False
     try:
         for flown in range(1, PASSES + 1):
             lost = 0
@@ -58,8 +58,8 @@ def fill(renderer: Renderer, flight: Flight, on_frame: OnFrame, save: Callable[[
                 break
         found |= {number: renderer.coverage(flight.path.camera(number)) for number in flight.numbers if flown == PASSES}
     except KeyboardInterrupt:
-        return Filled(found, flown, renderer.cache.evicted - evicted, interrupted=True)
-    return Filled(found, flown, renderer.cache.evicted - evicted)
+        interrupted = True
+    return Filled(found, flown, renderer.cache.evicted - evicted, interrupted)
 
 
 def statistics(done: Filled, records: int) -> dict[str, object]:
