@@ -6,7 +6,6 @@ import os
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 
 UpAxis = Literal["auto", "x", "y", "z"]
@@ -45,8 +44,3 @@ class LoadOptions:
         for one in self.allow:
             if not isinstance(one, (str, os.PathLike)) or not os.path.isdir(one):
                 raise InputError(f"allow: there is no folder {str(one)!r:.60}; give one that is there")
-
-    @property
-    def per_unit(self) -> float:
-        """The watts of a unit of light in glTF files."""
-        return 1.0 / LUMINOUS_EFFICACY if self.photometric else 1.0

@@ -44,7 +44,7 @@ class Document:
 
     tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
     lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: unsupported features.
-    unpacked: the bytes of compressed buffer views, by index. per_unit: see LoadOptions.
+    unpacked: the bytes of compressed buffer views, by index. per_unit: watts of a unit of light.
     """
 
     path: Path

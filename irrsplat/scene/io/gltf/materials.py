@@ -207,7 +207,7 @@ def _texture_infos(entry: Mapping[str, Any]) -> list[dict[str, Any] | None]:
 
 
 def _emission(entry: Mapping[str, Any], per_unit: float = 1.0) -> Vector:
-    """Return the emission of a material without its texture. per_unit: see LoadOptions."""
+    """Return the emission of a material without its texture. per_unit: see Document."""
     strength = per_unit * number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
     factor = numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))
     return vector([min(max(0.0, strength * value), GREATEST) for value in factor])

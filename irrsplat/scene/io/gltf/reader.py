@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import take_copies
@@ -67,7 +68,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
     """
     sky = sky_of(options.sky)
     document = read(path)
-    document.per_unit = options.per_unit
+    document.per_unit = 1.0 / LUMINOUS_EFFICACY if options.photometric else 1.0
     with np.errstate(all="ignore"):
         reader = _Reader(document)
         meshes, origin = reader.meshes()
