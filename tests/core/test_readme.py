@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from irrsplat.app import cli
-from irrsplat.app.bench import cases
+from irrsplat.app.bench import cases, gather_truth
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
 
@@ -69,7 +69,7 @@ def test_the_commands_run(
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
     monkeypatch.setattr(cases, "REPETITIONS", 1)
-    monkeypatch.setattr(cases, "error", lambda renderer, camera: None)  # tests/app/bench has the errors
+    monkeypatch.setattr(gather_truth, "truth", lambda renderer, camera: None)  # tests/app/bench has the errors
     files_of(next(page for page in PAGES if command in page), tmp_path)
     if "--cache-mode frozen" in command:  # by the cache that the line before it makes
         assert cli.main(small(shlex.split(BEFORE[command])[1:])) == 0
