@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import io
 import logging
 import os
@@ -56,6 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return fail("out of memory; take a smaller --size, or fewer --buffers", 1)
         if isinstance(error, ModuleNotFoundError):
             return fail(missing(error), 1)
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:  # of stdout, since files have errors of their own
+            return fail("the disk is full; free some space, or write to another place", 1)
         return fail(f"internal error: {type(error).__name__}: {error}; IRRSPLAT_DEBUG=1 shows where", 1)
 
 

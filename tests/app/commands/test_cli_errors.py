@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -111,6 +112,7 @@ def test_a_wrong_scene_is_refused_without_notices(refused: Callable[..., str], p
     [
         (InputError("size 99999x1 is beyond the limit"), 2, "beyond"),
         (GLError(context.advice("libGL.so not loaded")), 1, "libgl1"),
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "the disk is full; free some space, or write to another place"),
         (RuntimeError("two\nlines"), 1, "internal error: RuntimeError: two lines"),
         (MemoryError(), 1, "out of memory"),
         (KeyboardInterrupt(), 130, "interrupted"),
