@@ -14,7 +14,7 @@ from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.record_frame import PLACES, rows_of_places
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import LEAST_SIDE
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.records.record_cache import RecordCache
 
 _RAYS = 0.25  # of a record's rays: rays from its hits, if all are close
@@ -27,10 +27,8 @@ class CloseLight(Owner):
 
     def __init__(self, gather: Gather) -> None:
         ctx = gather.world.ctx
-        self.gather, self.reduce, self.found = gather, ReducePass(ctx, gradients=False, places=PLACES), RecordCache(ctx)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.gather, self.reduce, self.found)
+        self.gather, self.found = self.own(gather), self.own(RecordCache(ctx))
+        self.reduce = self.own(ReducePass(ctx, gradients=False, places=PLACES))
 
     def __call__(
         self,

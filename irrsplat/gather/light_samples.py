@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, LightSamples, Uniforms
 from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, float_texture, uneven
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
@@ -92,14 +92,11 @@ class LightSamplePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx, self.gradients, self.places = ctx, gradients, places
-        self._programs = Workshop()
-        self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
-        self._targets = Workshop()
+        self._programs = self.own(Workshop())
+        self._ends = [self.own(Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of})) for of in (0, 1)]
+        self._targets = self.own(Workshop())
         for virtual in (0, 1):
             self._program({"VIRTUAL": virtual, "SEEN": 0})
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._programs, *self._ends, self._targets)
 
     def _program(self, defines: Mapping[str, int]) -> Program:
         """Return the program for this kind of samples and these materials."""

@@ -12,7 +12,6 @@ from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemisphere import Gather
 from irrsplat.gather.record_frame import OFFSET, atlas_grid
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
@@ -36,14 +35,14 @@ class PlaneGather(Gather):
         columns, capacity = atlas_grid((side, side), capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         super().__init__(world, plane_table(side), capacity)
         defines = {**light_defines(world.scene), **world.material_defines, "SURFACE": int(surface)}
-        self.program = Program(ctx, "gather/plane", defines=defines)
-        self.target = Target(ctx, (columns * side, capacity // columns * side), (4, 4), depth=True)
+        self.program = self.own(Program(ctx, "gather/plane", defines=defines))
+        self.target = self.own(Target(ctx, (columns * side, capacity // columns * side), (4, 4), depth=True))
         self.atlas = Atlas(
             radiance=self.target.textures[0],
             planes=self.target.textures[1],
-            table=table_texture(ctx, self.table),
-            edges=table_texture(ctx, plane_edges(side)),
-            frames=float_texture(ctx, (capacity, 5)),
+            table=self.own(table_texture(ctx, self.table)),
+            edges=self.own(table_texture(ctx, plane_edges(side))),
+            frames=self.own(float_texture(ctx, (capacity, 5))),
             count=0,
             columns=columns,
             cell=self.cell,
@@ -54,9 +53,6 @@ class PlaneGather(Gather):
     def offset(self) -> float:
         """Metres by which a record's eye lies above its surface; a nearer near plane would cost depth precision."""
         return OFFSET[0] * self.world.scene.diagonal
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.target, self.atlas.table, self.atlas.edges, self.atlas.frames)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         atlas, count = self.atlas, len(sites)

@@ -5,6 +5,7 @@ E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cos�
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import moderngl
@@ -13,7 +14,7 @@ from irrsplat.core.buffers import Atlas, Records, Uniforms
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, uneven
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
@@ -41,17 +42,16 @@ class ReducePass(Owner):
         defines = {"GRADIENTS": int(gradients)}
         self.components = (4,) * (8 if gradients else 2)
         self.blocks = {
-            kind: Program(
-                ctx, "gather/reduce_blocks", "lib/fullscreen", defines | dict(zip(("SKY_MAP", "SKY_SHARE"), kind, strict=True))
+            (sky_map, share): self.own(
+                Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines | {"SKY_MAP": sky_map, "SKY_SHARE": share})
             )
-            for kind in ((0, 0), (0, 1), (1, 0), (1, 1))
+            for sky_map, share in product((0, 1), (0, 1))
         }
-        self.totals = [Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE, "CLOSE_LIGHT": on}) for on in (0, 1)]
-        self.light_samples = LightSamplePass(ctx, gradients, places)
-        self.targets = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.blocks.values(), *self.totals, self.light_samples, self.targets)
+        self.totals = [
+            self.own(Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE, "CLOSE_LIGHT": on})) for on in (0, 1)
+        ]
+        self.light_samples = self.own(LightSamplePass(ctx, gradients, places))
+        self.targets = self.own(Workshop())
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.

@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, Uniforms
 from irrsplat.gather.stratified import closer_rays, reach
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.world import World
 
@@ -40,12 +40,9 @@ class SkyShares(Owner):
         self._program: Program | None = None
         if not embree:
             wide = np.broadcast_to(self._reach[:, None, None], (m, n * _RAYS, 1))
-            self._table = table_texture(world.ctx, np.concatenate([self._rays.reshape(m, -1, 3), wide], axis=-1))
+            self._table = self.own(table_texture(world.ctx, np.concatenate([self._rays.reshape(m, -1, 3), wide], axis=-1)))
             defines = {**world.material_defines, "RAYS": _RAYS, "NEAR": _NEAR}
-            self._program = Program(world.ctx, "gather/sky_share", "lib/fullscreen", defines)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._target, self._table, self._program)
+            self._program = self.own(Program(world.ctx, "gather/sky_share", "lib/fullscreen", defines))
 
     def __call__(self, rows: np.ndarray, hits: np.ndarray | None, areas: Areas) -> moderngl.Texture | None:
         """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None for a black sky.
@@ -56,7 +53,7 @@ class SkyShares(Owner):
         if not (any(scene.sky) or any(scene.sky_gradient) or scene.environment):
             return None
         if self._target is None:
-            self._target = Target(self.world.ctx, atlas.radiance.size, (1,))
+            self._target = self.own(Target(self.world.ctx, atlas.radiance.size, (1,)))
         if self._program is None:
             assert hits is not None
             self._write(self._target.textures[0], self._counted(rows, (hits < 0).reshape(len(hits), *atlas.cell[::-1])))

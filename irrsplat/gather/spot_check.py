@@ -16,7 +16,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
@@ -82,11 +82,8 @@ class SpotPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
-        self.program = Program(ctx, "indirect/spots", "lib/fullscreen", {"MARGIN": MARGIN})
-        self.targets = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.targets)
+        self.program = self.own(Program(ctx, "indirect/spots", "lib/fullscreen", {"MARGIN": MARGIN}))
+        self.targets = self.own(Workshop())
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera, margin: int = 0) -> Spots:
         """Return the places of a view, or of the part that `camera` draws.

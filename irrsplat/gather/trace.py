@@ -19,7 +19,7 @@ from irrsplat.gather.record_frame import FEW_RAYS, PLACES, atlas_grid, places_of
 from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import LEAST_SIDE, ray_directions, site_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture, uneven
 from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.world import World
@@ -38,10 +38,7 @@ class FirstHits(Owner):
         # each place has as many texels; for one place a slice suffices, and numpy copies slices ten times as fast
         self._by_place = np.argsort(places_of_texels(cell, places), kind="stable") if places > 1 else slice(None)
         self._rays = rays[self._by_place].reshape(places, -1, 3)
-        self.texture = integer_texture(world.ctx, (TABLE_COLUMNS, uneven(row_count(capacity * len(rays)))))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.texture,)
+        self.texture = self.own(integer_texture(world.ctx, (TABLE_COLUMNS, uneven(row_count(capacity * len(rays))))))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Trace the rays of records with these `rows` of Atlas.frames. Return (N, R) the triangles hit, -1: none."""
@@ -88,53 +85,36 @@ class TraceGather(Gather):
         self._light_samples = light_samples
         self.kind, self.survey = "embree" if embree else "trace", survey
         self.search = LightSearch(world, light_samples, len(rays) / np.pi, embree=embree)
-        self.program = Program(
-            ctx,
-            "gather/trace",
-            "lib/fullscreen",
-            defines={
-                **light_defines(world.scene),
-                **world.material_defines,
-                **self.search.defines,
-                "SURFACE": int(surface or hits),
-                "HITS": int(hits),
-                "KNOWN_HITS": int(embree),
-            },
-        )
+        defines = {
+            **light_defines(world.scene),
+            **world.material_defines,
+            **self.search.defines,
+            "SURFACE": int(surface or hits),
+            "HITS": int(hits),
+            "KNOWN_HITS": int(embree),
+        }
+        self.program = self.own(Program(ctx, "gather/trace", "lib/fullscreen", defines))
         size = uneven(columns * cell[0]), uneven(capacity // columns * cell[1])
-        self.target = Target(ctx, size, (4,) * (5 if hits else 2))
+        self.target = self.own(Target(ctx, size, (4,) * (5 if hits else 2)))
+        directions = np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.atlas = Atlas(
             radiance=self.target.textures[0],
             planes=self.target.textures[1],
-            table=table_texture(ctx, table, varying=True),
-            edges=table_texture(ctx, stratum_edges(side), varying=True),
-            frames=float_texture(ctx, (uneven(capacity * places), 5)),
+            table=self.own(table_texture(ctx, table, varying=True)),
+            edges=self.own(table_texture(ctx, stratum_edges(side), varying=True)),
+            frames=self.own(float_texture(ctx, (uneven(capacity * places), 5))),
             count=0,
             columns=columns,
             cell=cell,
             block=(side // 4, side // 4),
-            rays=table_texture(ctx, np.concatenate([rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1), varying=True),
+            rays=self.own(table_texture(ctx, directions, varying=True)),
         )
-        self.first_hits = FirstHits(world, rays, cell, places, capacity) if embree else None
+        self.first_hits = self.own(FirstHits(world, rays, cell, places, capacity)) if embree else None
         self._rays = np.stack([*rays.T, table[..., 3].ravel()])
         resolves_close = surface and not hits and places == 1 and len(rays) > LEAST
-        self._close_light = float_texture(ctx, (uneven(capacity), 1), 2) if resolves_close else None
+        self._close_light = self.own(float_texture(ctx, (uneven(capacity), 1), 2)) if resolves_close else None
         # a surface cache has so many sites that the noise of each averages out
-        self.sky = None if hits or places > 1 else SkyShares(world, side, self.atlas, embree)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        atlas = self.atlas
-        return (
-            self.program,
-            self.target,
-            atlas.table,
-            atlas.edges,
-            atlas.frames,
-            atlas.rays,
-            self.first_hits,
-            self.sky,
-            self._close_light,
-        )
+        self.sky = None if hits or places > 1 else self.own(SkyShares(world, side, self.atlas, embree))
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         atlas, count = self.atlas, len(sites) // self.places

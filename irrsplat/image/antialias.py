@@ -11,7 +11,7 @@ import moderngl
 from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.timing.clock import now
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Region, Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -34,13 +34,10 @@ class Antialiaser(Owner):
 
     def __init__(self, ctx: moderngl.Context, timers: Timers) -> None:
         self.ctx, self.timers = ctx, timers
-        self._buffers = Workshop()
+        self._buffers = self.own(Workshop())
         self._source: View | None = None  # the view being sampled, before antialiasing
         self._sampled: View | None = None  # the sampled view
         self._sample: Iterator[None] | None = None  # a sample interrupted by the budget
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._buffers,)
 
     def __call__(
         self,
@@ -64,7 +61,7 @@ class Antialiaser(Owner):
         buffers = self._buffers.get("buffers", size, lambda: SampleBuffers(self.ctx, size))
         if self._sampled is None or self._source is not view or self._sampled.samples > samples:
             if view.splats.reach is not None:
-                buffers.mean, buffers.other = buffers.other or MeanPass(self.ctx, size), buffers.mean
+                buffers.mean, buffers.other = buffers.other or buffers.own(MeanPass(self.ctx, size)), buffers.mean
             behind = view.backdrop.uniforms(view.camera, size)
             means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, mix)
             image, direct, indirect, emission, alpha = means
@@ -101,26 +98,20 @@ class SampleBuffers(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.mean = MeanPass(ctx, size)
+        self.mean = self.own(MeanPass(ctx, size))
         self.other: MeanPass | None = None  # means of the previous view
-        self.gbuffer = GBufferTarget(ctx, size)
-        self.splat = splat_target(ctx, size)
-        self.direct = direct_target(ctx, size)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.mean, self.other, self.gbuffer, self.splat, self.direct)
+        self.gbuffer = self.own(GBufferTarget(ctx, size))
+        self.splat = self.own(splat_target(ctx, size))
+        self.direct = self.own(direct_target(ctx, size))
 
 
 class MeanPass(Owner):
     """The means of image, direct, indirect, emission and alpha over the samples of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.programs = [Program(ctx, "image/accumulate", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
-        self.no_filters = NoFilters(ctx)
-        self.target = Target(ctx, size, (4, 4, 4, 4, 1))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.programs, self.target, self.no_filters)
+        self.programs = [self.own(Program(ctx, "image/accumulate", "lib/fullscreen", {"SKY_MAP": map_})) for map_ in (0, 1)]
+        self.no_filters = self.own(NoFilters(ctx))
+        self.target = self.own(Target(ctx, size, (4, 4, 4, 4, 1)))
 
     def __call__(
         self,

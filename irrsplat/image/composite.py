@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import product
 
 import moderngl
@@ -10,7 +11,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import Program, SampledTexture
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, bands, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
@@ -25,10 +26,7 @@ class NoFilters(Owner):
     """Neutral textures in place of Filters: one texel that transmits all light, and one that adds none."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.tint, self.glow = (table_texture(ctx, np.full((1, 1, 4), value)) for value in (1.0, 0.0))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.tint, self.glow)
+        self.tint, self.glow = (self.own(table_texture(ctx, np.full((1, 1, 4), value))) for value in (1.0, 0.0))
 
     def uniforms(self, gbuffer: GBuffer) -> Uniforms:
         """Return the uniforms of shaders/image/filtered.glsl for this g-buffer."""
@@ -41,30 +39,25 @@ class CompositePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.fills = [Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
+        self.fills = [self.own(Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_})) for map_ in (0, 1)]
+        blend = partial(Program, ctx, "image/composite", "lib/fullscreen")
         self.blends = {  # by presence of filters, presence of emission, and Backdrop.sky_terms; 2 or 3 with filters
-            (filters, emissive, sky): Program(
-                ctx,
-                "image/composite",
-                "lib/fullscreen",
-                {"FILTERS": filters, "EMISSIVE": emissive, "SKY": sky, "SKY_MAP": int(sky == 3)},
+            (filters, emissive, sky): self.own(
+                blend({"FILTERS": filters, "EMISSIVE": emissive, "SKY": sky, "SKY_MAP": int(sky == 3)})
             )
             for filters, emissive, sky in product((0, 1), (0, 1), (0, 1, 2, 3))
             if sky >= 2 or not filters
         }
-        self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
-        self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
-        self.target = Target(ctx, size, (4, 1))
-        self.no_filters = NoFilters(ctx)
-        self.mipmapped = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
+        self.meter = self.own(Program(ctx, "image/composite_meter", "lib/fullscreen"))
+        self.display = self.own(Program(ctx, "image/composite_display", "lib/fullscreen"))
+        self.target = self.own(Target(ctx, size, (4, 1)))
+        self.no_filters = self.own(NoFilters(ctx))
+        self.mipmapped = self.own(
+            ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
+        )
         self.fill_target: Target | None = None
         self.meter_block = -(-size[0] // _METER), -(-size[1] // _METER)
-        self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        programs = *self.fills, *self.blends.values(), self.meter, self.display
-        targets = self.target, self.fill_target, self.meter_target
-        return (*programs, *targets, self.mipmapped, self.no_filters)
+        self.meter_target = self.own(Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,)))
 
     def __call__(
         self,
@@ -95,7 +88,7 @@ class CompositePass(Owner):
 
         Raises InputWaits between two bands.
         """
-        self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
+        self.fill_target = self.fill_target or self.own(Target(self.target.ctx, self.size, (4,)))
         for texture in (sums, direct):
             texture.build_mipmaps()
             texture.filter = moderngl.NEAREST, moderngl.NEAREST  # the filters of other readers

@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Filters, GBuffer, Uniforms
 from irrsplat.gpu.program import Draw, DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Region, Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
@@ -40,13 +40,10 @@ class GBufferTarget(Target):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         super().__init__(ctx, size, (4,) * 4, depth=True)
-        self.place = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
-        self.depths = Target(ctx, size, textures=[], depth_attachment=self.depth)
-        self.surfaces = Target(ctx, size, textures=self.textures)
-        self._parts = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._parts, self.place, self.depths, self.surfaces, *super().owned())
+        self.place = self.own(Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth))
+        self.depths = self.own(Target(ctx, size, textures=[], depth_attachment=self.depth))
+        self.surfaces = self.own(Target(ctx, size, textures=self.textures))
+        self._parts = self.own(Workshop())
 
     def also(self, name: str, components: int, together: bool = False) -> Target:
         """Return a target for a further texture with the same depth; `together`: appended to this target's textures."""
@@ -78,18 +75,13 @@ class GBufferPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], maps: TextureMaps | None = None) -> None:
         self.ctx = ctx
-        self.maps = maps or TextureMaps(ctx)
-        self._borrowed = maps is not None
-        self.target = GBufferTarget(ctx, size)
-        self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": _BEHIND})
-        self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
-        self._cell = Workshop()  # target of a cell, if it is not the whole picture
-        self._programs = Workshop()
+        self.maps = maps or self.own(TextureMaps(ctx))
+        self.target = self.own(GBufferTarget(ctx, size))
+        self.nothing = self.own(Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": _BEHIND}))
+        self.places = {n: self.own(Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)})) for n in (1, 4)}
+        self._cell = self.own(Workshop())  # target of a cell, if it is not the whole picture
+        self._programs = self.own(Workshop())
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        maps = None if self._borrowed else self.maps
-        return (self.nothing, *self.places.values(), self._cell, self._programs, self.target, maps)
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
         values: dict[str, object] = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}

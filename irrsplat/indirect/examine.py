@@ -17,7 +17,7 @@ from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Part, measure
 from irrsplat.settings import Settings
@@ -101,11 +101,8 @@ class ExaminePass(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         # by whether the view is refined
-        self.programs = [Program(ctx, "indirect/examine", "lib/fullscreen", {"REFINED": refined}) for refined in (0, 1)]
-        self.targets = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*self.programs, self.targets)
+        self.programs = [self.own(Program(ctx, "indirect/examine", "lib/fullscreen", {"REFINED": refined})) for refined in (0, 1)]
+        self.targets = self.own(Workshop())
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
         """Return every tile's count of pixels that request a record, by `tolerance` and `spread`, and its pixel of least weight.

@@ -19,7 +19,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.timing.background import Steps, in_background
 from irrsplat.core.timing.input_waits import InputWaits, input_waits
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -56,14 +56,11 @@ class Refiner(Owner):
         self.error: float | None = None
         self.ended = self.broken = False
         # of the picture on show, and of the next one
-        self._splats = [ViewSplats(world, size, gradients, timers) for _ in range(2)]
-        self._reach = [float_texture(world.ctx, size, 1) for _ in range(2)]
+        self._splats = [self.own(ViewSplats(world, size, gradients, timers)) for _ in range(2)]
+        self._reach = [self.own(float_texture(world.ctx, size, 1)) for _ in range(2)]
         self._surface_error: tuple[int, float] | None = None  # of E in W/m², by the level of the surface cache
         self._steps: Iterator[None] = iter(())  # of the present view
         self._base: tuple[int, np.ndarray, int] = 0, np.zeros(0), 0  # of the cache before: records, limits, records compared
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*self._splats, *self._reach)
 
     def begin(self, splats: SplatBuffer, camera: Camera) -> None:
         """Refine a view that is covered by records whose sums are `splats`."""

@@ -12,7 +12,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import along_a_way
 from irrsplat.gather.spot_check import SIDES, PlacesChecked, SpotCheck, SpotPass, Spots
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -48,13 +48,11 @@ class RecordScheduler(Owner):
         timers: Timers,
     ) -> None:
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
-        self.gatherer = RecordGatherer(world, settings, cache, timers)
-        self.adaptation, self.examined = AdaptiveRadius(world.ctx, cache, timers), ExaminePass(world.ctx)
-        self.refresh_order, self._passes = RefreshOrder(world.ctx), Workshop()
+        self.gatherer = self.own(RecordGatherer(world, settings, cache, timers))
+        self.adaptation = self.own(AdaptiveRadius(world.ctx, cache, timers))
+        self.examined, self.refresh_order = self.own(ExaminePass(world.ctx)), self.own(RefreshOrder(world.ctx))
+        self._passes = self.own(Workshop())
         self._checked = PlacesChecked()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.gatherer, self.adaptation, self.examined, self.refresh_order, self._passes)
 
     @property
     def settings(self) -> Settings:

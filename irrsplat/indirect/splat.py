@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
@@ -41,19 +41,18 @@ class SplatPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx, self.size = ctx, size
-        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
+        self.numbers = self.own(ctx.buffer(reserve=4))  # of the records that are drawn
         defines = record_defines(gradients)
         self.bends = gradients  # without gradients, E is known for the record's normal alone
         self.programs = {  # by whether there are normal maps, and whether the view is refined
-            kind: Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]})
+            kind: self.own(Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": kind[0], "REFINED": kind[1]}))
             for kind in product((0, 1) if gradients else (0,), (0, 1))
         }
         # by whether there are sides that no light reaches
-        self.empty = [Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit}) for unlit in (0, 1)]
-        self.targets = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.numbers, *self.programs.values(), *self.empty, self.targets)
+        self.empty = [
+            self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": unlit})) for unlit in (0, 1)
+        ]
+        self.targets = self.own(Workshop())
 
     def target(self, pixel_stride: int) -> Target:
         """Return the buffer of every `pixel_stride`-th pixel in both directions."""

@@ -11,7 +11,7 @@ from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.texel_table import row_count
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -75,14 +75,11 @@ class ViewSplats(Owner):
 
     def __init__(self, world: World, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
         self.world, self.ctx, self.size, self.timers = world, world.ctx, size, timers
-        self.splat_pass = SplatPass(world.ctx, size, gradients)
+        self.splat_pass = self.own(SplatPass(world.ctx, size, gradients))
         self.upsample_pass: UpsamplePass | None = None  # made at first use: renders end with every pixel splatted
         self._drawn: _Drawn | None = None
         self._memo = Memo()  # whether the camera sees no light
         self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # strided sums, and the sums upsampled from them
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.splat_pass, self.upsample_pass)
 
     @property
     def sums(self) -> SplatBuffer | None:
@@ -152,7 +149,7 @@ class ViewSplats(Owner):
         if self._upsampled is None or self._upsampled[0] is not splats:
             self._upsampled = None
             with self.timers("upsample"):
-                self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
+                self.upsample_pass = self.upsample_pass or self.own(UpsamplePass(self.ctx, self.size))
                 self._upsampled = splats, self.upsample_pass(splats, gbuffer, camera)
             stop_for_input()
         return self._upsampled[1]

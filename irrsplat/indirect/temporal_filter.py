@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import DrawState, Program, SampledTexture
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import Target, bands
 from irrsplat.scene.model import Camera
 
@@ -41,15 +41,12 @@ class TemporalFilter(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
-        self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
-        self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
-        self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
-        self.nothing = Target(ctx, (3, 3), (4, 1))  # stands for the picture before the first one
-        self._targets = Workshop()  # two of each size
+        self.program = self.own(Program(ctx, "indirect/temporal", "lib/fullscreen"))
+        self.fill = self.own(Program(ctx, "indirect/surface_fill", "lib/fullscreen"))
+        self.linear = self.own(ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR)))
+        self.nothing = self.own(Target(ctx, (3, 3), (4, 1)))  # stands for the picture before the first one
+        self._targets = self.own(Workshop())  # two of each size
         self._shown: _Shown | None = None
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.fill, self.linear, self.nothing, self._targets)
 
     def forget(self) -> None:
         """Show the records' sums alone in the next picture."""

@@ -9,7 +9,7 @@ import moderngl
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
@@ -23,15 +23,12 @@ class UpsamplePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
-        self.squares = Program(ctx, "indirect/upsample_squares", "lib/fullscreen")
-        self.between = Program(ctx, "indirect/upsample", "lib/fullscreen")
-        self.search = Program(ctx, "indirect/upsample_search", "lib/fullscreen")
-        self.target = Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4))
+        self.squares = self.own(Program(ctx, "indirect/upsample_squares", "lib/fullscreen"))
+        self.between = self.own(Program(ctx, "indirect/upsample", "lib/fullscreen"))
+        self.search = self.own(Program(ctx, "indirect/upsample_search", "lib/fullscreen"))
+        self.target = self.own(Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4)))
         self.target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
-        self.out = Target(ctx, size, (4, 2), depth=True)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.squares, self.between, self.search, self.target, self.out)
+        self.out = self.own(Target(ctx, size, (4, 2), depth=True))
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """Return interpolated sums for every pixel: E, a weight of 1, and Σw. The textures belong to this pass.

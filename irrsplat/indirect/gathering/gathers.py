@@ -11,7 +11,7 @@ from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.record_frame import FEW_RAYS
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis
@@ -25,10 +25,7 @@ class Gathers(Owner):
 
     def __init__(self, world: World) -> None:
         self.ctx, self.world = world.ctx, world
-        self._made = Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self._made,)
+        self._made = self.own(Workshop())
 
     def clear(self) -> None:
         """Free all passes; the next use makes them again."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight
 from irrsplat.gather.hemisphere import Gather
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.indirect.gathering.basis import Basis
 from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.dimming import LINEAR
@@ -23,13 +23,10 @@ class RecordDifference(Owner):
     """
 
     def __init__(self, light: LightDifference, basis: Basis, cache: RecordCache) -> None:
-        self.light = light
-        self._made = [(Gathers(part.world), replace(basis, scene=part.world.scene)) for part in light.parts]
+        self._made = [(self.own(Gathers(part.world)), replace(basis, scene=part.world.scene)) for part in light.parts]
+        self.light = self.own(light)
         self.held, self._evicted = cache.records.read(*LINEAR), cache.evicted
         self._left = np.ones(cache.count, bool)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (*(gathers for gathers, _ in self._made), self.light)
 
     def left(self, cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
         """Return the records among these `numbers` that lack the difference, in their order."""
