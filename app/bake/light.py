@@ -18,7 +18,7 @@ from irrsplat.app.bake.splats import PlaceSplats
 from irrsplat.core.buffers import GBuffer
 from irrsplat.core.vectors import check_finite, octahedral_encode
 from irrsplat.gather.kinds import shadow_caster
-from irrsplat.gpu.resource import Owner, Resource, Tenant
+from irrsplat.gpu.resource import Owner, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.scheduler import RecordScheduler
@@ -57,14 +57,10 @@ class PlaceLight(Tenant):
     ) -> None:
         self.scene = scene
         self.settings = replace(preset(preset_name, **settings), placement="tiles")
-        with self._moving_in(ctx) as made:
-            self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
+        with self._moving_in(ctx):
+            self.lit = self.own(LitScene(self.ctx, self.about, scene, self.settings))
             self.world, self.cache = self.lit.world, self.lit.cache
-            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.lit.timers))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the GPU resources to free; the context is separate."""
-        return (self.scheduler, self.lit)
+            self.scheduler = self.own(RecordScheduler(self.world, self.settings, self.cache, self.lit.timers))
 
     def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> Gathered:
         """Return indirect light, light of emitters and of the sky at these places; gather until all places are covered.
@@ -126,7 +122,7 @@ class _Drawn(Owner):
         octahedral[:, where.seen] = octahedral_encode(where.geometric[where.seen].astype(float))
 
         def texture(values: np.ndarray, last: np.ndarray) -> moderngl.Texture:
-            made = float_texture(ctx, where.size)
+            made = self.own(float_texture(ctx, where.size))
             made.write(np.ascontiguousarray(np.dstack([values, last]), "f4").tobytes())
             return made
 
@@ -140,6 +136,3 @@ class _Drawn(Owner):
         ]
         position, normal, albedo, emission = self.textures[:4]
         self.gbuffer = GBuffer(position, normal, albedo, emission, self.textures[4] if mapped else None)
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return tuple(self.textures)

@@ -12,7 +12,7 @@ import numpy as np
 from irrsplat.app.bake.places import Places
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.indirect.splat import splat_target
@@ -39,15 +39,12 @@ class PlaceSplats(Owner):
         self.ctx, self.gbuffer, self.settings, self.bounds, self.size = ctx, gbuffer, settings, bounds, where.size
         bent = int(settings.gradients and gbuffer.mapped_normal is not None)
         defines = {**record_defines(settings.gradients), "NORMAL_MAPS": bent, "REFINED": 0}
-        self.program = Program(ctx, "indirect/splat", "bake/splat", defines)
-        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": 0})
-        self.target = splat_target(ctx, self.size)
+        self.program = self.own(Program(ctx, "indirect/splat", "bake/splat", defines))
+        self.empty = self.own(Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"UNLIT_SIDES": 0}))
+        self.target = self.own(splat_target(ctx, self.size))
         self.tiles = _Boxes.of(where.position, where.seen, TILE)
         self.blocks = _Boxes.of(where.position, where.seen, TILE * _BLOCK)
         self._drawn: tuple[int, int, SplatBuffer] | None = None  # revision and number of the records, and their sums
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.program, self.empty, self.target)
 
     def update(self, cache: RecordCache) -> SplatBuffer:
         """Return the sums of all records of the cache; the same object while the sums are unchanged."""

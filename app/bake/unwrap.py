@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.texel_table import table_rows
 
@@ -115,12 +115,9 @@ class Chartist(Owner):
         corners = charts.corners
         rows = np.concatenate([corners, np.zeros_like(corners)], axis=-1).astype("f4")
         self.count = len(corners)
-        self.corners = table_texture(ctx, table_rows(rows))
-        self.program = Program(ctx, "bake/chart")
-        self.target = Target(ctx, (self.size, self.size), (4,))
-
-    def owned(self) -> tuple[Resource, ...]:
-        return (self.corners, self.program, self.target)
+        self.corners = self.own(table_texture(ctx, table_rows(rows)))
+        self.program = self.own(Program(ctx, "bake/chart"))
+        self.target = self.own(Target(ctx, (self.size, self.size), (4,)))
 
     def at(self, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return triangles (size, size), -1 for none, and their barycentric coordinates u and v.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import cached_property, partial
 from typing import Protocol, Self, TypeVar
 from weakref import finalize
 
@@ -23,20 +24,31 @@ class Resource(Protocol):
 Made = TypeVar("Made", bound=Resource)
 
 
+def _free(things: Iterable[Resource | None]) -> None:
+    for thing in things:
+        if thing is not None:
+            thing.release()
+
+
 class Owner:
     """An owner of resources, freed at the end of a `with` block or by `release`; resources of others are not listed.
 
     An owner that replaces resources overrides `owned`. Others pass each resource to `own`.
     """
 
+    @cached_property
+    def _own(self) -> list[Resource]:
+        """The resources passed to `own`."""
+        return []
+
     def own(self, thing: Made) -> Made:
         """Return `thing`, which `release` frees from now on."""
-        vars(self).setdefault("_own", []).append(thing)
+        self._own.append(thing)
         return thing
 
     def owned(self) -> Sequence[Resource | None]:
         """Return the resources that `release` frees; None for one not made yet."""
-        return tuple(vars(self).get("_own", ()))
+        return tuple(self._own)
 
     def __enter__(self) -> Self:
         return self
@@ -46,9 +58,7 @@ class Owner:
 
     def release(self) -> None:
         """Free all owned resources; a second call does nothing."""
-        for thing in self.owned():
-            if thing is not None:
-                thing.release()
+        _free(self.owned())
 
     def resources(self) -> Iterator[Resource]:
         """Yield all owned resources, including those of owned owners, without the owners themselves."""
@@ -72,8 +82,8 @@ class Tenant(Owner):
     _end: finalize[..., Tenant]
 
     @contextmanager
-    def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[ExitStack]:
-        """Enter the resources made in `ctx` (None: a new context) into a stack; all are freed if the block fails."""
+    def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[None]:
+        """Own resources made in `ctx` (None: a new context); all are freed if the block fails."""
         check_type("ctx", ctx, moderngl.Context, None)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
@@ -83,10 +93,11 @@ class Tenant(Owner):
         with ExitStack() as made:
             if self._owns_ctx:
                 made.callback(self.ctx.release)
+            made.callback(super().release)
             self.about = context.describe(self.ctx)
-            yield made
-            free = self.ctx.release if self._owns_ctx else made.pop_all().close
+            yield
             made.pop_all()
+        free = self.ctx.release if self._owns_ctx else partial(_free, self._own)
         self._end = finalize(self, context.free_or_defer, self.ctx, self._native, free)
         self._end.atexit = False
 

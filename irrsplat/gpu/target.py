@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.errors import GLError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import context
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
 
@@ -109,15 +109,12 @@ class Target(Owner):
     ) -> None:
         self.ctx = ctx
         self.size = size
-        self._owned = textures is None
-        self.textures = [float_texture(ctx, size, n) for n in components] if textures is None else list(textures)
-        self.depth = depth_attachment or (depth_texture(ctx, size) if depth else None)
+        self.textures = [self.own(float_texture(ctx, size, n)) for n in components] if textures is None else list(textures)
+        self.depth = depth_attachment or (self.own(depth_texture(ctx, size)) if depth else None)
         try:
-            self.gl = ctx.framebuffer(self.textures, self.depth)
+            self.gl = self.own(ctx.framebuffer(self.textures, self.depth))
         except moderngl.Error as error:  # drivers report this when textures could not be allocated
-            for texture in (*self.textures, self.depth) if self._owned else ():
-                if texture is not None:
-                    texture.release()
+            super().release()
             found = f"OpenGL takes no {size[0]}x{size[1]} pixels ({error})"
             raise GLError(f"{found}: memory may not suffice; take a smaller size") from None
 
@@ -142,10 +139,6 @@ class Target(Owner):
     def read(self, attachment: int = 0) -> np.ndarray:
         """Return the attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
         return pixels(self.textures[attachment])
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the framebuffer, and the textures if it made them."""
-        return (self.gl, *self.textures, self.depth) if self._owned else (self.gl,)
 
     def release(self) -> None:
         """Free the framebuffer and the textures that it made."""

@@ -19,7 +19,7 @@ from irrsplat.core.vectors import check_finite, unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.kinds import shadow_caster
 from irrsplat.gather.record_frame import offset_of
-from irrsplat.gpu.resource import Resource, Tenant
+from irrsplat.gpu.resource import Tenant
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.lighting.light_table import light_defines
@@ -59,17 +59,11 @@ class LightMeter(Tenant):
         scene = scene.recentred
         self._origin, self.scene = scene.origin, scene.local  # all positions are relative to it, except points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
-        with self._moving_in(ctx) as made:
-            self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
+        with self._moving_in(ctx):
+            self.lit = self.own(LitScene(self.ctx, self.about, scene, self.settings))
             self.world, self.cache = self.lit.world, self.lit.cache
-            self.gatherer = made.enter_context(
-                RecordGatherer(self.world, self.settings, self.cache, self.lit.timers, measuring=True)
-            )
+            self.gatherer = self.own(RecordGatherer(self.world, self.settings, self.cache, self.lit.timers, measuring=True))
         self._direct: SiteLightPass | None = None
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees, without the context."""
-        return (self.gatherer, self._direct, self.lit)
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """Return the readings of sensors at `points` (N, 3), metres, facing along `normals` (N, 3) or (3,), of any length.
@@ -117,7 +111,8 @@ class LightMeter(Tenant):
                 while surface is not None and surface.may_refine and self.settings.gather_size >= _FINEST:
                     self.gatherer.refine_surface(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
-            self._direct = SiteLightPass(self.ctx, defines, _AT_ONCE, shadow_caster(self.world, self.settings))
+            caster = shadow_caster(self.world, self.settings)
+            self._direct = self.own(SiteLightPass(self.ctx, defines, _AT_ONCE, caster))
         return self._direct
 
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:

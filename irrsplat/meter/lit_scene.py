@@ -10,7 +10,7 @@ import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu import self_test
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting import gl_limits
@@ -31,15 +31,13 @@ class LitScene(Owner):
         self_test.numbers_triangles(ctx)
         gl_limits.check(ctx, (1, 1), scene)
         with ExitStack() as made:
-            self.world = made.enter_context(World(ctx, scene))
-            self.cache = made.enter_context(RecordCache(ctx))
-            self.shadow_pass = made.enter_context(ShadowPass(ctx))
+            made.push(self)
+            self.world = self.own(World(ctx, scene))
+            self.cache = self.own(RecordCache(ctx))
+            self.shadow_pass = self.own(ShadowPass(ctx))
             made.pop_all()
         self.timers = Timers(ctx, bool(about["software"]))
         self._shadow_size = settings.shadow_size
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.cache, self.shadow_pass, self.world)
 
     @property
     def notices(self) -> tuple[str, ...]:

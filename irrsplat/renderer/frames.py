@@ -13,7 +13,7 @@ from irrsplat.core.buffers import ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now
 from irrsplat.core.timing.input_waits import checked_by, never
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -45,14 +45,11 @@ class Frames(Owner):
 
     def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State, reader: Reader) -> None:
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
-        self.cache, self.maps = scheduler.cache, TextureMaps(world.ctx)
-        self.stages = Stages(world, scheduler, self.maps, timers, reader)
-        self.moving = MovingViews(Stages(world, scheduler, self.maps, timers, reader), self.round)
+        self.cache, self.maps = scheduler.cache, self.own(TextureMaps(world.ctx))
+        self.stages = self.own(Stages(world, scheduler, self.maps, timers, reader))
+        self.moving = self.own(MovingViews(Stages(world, scheduler, self.maps, timers, reader), self.round))
         self._tiles = TileScreens(self.stages)
-        self._passes = Workshop()  # the refiner
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.stages, self.moving, self.maps, self._passes)
+        self._passes = self.own(Workshop())  # the refiner
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import moderngl
 
 from irrsplat.core.timing.clock import now
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress, View
 from irrsplat.renderer.stages import Stages
@@ -29,13 +29,9 @@ class MovingViews(Owner):
     """
 
     def __init__(self, stages: Stages, rounds: Callable[..., tuple[State, Round]]) -> None:
-        self.stages, self.rounds = stages, rounds
+        self.stages, self.rounds = self.own(stages), rounds
         self._divisor, self._size = 1, (0, 0)  # of the last view
         self._splat = self._picture = 0.0  # seconds of its splats and its picture
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the stages, which are freed with this."""
-        return (self.stages,)
 
     def divisor(self, state: State) -> int:
         """Return the divisor of the next view's width and height. The paper's scan examines whole pictures alone."""

@@ -19,7 +19,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
 from irrsplat.gpu import self_test
-from irrsplat.gpu.resource import Resource, Tenant
+from irrsplat.gpu.resource import Tenant
 from irrsplat.gpu.target import Screen, pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -79,21 +79,16 @@ class Renderer(Tenant):
         self._origin, scene = scene.origin, scene.local  # only the callers' values are not relative to the origin
         state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size), tile_size=tile_size)
         self._loaded = scene.meshes  # as they were before any of them moved
-        with self._moving_in(ctx) as made:
+        with self._moving_in(ctx):
             self_test.numbers_triangles(self.ctx)
             state = tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-            self.world = made.enter_context(World(self.ctx, scene))
-            self.cache = made.enter_context(RecordCache(self.ctx))
-            self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
-            frames = Frames(self.world, self.scheduler, self.timers, state, WeakMethod(self._read))
-            self._frames = made.enter_context(frames)
+            self.world = self.own(World(self.ctx, scene))
+            self.cache = self.own(RecordCache(self.ctx))
+            self.scheduler = self.own(RecordScheduler(self.world, state.settings, self.cache, self.timers))
+            self._frames = self.own(Frames(self.world, self.scheduler, self.timers, state, WeakMethod(self._read)))
             self._whole = WholeRenders(self._frames, self.about, checked=self._owns_ctx)
             self.stages = self._frames.stages
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the resources that `release` frees, without the context."""
-        return (self.world, self.cache, self.scheduler, self._frames)
 
     # ---- the present state ------------------------------------------------------------------------------------------
 

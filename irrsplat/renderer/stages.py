@@ -13,7 +13,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.memo import Memo
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gather.kinds import shadow_caster
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.target import bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -46,12 +46,9 @@ class Stages(Owner):
     def __init__(self, world: World, scheduler: RecordScheduler, maps: TextureMaps, timers: Timers, reader: Reader) -> None:
         self.ctx, self.world, self.scheduler, self.maps = world.ctx, world, scheduler, maps
         self.timers, self.reader = timers, reader
-        self.antialiaser = Antialiaser(self.ctx, timers)
-        self._passes = Workshop()  # passes by their size, lights and settings
+        self.antialiaser = self.own(Antialiaser(self.ctx, timers))
+        self._passes = self.own(Workshop())  # passes by their size, lights and settings
         self._memo = Memo()  # the results of the stages
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.antialiaser, self._passes)
 
     # ---- the passes ------------------------------------------------------------------------------------------------
 

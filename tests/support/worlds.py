@@ -18,7 +18,7 @@ from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.kinds import gather_pass
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import float_texture, table_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.shadow_maps import ShadowPass
@@ -220,13 +220,9 @@ class Lit(Owner):
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, shadow: int = 256) -> None:
         self.ctx, self.scene = ctx, scene
-        self.world, self.shadow = World(ctx, scene), ShadowPass(ctx)
+        self.world, self.shadow = self.own(World(ctx, scene)), self.own(ShadowPass(ctx))
         self.geometry = self.world.geometry
         self.light = HitLight(self.shadow(self.world, shadow))
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """Return the GPU resources to free."""
-        return (self.world, self.shadow)
 
     def look(self, side: int, kind: str, capacity: int | None = None) -> Gather:
         """Return a gather of `kind` without next-event estimation; the caller owns it."""
