@@ -31,24 +31,19 @@ class Gathers(Owner):
         """Free all passes; the next use makes them again."""
         self._made.clear()
 
-    def of(self, basis: Basis) -> Gather:
-        """Return the pass that gathers records; the paper's algorithm gathers one at a time, without next-event samples."""
-        settings = basis.settings
-        if settings.placement == "scan":
-            return self._made_for("gather", basis, settings.gather_size, 0, 1)
-        return self._made_for("gather", basis, settings.gather_size, settings.light_samples, None)
+    def gather(self, basis: Basis, side: int = 0) -> Gather:
+        """Return the pass that gathers records along side² rays; 0: the settings' side.
 
-    def at(self, basis: Basis, size: int) -> Gather:
-        """Return the gather of this side; 0: the settings' side.
-
-        Its next-event samples grow in proportion to its rays, and are never fewer than the settings'.
+        The paper's algorithm gathers one record at a time, without next-event samples. For other sides, the number of samples
+        grows in proportion to the rays, and is never less than the settings'.
         """
-        present = basis.settings.gather_size
-        if size in (0, present):
-            return self.of(basis)
-        samples = basis.settings.light_samples * max(size, present) ** 2 // present**2
-        few = FEW_RAYS // size**2 if size < present else None
-        return self._made_for(f"gather of {size}", basis, size, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
+        settings, present = basis.settings, basis.settings.gather_size
+        if side in (0, present):
+            samples, capacity = (0, 1) if settings.placement == "scan" else (settings.light_samples, None)
+            return self._made_for("gather", basis, present, samples, capacity)
+        samples = settings.light_samples * max(side, present) ** 2 // present**2
+        few = FEW_RAYS // side**2 if side < present else None
+        return self._made_for(f"gather of {side}", basis, side, min(samples, int(SETTINGS["light_samples"].high or 0)), few)
 
     def probe(self, basis: Basis, side: int) -> Gather:
         """Return the pass that gathers records roughly, along side² rays and at most `side` next-event samples."""

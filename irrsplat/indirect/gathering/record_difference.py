@@ -43,6 +43,6 @@ class RecordDifference(Owner):
     def gathers(self, side: int) -> list[tuple[Gather, HitLight, float]]:
         """Return the gather, the light and the sign of each part; side: of the gathers."""
         return [
-            (gathers.at(basis, side), part.light, part.sign)
+            (gathers.gather(basis, side), part.light, part.sign)
             for (gathers, basis), part in zip(self._made, self.light.parts, strict=True)
         ]

@@ -13,7 +13,7 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import kinds
 from irrsplat.gather.hemisphere import Gather, gather_records
 from irrsplat.gather.spot_check import SIDES
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -59,13 +59,9 @@ class RecordGatherer(Owner):
         self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
             world.prebuild(caster=self._casts)
-        self.gathers = Gathers(world)
+        self.gathers = self.own(Gathers(world))
         self._count = 0  # of the records at the last advance of the surface cache
-        self._made = Workshop()  # the surface cache
-        self._difference: RecordDifference | None = None  # between the light of stale records and the scene's
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.gathers, self._made, self._difference)
+        self._made = self.own(Workshop())  # the surface cache and the difference of the light
 
     # ---- the passes -------------------------------------------------------------------------------------------------
 
@@ -77,7 +73,7 @@ class RecordGatherer(Owner):
     @property
     def gather_pass(self) -> Gather:
         """The pass that gathers records; the paper's algorithm gathers one record at a time."""
-        return self.gathers.of(self._basis)
+        return self.gathers.gather(self._basis)
 
     @property
     def may_probe(self) -> bool:
@@ -159,7 +155,7 @@ class RecordGatherer(Owner):
                 surface.hold_light(shadows)
         try:
             self.world.apply(change)
-            self.gathers.of(new)
+            self.gathers.gather(new)
         except BaseException:
             self.world.apply(change.back)
             raise
@@ -167,7 +163,6 @@ class RecordGatherer(Owner):
             kept = self._follow_records(old, new, change, changed)
         except BaseException:
             cache.truncate(0)
-            self._drop_difference()
             self.gathers.clear()
             self._made.clear()
             self._basis = new
@@ -190,11 +185,10 @@ class RecordGatherer(Owner):
         """True while a difference of the light is added to records."""
         return self._difference is not None
 
-    def _drop_difference(self) -> None:
-        """Free the difference of the light."""
-        if self._difference is not None:
-            self._difference.release()
-            self._difference = None
+    @property
+    def _difference(self) -> RecordDifference | None:
+        """The difference between the light of stale records and the scene's; None if records are gathered again."""
+        return self._made.find("difference", RecordDifference)
 
     def _follow_records(
         self, old: Basis, new: Basis, change: SceneChange, changed: tuple[list[Light], list[Light]] | None
@@ -215,12 +209,12 @@ class RecordGatherer(Owner):
         elif change:
             new = replace(new, moved=changed is None, relit=old.relit or change.changes_light, from_file=None)
         surface = self._made.find("surface", SurfaceCache)
-        before, difference = self._difference, None if changed is None else LightDifference(self.world, settings, changed)
-        self._difference = None if difference is None else RecordDifference(difference, new, cache)
+        self._made.drop("difference")
+        difference = None if changed is None else LightDifference(self.world, settings, changed)
+        if difference is not None:
+            self._made.get("difference", (), partial(RecordDifference, difference, new, cache))
         if surface is not None:
             surface.change(settings, change, difference)
-        if before is not None:
-            before.release()
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
@@ -241,7 +235,7 @@ class RecordGatherer(Owner):
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
-        self._drop_difference()
+        self._made.drop("difference")
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
@@ -278,7 +272,7 @@ class RecordGatherer(Owner):
         """
         surface, side = self.surface_now, max(self.settings.gather_size // 2, SIDE)
         assert surface is not None
-        gather, changes = self.gathers.at(self._basis, side), [np.zeros((0, 3))]
+        gather, changes = self.gathers.gather(self._basis, side), [np.zeros((0, 3))]
         signed = ((surface.lookup, 1.0), (surface.before, -1.0))
         parts = [(gather, HitLight(shadows, surface.uniforms(table)), sign) for table, sign in signed]
         for some in gather.batches(len(numbers), budget, times=2):
@@ -397,7 +391,7 @@ class RecordGatherer(Owner):
         rays may suffice.
         """
         done, size = 0, size or self._provisional_side
-        for some in self.gathers.at(self._basis, size).batches(len(sites), budget):
+        for some in self.gathers.gather(self._basis, size).batches(len(sites), budget):
             first = self.cache.append(sites[some])
             numbers = first + np.arange(some.stop - some.start)
             try:
@@ -418,11 +412,11 @@ class RecordGatherer(Owner):
             done = self._add(self._difference, self._difference.left(self.cache, numbers), budget)
             numbers = numbers[self.cache.age(numbers) > 0]
             if not len(self.cache.stale):
-                self._drop_difference()
+                self._made.drop("difference")
             if not len(numbers) or budget.left <= 0.0:
                 return done
         first = done
-        for some in self.gathers.at(self._basis, size).batches(len(numbers), budget):
+        for some in self.gathers.gather(self._basis, size).batches(len(numbers), budget):
             near = self.cache.column("gather_size")[numbers[some]] == self._fewer
             self.cache.mark_refreshed(numbers[some], self._gather(shadows, numbers[some], size, near))
             done = first + some.stop
@@ -459,12 +453,12 @@ class RecordGatherer(Owner):
         gathered = partial(gather_records, reduce=reduction, light=light, cache=self.cache, seed=seed, timers=self.timers)
         if few and near.any():
             (tried,) = np.nonzero(near)
-            self.atlas = gathered(self.gathers.at(self._basis, few), numbers=numbers[tried])
+            self.atlas = gathered(self.gathers.gather(self._basis, few), numbers=numbers[tried])
             even = self.cache.records.read("noise")["noise"][numbers[tried]] <= _RAY_NOISE
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         if len(numbers):
-            self.atlas = gathered(self.gathers.at(self._basis, size), numbers=numbers)
+            self.atlas = gathered(self.gathers.gather(self._basis, size), numbers=numbers)
         return sizes
 
     @property
