@@ -108,7 +108,7 @@ def _buffers(args: argparse.Namespace) -> list[str] | None:
 
 def _is_sampled(args: argparse.Namespace) -> bool:
     """True if a .png has SAMPLES samples per pixel: a single picture in plain colours, without --samples."""
-    from irrsplat.lighting.gl_limits import LARGE
+    from irrsplat.renderer.memory import LARGE
 
     small = args.size[0] * args.size[1] < LARGE  # a larger picture would take twice the memory
     return args.path is None and small and "samples" not in args.values and args.falsecolor is None

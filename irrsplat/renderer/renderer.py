@@ -77,7 +77,7 @@ class Renderer(Tenant):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
         self._origin, scene = scene.origin, scene.local  # only the callers' values are not relative to the origin
-        state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size), tile_size=tile_size)
+        state = State(scene, settings_of(preset, **settings), preset, tiling.checked_size(size), tile_size=tile_size)
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx):
             self_test.numbers_triangles(self.ctx)
@@ -312,7 +312,7 @@ class Renderer(Tenant):
 
     def resize(self, size: tuple[int, int]) -> None:
         """Change the size (width, height) of views; the records stay. Raises InputError for an unsupported size."""
-        self._change_to(replace(self._state, size=gl_limits.checked(size)))
+        self._change_to(replace(self._state, size=tiling.checked_size(size)))
 
     def _change_to(self, state: State) -> None:
         """Change scene, size or settings; if the change is refused, all of them stay as before."""

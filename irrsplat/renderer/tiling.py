@@ -11,23 +11,24 @@ import moderngl
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.lighting import gl_limits
+from irrsplat.renderer import memory
 from irrsplat.renderer.state import State
 from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 TILE = 1024  # pixels along a side of tiles by default
 
 
-def fitting(state: State, ctx: moderngl.Context, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
+def fitting(state: State, ctx: moderngl.Context, buffers: Collection[str] | None = memory.PICTURE) -> State:
     """Return `state`, with tiles if its pictures with these `buffers` need them.
 
     Raises InputError for pictures that do not fit into memory, or into a texture.
     """
     software = bool(context.describe(ctx)["software"])
     tile, size = state.tile_size or state.tile, state.size
-    short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+    short = memory.shortage(size, state.scene, state.settings, software, buffers, tile)
     if state.tile_size is None and not tile and (short or max(size) > gl_limits.largest(ctx)):
         tile = TILE
-        short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+        short = memory.shortage(size, state.scene, state.settings, software, buffers, tile)
     if short:
         raise InputError(short)
     return replace(state, tile=tile)
@@ -66,6 +67,17 @@ def check_tiled(state: State, figures: bool) -> None:
     if not_there := [name for name, requested in features.items() if requested]:
         width, height = state.size
         raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return `size` as width and height in pixels; raises InputError unless both are whole numbers of at least 1."""
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
+    if width < 1 or height < 1:
+        raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
+    return width, height
 
 
 def checked_tile_size(tile_size: int | None) -> int | None:

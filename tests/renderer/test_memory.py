@@ -19,8 +19,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
 from irrsplat.image.backdrop import BackdropKind
 from irrsplat.image.frame import RECORDS, Frame
-from irrsplat.lighting import gl_limits, memory
-from irrsplat.renderer import whole_renders
+from irrsplat.renderer import memory, whole_renders
 from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
@@ -33,7 +32,7 @@ ALONE = ("image", "alpha")
 @pytest.fixture
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Treat every picture as large."""
-    monkeypatch.setattr(gl_limits, "LARGE", 0)
+    monkeypatch.setattr(memory, "LARGE", 0)
 
 
 @pytest.mark.few_sites
@@ -88,7 +87,7 @@ def test_what_a_view_needs_is_known_beforehand(
     kind = {**CHEAP, **settings}
     with Renderer(room(), SIZE, **kind) as renderer:
         renderer.render(buffers=ALONE if alone else None)
-    need = gl_limits.view_bytes(room(), preset("default", **kind))
+    need = memory.view_bytes(room(), preset("default", **kind))
     assert 0.7 * need <= peak() <= need, (peak(), need)
 
 

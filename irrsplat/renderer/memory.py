@@ -1,0 +1,95 @@
+"""Memory of a picture, and free memory of this process; both are compared before anything is allocated."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+LARGE = 1 << 22  # pixels, size from which a picture's memory is checked
+PICTURE = frozenset(("image", "alpha"))
+_BESIDE = 450_000_000  # bytes for gathers, surface cache, shadow maps and records, independent of the size
+_READING = 28  # bytes a pixel, while one more buffer is read
+_WRITING = 6  # bytes a pixel, while a .png is written
+_AROUND = 1.25  # drawn side of a tile, in tile sides
+_GROUPS = (  # files of a container: limit and usage
+    ("memory.max", "memory.current"),
+    ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+)
+
+
+def view_bytes(scene: Scene, settings: Settings) -> int:
+    """Return the bytes a pixel of a view during rendering: g-buffer, splat buffer, picture, samples."""
+    gbuffer, splats, image, direct, summed = 68, 35, 20, 20, 24  # summed: temporally filtered, or with holes filled
+    gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
+    gbuffer += 36 if any(material.filters for material in scene.materials) else 0
+    if settings.samples > 1:
+        return 2 * (gbuffer + splats + direct) + summed + image + 68
+    refined = 64 if settings.quality else 0  # two more splat buffers and their comparison
+    return gbuffer + splats + refined + summed + direct + image
+
+
+def shortage(
+    size: tuple[int, int], scene: Scene, settings: Settings, software: bool, buffers: Collection[str] | None, tile: int
+) -> str:
+    """Return the error if a picture of `size`, with `buffers` as arrays (None: all), certainly exceeds free memory; else "".
+
+    GPU memory is not known: on a GPU only the arrays count. tile: pixels, side of the tiles that are drawn one by one; 0: draw
+    the picture whole.
+    """
+    names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
+    arrays = 4 * sum(CHANNELS[name].components for name in names)
+    pixel = view_bytes(scene, settings) if software else 0
+    if tile:
+        drawn = min(_AROUND * tile, max(size)) ** 2  # with the margin of a tile
+        need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
+    else:
+        need = size[0] * size[1] * (pixel + arrays + (0 if PICTURE.issuperset(names) else _READING))
+    need += _BESIDE if software else 0
+    free = available()
+    if size[0] * size[1] < LARGE or free is None or need <= free:
+        return ""
+    found = f"size {size[0]}x{size[1]} needs {need / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free here"
+    return f"{found}: take a smaller size" + ("" if PICTURE.issuperset(names) else ", or fewer buffers: a .png needs least")
+
+
+def available() -> int | None:
+    """Return the bytes that this process may still allocate without swapping, or None if unknown, as on systems other than Linux.
+
+    The least of the machine's, the container's and the process's own limit.
+    """
+    found = [*_machine(), *_container(), *_process()]
+    return max(0, min(found)) if found else None
+
+
+def _machine() -> list[int]:
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return [1024 * int(line.split()[1])]
+    return []
+
+
+def _container() -> list[int]:
+    found = []
+    for limit, taken in _GROUPS:
+        with suppress(OSError, ValueError):  # "max", or no such file: no limit
+            root = Path("/sys/fs/cgroup")
+            found.append(int((root / limit).read_text()) - int((root / taken).read_text()))
+    return found
+
+
+def _process() -> list[int]:
+    """Return the unused part of the limit of ulimit -v."""
+    with suppress(ImportError, OSError, ValueError, IndexError):
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            return [limit - pages * resource.getpagesize()]
+    return []
