@@ -9,13 +9,13 @@ import moderngl
 import numpy as np
 
 from irrsplat.gather.record_frame import offset_of
-from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.light_meter import LightMeter, touching_distance
 from irrsplat.meter.readings import Status
 from irrsplat.reference.surfaces import Points, Surfaces
 from irrsplat.scene import ray_caster
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.spatial.solids import inside_solids
 
 _TRIED = 48  # triangles of an open mesh that are tested on both sides, at most
 _DARK = 1e-3  # share of the brightest tested point: a darker side counts as unlit

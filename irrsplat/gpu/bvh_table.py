@@ -12,8 +12,8 @@ from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import integer_texture, table_texture
 from irrsplat.gpu.texel_table import chosen_rows, row_count, table_rows, write
-from irrsplat.scene.bvh import Bvh
 from irrsplat.scene.seen_by_light import FaceCounts
+from irrsplat.scene.spatial.bvh import Bvh
 
 
 class TriangleTable(Owner):

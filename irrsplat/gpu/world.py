@@ -21,14 +21,14 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.scene.appearance import numbered_alike, runs
-from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import Holes, face_counts
-from irrsplat.scene.visible_parts import SceneParts
+from irrsplat.scene.spatial.bvh import Bvh, build
+from irrsplat.scene.spatial.visible_parts import SceneParts
 
 Made = TypeVar("Made")
 

@@ -19,7 +19,7 @@ from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
 from irrsplat.scene.appearance import Appearance, Run
 from irrsplat.scene.model import Camera, Part, part_drawn, part_of
-from irrsplat.scene.visible_parts import SceneParts
+from irrsplat.scene.spatial.visible_parts import SceneParts
 
 _NEAR = 1e-6  # of the far distance: used by the matrix only, since no clipping takes place
 _EDGE_ON = 5e-7  # of the eye's coordinates: closer to a triangle's plane, the eye lies in the plane

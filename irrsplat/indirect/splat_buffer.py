@@ -17,11 +17,11 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
-from irrsplat.lighting.solids import in_the_dark
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.model import Camera
+from irrsplat.scene.spatial.solids import in_the_dark
 from irrsplat.settings import Settings
 
 _LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few of every other one

@@ -24,11 +24,11 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
-from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.lit_scene import LitScene
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_callback, check_type
+from irrsplat.scene.spatial.solids import inside_solids
 from irrsplat.settings import Settings, SettingValues, preset
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import unit
-from irrsplat.lighting.solids import in_box
 from irrsplat.scene.appearance import in_order
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Mesh
+from irrsplat.scene.spatial.solids import in_box
 
 _INSIDE = 0.3  # winding number above which a point lies within a mesh
 _LIFT = 1e-3  # of a mesh's diagonal: height above its surface of the tested point

@@ -17,7 +17,7 @@ from irrsplat.gpu import shader_source
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import Target, table_texture
-from irrsplat.scene.bvh import build
+from irrsplat.scene.spatial.bvh import build
 from tests.support.worlds import sphere
 
 MISS = np.inf

@@ -11,8 +11,8 @@ import pytest
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.scene import visible_parts
 from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.spatial import visible_parts
 from tests.support.worlds import box, floor, scene
 
 SIZE = (120, 90)

@@ -13,12 +13,12 @@ import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.vectors import check_finite
-from irrsplat.lighting.solids import inside_solids
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.meter.plane import Plane, horizontal, line_points
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
+from irrsplat.scene.spatial.solids import inside_solids
 from tests.support import worlds
 
 UP = (0.0, 1.0, 0.0)

@@ -16,8 +16,8 @@ from irrsplat.gather.record_frame import PLACES
 from irrsplat.gpu import world
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
-from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.model import Light
+from irrsplat.scene.spatial.bvh import Bvh, build
 from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE
 from tests.renderer.test_live import TICK
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room

@@ -1,5 +1,5 @@
-// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack. With CUT_OUTS, some triangles have
-// holes.
+// The nearest triangle along a ray: a walk without a stack through the tree of scene/spatial/bvh.py. With CUT_OUTS, some triangles
+// have holes.
 #include "lib/rays/hit.glsl"
 #if CUT_OUTS
 #include "generated/vertex_table.glsl"
