@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from typing import TypeVar
-
 import moderngl
 import numpy as np
 
 from irrsplat.core.errors import GLError
 from irrsplat.gpu import context
-from irrsplat.gpu.resource import Resource
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.shader_source import numbering_triangles
+from irrsplat.gpu.target import Target
 
 _SIZE = (4, 4)
 _COMPONENTS = (1, 4, 4)  # of the outputs
-T = TypeVar("T", bound=Resource)
 _results: dict[str, bool] = {}  # of `numbers_triangles`, by driver
 
 _TWO_TRIANGLES = """#version 330 core
@@ -75,21 +72,12 @@ def _holds(ctx: moderngl.Context, by_geometry_shader: bool) -> bool:
     """Test the numbers and the interpolated outputs of two triangles on either side of the diagonal. Mesa 26.0's llvmpipe gives
     the right number and wrong interpolated outputs."""
     geometry, fragment = numbering_triangles(_TWO_TRIANGLES, _NUMBER, {}) if by_geometry_shader else (None, _NUMBER)
-    with ExitStack() as stack:
-
-        def kept(thing: T) -> T:
-            stack.callback(thing.release)
-            return thing
-
-        textures = [kept(ctx.texture(_SIZE, components, dtype="f4")) for components in _COMPONENTS]
-        target = kept(ctx.framebuffer(textures))
-        array = kept(ctx.vertex_array(kept(context.link(ctx, _TWO_TRIANGLES, fragment, geometry)), []))
-        stack.callback(lambda: ctx.detect_framebuffer(0).use())  # moderngl would bind the released framebuffer again
-        target.use()
+    with Target(ctx, _SIZE, _COMPONENTS) as target, Owner() as made:
+        array = made.own(ctx.vertex_array(made.own(context.link(ctx, _TWO_TRIANGLES, fragment, geometry)), []))
         target.clear()
         ctx.enable_only(moderngl.NOTHING)
         array.render(vertices=6)
-        values = [np.frombuffer(texture.read(), "f4").reshape(*_SIZE[::-1], -1) for texture in textures]
+        values = [np.frombuffer(texture.read(), "f4").reshape(*_SIZE[::-1], -1) for texture in target.textures]
     number, corner, constant = values[0][..., 0], values[1], values[2]
     below = np.add.outer(np.arange(4), np.arange(4))
     numbered = (number[below < 3] == 1.0).all() and (number[below > 3] == 2.0).all()

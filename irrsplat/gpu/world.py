@@ -19,7 +19,7 @@ from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Workshop
 from irrsplat.scene.appearance import numbered_alike, runs
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.emitters import unlit_interiors
@@ -42,23 +42,20 @@ class World(Owner):
         self.ctx = ctx
         vertices, faces = flatten(scene)
         counts = face_counts(scene)
-        with ExitStack() as made:  # frees the geometry if the materials fail
-            self.geometry = made.enter_context(Geometry(ctx, vertices, faces, counts))
-            self.materials = MaterialTable(ctx, scene)
+        with ExitStack() as made:
+            made.push(self)  # frees the geometry if the materials fail
+            self.geometry = self.own(Geometry(ctx, vertices, faces, counts))
+            self.materials = self.own(MaterialTable(ctx, scene))
             made.pop_all()
         self.runs = runs(scene)  # of triangles that a camera draws with equal state
         self.unlit_interiors = unlit_interiors(scene)
-        self.derived = Workshop()  # resources that other modules derive from the scene, freed with it
+        self._made = self.own(Workshop())  # the tables of triangles and of the tree
+        self.derived = self.own(Workshop())  # resources that other modules derive from the scene, freed with it
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None: the GPU holds an incomplete update
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None  # and the meshes that they are of
-        self._triangles: TriangleTable | None = None
-        self._tree: BvhTable | None = None
         self._pending_tree: Future[Bvh] | None = None
         self._pending_caster: Future[RayCaster] | None = None
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.geometry, self.materials, self._triangles, self._tree, self.derived)
 
     @property
     def raster_uniforms(self) -> Uniforms:
@@ -115,16 +112,15 @@ class World(Owner):
     @property
     def triangles(self) -> TriangleTable:
         """Triangle table for shaders, made at first use. Raises InputError if the GPU cannot hold it."""
-        if self._triangles is None:
-            self._triangles = TriangleTable(self.ctx, *flatten(self._scene), self.geometry.counts)
-        return self._triangles
+        counts = self.geometry.counts
+        return self._made.get("triangles", (), lambda: TriangleTable(self.ctx, *flatten(self._scene), counts))
 
     @property
     def tree(self) -> BvhTable:
         """BVH, made at first use and again after moves. Raises InputError if the GPU cannot hold it."""
-        if self._tree is None:
-            self._tree, self._pending_tree = BvhTable(self.ctx, self._tree_build().result()), None
-        return self._tree
+        found = self._made.get("tree", (), lambda: BvhTable(self.ctx, self._tree_build().result()))
+        self._pending_tree = None
+        return found
 
     def casts_rays(self, hurried: bool = False) -> bool:
         """True if shaders can trace rays in the scene: the GPU can hold its BVH. hurried: False while the BVH is built."""
@@ -140,6 +136,11 @@ class World(Owner):
     def has_tree(self) -> bool:
         """True if `tree` waits for no build in the background."""
         return not self.large or self._tree is not None or (self._pending_tree is not None and self._pending_tree.done())
+
+    @property
+    def _tree(self) -> BvhTable | None:
+        """The tree, None before it is made."""
+        return self._made.find("tree", BvhTable)
 
     def _tree_build(self) -> Future[Bvh]:
         """Return the build of `tree`, in a thread if it takes long."""
@@ -164,9 +165,7 @@ class World(Owner):
 
     def _discard_ray_structures(self) -> None:
         """Discard ray structures of moved triangles, and cancel builds that have not begun."""
-        tree, self._tree = self._tree, None
-        if tree is not None:
-            tree.release()
+        self._made.drop("tree")
         for builds in (self._pending_tree, self._pending_caster):
             if builds is not None:
                 builds.cancel()
@@ -212,13 +211,14 @@ class World(Owner):
                     "the scene anew with it"
                 )
             before, self._uploaded = self._uploaded, None
+            triangles = self._made.find("triangles", TriangleTable)
             vertices, faces = flatten(scene)
             moved = bool(change.moved) or before is None
             try:
                 if change.repainted or before is None:
                     self.materials.update(scene)
-                if moved and self._triangles is not None:
-                    self._triangles.update(vertices, faces)
+                if moved and triangles is not None:
+                    triangles.update(vertices, faces)
             except Exception:  # unchanged; only an interruption may follow after this point
                 self._uploaded = None if change.repainted else before
                 raise
@@ -228,8 +228,8 @@ class World(Owner):
             else:
                 self.geometry.repaint(vertices)
                 self._pending_caster = None if self.geometry.counts.cut_out else self._pending_caster  # holes may differ
-                if self._triangles is not None:
-                    self._triangles.repaint(vertices)
+                if triangles is not None:
+                    triangles.repaint(vertices)
             found = runs(scene)
             if found != self.runs:
                 self.runs = found
@@ -243,12 +243,10 @@ class PartlyLitWorld(World):
 
     def __init__(self, world: World, lights: tuple[Light, ...]) -> None:
         world.casts_rays()  # makes the structures that both share
-        vars(self).update(vars(world))
+        vars(self).update({**vars(world), "_own": []})
         dark, meshes = (0.0, 0.0, 0.0), world.scene.meshes
         if world.scene.emissive:
             meshes = tuple(replace(mesh, material=replace(mesh.material, emission=dark)) for mesh in meshes)
         self._scene = replace(world.scene, lights=lights, meshes=meshes, sky=dark, sky_gradient=dark, environment=None)
-        self.materials, self.derived = world.materials.without_emission(), Workshop()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        return (self.materials.texture, self.derived)
+        self.materials, self.derived = world.materials.without_emission(), self.own(Workshop())
+        self.own(self.materials.texture)  # the layers of textures are shared

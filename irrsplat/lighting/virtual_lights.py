@@ -7,7 +7,6 @@ balance heuristic (Veach and Guibas 1995) weights these against their own rays.
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -194,9 +193,8 @@ class VirtualLightPasses(Owner):
     def find(self, rows: np.ndarray, rays: int, sets: int, uniforms: Uniforms) -> tuple[np.ndarray, ...]:
         """Return three of (K, sets, rays, 4) float64, the outputs of shaders/lighting/virtual_lights/find.frag by K lights with
         these `rows` (K, 3, 4)."""
-        with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends, ExitStack() as made:
-            table = table_texture(self.ctx, rows)
-            made.callback(table.release)
+        with Target(self.ctx, (rays, sets * len(rows)), (4, 4, 4)) as ends:
+            table = ends.own(table_texture(self.ctx, rows))
             self._find(ends, **self._find.declared({**uniforms, "lights": table, "sets": sets}))
             return tuple(ends.read(i)[::-1].astype(float).reshape(len(rows), sets, rays, 4) for i in range(3))
 
