@@ -100,7 +100,7 @@ class Legend:
     """The legend of a picture: `text`, and the printed ends `low` and `high` of its scale in `unit`.
 
     colours: (N, 3) display colours 0..1 from low to high, None for no colour scale. mark: the position 0..1 of the threshold on
-    the scale, None for no mark.
+    the scale, None for no mark. form: the format of a value under the cursor.
     """
 
     text: str
@@ -109,6 +109,7 @@ class Legend:
     unit: str = ""
     colours: np.ndarray | None = None
     mark: float | None = None
+    form: str = ".4g"
 
 
 def colour_map() -> np.ndarray:
@@ -202,32 +203,32 @@ def first(count: int) -> Callable[[Uniforms, int, int], np.ndarray]:
     return lambda uniforms, x, y: texel(uniforms["values"], x, y)[:count]
 
 
+Shown = tuple[Uniforms | None, Legend]  # uniforms of a buffer's shader, with the texture `values`; None before the buffer is made
+
+
 @dataclass(frozen=True)
 class ShownBuffer:
     """A buffer that the viewer can show: an entry of table.BUFFERS.
 
     name: the channel's name in core.buffers.CHANNELS, if the buffer is a channel. title: the text in menu, legend and help. help:
-    one line for the tooltip. fragment: its shader in shaders/viewer/buffers. uniforms: a call that returns the uniforms of this
-    shader, with the texture `values`; None before the buffer is made. described: a call that returns the legend. read: a call
-    that returns the 1 or 3 numbers at a pixel of the view from the uniforms, in the legend's unit, or None for no value.
-    everywhere: True if the buffer also has numbers at pixels without a surface. missing: the legend before the buffer is made.
-    in_view: True if its pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles.
+    one line for the tooltip. fragment: its shader in shaders/viewer/buffers. show: a call that returns the uniforms of this
+    shader and the legend. read: a call that returns the 1 or 3 numbers at a pixel of the view from the uniforms, in the legend's
+    unit, or None for no value. everywhere: True if the buffer also has numbers at pixels without a surface. in_view: True if its
+    pixels are the pixels of the view, so that records and edges can be marked over it; else it shows tiles.
     """
 
     name: str
     title: str
     help: str
     fragment: str
-    uniforms: Callable[[ViewSource], Uniforms | None]
-    described: Callable[[ViewSource], Legend]
+    show: Callable[[ViewSource], Shown]
     read: Callable[[Uniforms, int, int], np.ndarray | None] = first(3)
     everywhere: bool = False
-    missing: str = ""
     in_view: bool = True
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Fill the whole canvas."""
-        uniforms, gbuffer = self.uniforms(source), source.view.gbuffer
+        (uniforms, _), gbuffer = self.show(source), source.view.gbuffer
         if uniforms is None:
             clear(canvas.target, GROUND, canvas.region)
         elif self.in_view:
@@ -236,12 +237,12 @@ class ShownBuffer:
             canvas.tiles(self.fragment, **uniforms)
 
     def legend(self, source: ViewSource) -> Legend:
-        return Legend(self.missing) if self.missing and self.uniforms(source) is None else self.described(source)
+        return self.show(source)[1]
 
     def value(self, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """Return the buffer's numbers at pixel (x, y) of the view; None for no value. (0, 0) is the upper left pixel."""
         depth = depth_at(source, x, y)
         if depth is None or (depth == 0.0 and not self.everywhere) or not self.in_view:
             return None
-        uniforms = self.uniforms(source)
+        uniforms, _ = self.show(source)
         return None if uniforms is None else self.read(uniforms, x, y)

@@ -192,7 +192,5 @@ def line_profile(name: str, source: ViewSource, start: Point, end: Point) -> Pro
     found = [None if place is None else buffer.value(source, *place) for place in places]
     channels = max((len(value) for value in found if value is not None), default=1)
     values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
-    if name == "position":
-        values = values + source.origin
     names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
     return Profile(share * dist(start, end), values, buffer.legend(source).unit, names)

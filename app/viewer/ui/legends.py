@@ -48,11 +48,8 @@ def draw_legends(actions: Actions, display: Display, layout: Layout, cursor: tup
 def _value(actions: Actions, display: Display, side: int, cursor: tuple[int, int]) -> str:
     """Return the value at a pixel in its unit; "" if there is none."""
     session, value = actions.session, display.value(side, cursor)
-    buffer = BUFFERS[session.options.buffer]
-    unit = buffer.legend(session.source(side)).unit
-    if value is not None and buffer.name == "position" and any(session.origin):
-        return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
-    return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
+    legend = BUFFERS[session.options.buffer].legend(session.source(side))
+    return "" if value is None else in_unit(" ".join(f"{v:{legend.form}}" for v in value), legend.unit)
 
 
 def _draw_legend(actions: Actions, side: int, layout: Layout, room: float) -> None:
